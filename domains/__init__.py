@@ -1,0 +1,1 @@
+"""The bundled cells: data files only, found by name."""

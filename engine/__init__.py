@@ -1,0 +1,1 @@
+"""What is computed from the knowledge base: plans, orders, times, motions, diagnoses."""

@@ -1,0 +1,104 @@
+"""Diagnostics: what is wrong with a file, where, and what to try. Codes are stable; `docs/diagnostics.md` lists them."""
+
+import difflib
+from collections.abc import Collection, Iterable
+from dataclasses import dataclass, field
+
+CODES = {
+    "K001": "the file cannot be read",
+    "K002": "not YAML",
+    "K003": "duplicate key",
+    "K004": "a YAML feature that domain files do not use",
+    "K005": "unknown key, missing key or wrong type of value",
+    "K006": "a comment swallowed part of an expression",
+    "K007": "nested too deeply or too large",
+    "K101": "unknown name",
+    "K102": "wrong number of arguments",
+    "K103": "wrong type",
+    "K104": "name declared twice",
+    "K105": "unsafe variable",
+    "K106": "unbalanced brackets",
+    "K107": "syntax error in an expression",
+    "K108": "wrong kind of predicate in this place",
+    "K109": "recursive type or function",
+    "K110": "singleton variable",
+    "K201": "error in an ASP file",
+    "K202": "ASP that domain files may not use",
+    "K203": "include outside the domain folder or not found",
+    "K204": "integrity constraint violated",
+    "K301": "contradiction: an atom is both added and denied",
+    "K302": "a denied atom triggers a rule, but is no precondition",
+    "K303": "a default contradicts a given fact",
+    "K304": "operator can never be applied",
+    "K305": "operator reads but does not hold a resource that its kin hold",
+    "K306": "too many supports of a derived predicate",
+    "K307": "grounding exceeds its limit",
+    "K308": "too many conditional effects",
+    "K401": "unknown domain, problem or file",
+    "K402": "not a plan in the documented format",
+    "K501": "the plan does not execute",
+    "K502": "the plan misses a goal",
+    "K503": "unordered steps interfere",
+    "K504": "a claimed causal link does not hold",
+    "K505": "the plan's orderings have a cycle",
+    "K506": "the plan does not follow the workflow",
+}
+
+
+@dataclass(frozen=True, slots=True, order=True)
+class Source:
+    """A place in a file; lines and columns count from 1, `column` 0 means the whole line. `text` is that line."""
+
+    path: str
+    line: int = 0
+    column: int = 0
+    text: str = field(default="", compare=False)
+
+    def __str__(self) -> str:
+        return ":".join([self.path, *(str(part) for part in (self.line, self.column) if part)])
+
+
+@dataclass(frozen=True, slots=True, order=True)
+class Diagnostic:
+    """One finding: where, its stable code, what, and what to try (may be empty). Warnings do not make a file bad."""
+
+    where: Source
+    code: str
+    message: str
+    hint: str = ""
+    warning: bool = False
+
+    def __str__(self) -> str:
+        severity = "warning" if self.warning else "error"
+        lines = [f"{self.where}: {severity} {self.code}: {self.message}"]
+        if self.where.text:
+            lines.append(f"    {self.where.text}")
+            if self.where.column:
+                lines.append(f"    {' ' * (self.where.column - 1)}^")
+        if self.hint:
+            lines.append(f"  try: {self.hint}")
+        return "\n".join(lines)
+
+
+class InvalidInput(Exception):
+    """Input that has errors; carries every diagnostic that was found, in order of place."""
+
+    def __init__(self, diagnostics: Iterable[Diagnostic]) -> None:
+        self.diagnostics = tuple(sorted(set(diagnostics)))
+        super().__init__("\n".join(map(str, self.diagnostics)))
+
+
+def nearest(name: str, known: Collection[str]) -> str:
+    """The hint "did you mean ...?" for a misspelt name, or nothing when no known name is near."""
+    near = difflib.get_close_matches(name, sorted(known), n=1)
+    return f"did you mean '{near[0]}'?" if near else ""
+
+
+def unknown_name(kind: str, name: str, known: Collection[str], where: Source) -> Diagnostic:
+    """The diagnostic for a name that nobody declared."""
+    return Diagnostic(where, "K101", f"unknown {kind} '{name}'", nearest(name, known))
+
+
+def errors(diagnostics: Iterable[Diagnostic]) -> list[Diagnostic]:
+    """Those that are not mere warnings."""
+    return [diagnostic for diagnostic in diagnostics if not diagnostic.warning]

@@ -1,0 +1,165 @@
+"""Conditions: what must hold for an operator, an effect or a rule. One formula language for the domain language and PDDL."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from kb.terms import ANYTHING, Atom, Substitution, Term, Variable, substitute, substitute_atom, variables
+
+
+@dataclass(frozen=True, slots=True)
+class Parameter:
+    """A variable with the type it ranges over."""
+
+    variable: Variable
+    type: str
+
+    def __str__(self) -> str:
+        return f"{self.variable}: {self.type}"
+
+
+@dataclass(frozen=True, slots=True)
+class Literal:
+    """An atom that must be true, or, not `positive`, false (closed world)."""
+
+    atom: Atom
+    positive: bool = True
+
+    def __str__(self) -> str:
+        return str(self.atom) if self.positive else f"not {self.atom}"
+
+
+@dataclass(frozen=True, slots=True)
+class Comparison:
+    """A comparison of two terms, as ASP orders them; `=` binds or tests."""
+
+    left: Term
+    relation: str  # = != < <= > >=
+    right: Term
+
+    def __str__(self) -> str:
+        return f"{self.left} {self.relation} {self.right}"
+
+
+@dataclass(frozen=True, slots=True)
+class Aggregate:
+    """An ASP aggregate over statics, kept as text: only clingo evaluates it. `outer` are the variables seen outside its braces."""
+
+    text: str
+    outer: tuple[Variable, ...] = ()
+
+    def __str__(self) -> str:
+        return self.text
+
+
+BodyPart = Literal | Comparison | Aggregate
+Body = tuple[BodyPart, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class And:
+    """All parts hold; `And(())` is true."""
+
+    parts: tuple["Condition", ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Or:
+    """Some part holds; `Or(())` is false."""
+
+    parts: tuple["Condition", ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Not:
+    """The part does not hold."""
+
+    part: "Condition"
+
+
+@dataclass(frozen=True, slots=True)
+class Exists:
+    """Some binding of the parameters makes the part hold."""
+
+    parameters: tuple[Parameter, ...]
+    part: "Condition"
+
+
+@dataclass(frozen=True, slots=True)
+class ForAll:
+    """Every binding of the parameters makes the part hold."""
+
+    parameters: tuple[Parameter, ...]
+    part: "Condition"
+
+
+Condition = Literal | Comparison | Aggregate | And | Or | Not | Exists | ForAll
+
+TRUE = And(())
+
+
+def conditions(condition: Condition) -> Iterator[Condition]:
+    """The condition and all that it is made of, outside in."""
+    yield condition
+    match condition:
+        case And(parts) | Or(parts):
+            for part in parts:
+                yield from conditions(part)
+        case Not(part) | Exists(_, part) | ForAll(_, part):
+            yield from conditions(part)
+        case _:
+            return
+
+
+def literals(condition: Condition) -> Iterator[Literal]:
+    """Every literal in the condition, in order of occurrence."""
+    return (part for part in conditions(condition) if isinstance(part, Literal))
+
+
+def free_variables(condition: Condition) -> tuple[Variable, ...]:
+    """The variables that no quantifier inside binds, each once, in order of occurrence; `_` is none of them."""
+    return tuple(dict.fromkeys(variable for variable in _free(condition) if variable != ANYTHING))
+
+
+def _free(condition: Condition) -> Iterator[Variable]:
+    match condition:
+        case Literal(atom):
+            yield from variables(atom)
+        case Comparison(left, _, right):
+            yield from variables(left)
+            yield from variables(right)
+        case Aggregate(_, outer):
+            yield from outer
+        case And(parts) | Or(parts):
+            for part in parts:
+                yield from _free(part)
+        case Not(part):
+            yield from _free(part)
+        case Exists(parameters, part) | ForAll(parameters, part):
+            bound = {parameter.variable for parameter in parameters}
+            yield from (variable for variable in _free(part) if variable not in bound)
+
+
+def bind(condition: Condition, bindings: Substitution) -> Condition:
+    """The condition with free variables replaced; quantified variables hide bindings of the same name."""
+    match condition:
+        case Literal(atom, positive):
+            return Literal(substitute_atom(atom, bindings), positive)
+        case Comparison(left, relation, right):
+            return Comparison(substitute(left, bindings), relation, substitute(right, bindings))
+        case And(parts):
+            return And(tuple(bind(part, bindings) for part in parts))
+        case Or(parts):
+            return Or(tuple(bind(part, bindings) for part in parts))
+        case Not(part):
+            return Not(bind(part, bindings))
+        case Exists(parameters, part):
+            return Exists(parameters, bind(part, _outside(bindings, parameters)))
+        case ForAll(parameters, part):
+            return ForAll(parameters, bind(part, _outside(bindings, parameters)))
+        case Aggregate():
+            return condition
+
+
+def _outside(bindings: Substitution, parameters: tuple[Parameter, ...]) -> dict[Variable, Term]:
+    hidden = {parameter.variable for parameter in parameters}
+    return {variable: value for variable, value in bindings.items() if variable not in hidden}

@@ -1,0 +1,187 @@
+"""The domain: types, predicates, operators and rules of one kind of cell, as values."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import Enum
+
+from kb.diagnostics import Source
+from kb.model.conditions import TRUE, Body, Condition, Literal, Parameter
+from kb.terms import Atom, Function, Term, Variable
+
+NOWHERE = Source("")
+OBJECT = "object"
+NUMERIC_TYPES = ("int", "time")
+BUILT_IN_TYPES = (OBJECT, *NUMERIC_TYPES, "text")
+
+
+@dataclass(frozen=True, slots=True)
+class Type:
+    """A type: its parent, and, if it is a closed list, its constants."""
+
+    name: str
+    parent: str = OBJECT
+    constants: tuple[str, ...] = ()
+    where: Source = field(default=NOWHERE, compare=False)
+
+
+@dataclass(frozen=True, slots=True)
+class FunctionSignature:
+    """A compound term: the types of its arguments and the type it belongs to."""
+
+    name: str
+    arguments: tuple[str, ...]
+    result: str
+    where: Source = field(default=NOWHERE, compare=False)
+
+
+class Kind(Enum):
+    """How the extension of a predicate comes about."""
+
+    STATIC = "static"
+    FLUENT = "fluent"
+    DERIVED = "derived"
+    EVENT = "event"
+
+
+@dataclass(frozen=True, slots=True)
+class Predicate:
+    """A predicate with its argument types; `weight` is its criticality (None: derived from the operators)."""
+
+    name: str
+    arguments: tuple[str, ...]
+    kind: Kind
+    weight: int | None = None
+    where: Source = field(default=NOWHERE, compare=False)
+
+
+@dataclass(frozen=True, slots=True)
+class Effect:
+    """`atom` becomes true (`adds`) or false, for every binding of `parameters` whose `condition` held before."""
+
+    atom: Atom
+    adds: bool = True
+    parameters: tuple[Parameter, ...] = ()
+    condition: Condition = TRUE
+
+
+@dataclass(frozen=True, slots=True)
+class Command:
+    """What the executive sends for a step, the reply it expects, and the fact the reply gives (ITA, figure 3)."""
+
+    stream: Term
+    reply: Term
+    result: Term | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Operator:
+    """A static operator. `where` is a body over statics whose variables outside `parameters` are existential."""
+
+    name: str
+    parameters: tuple[Parameter, ...]
+    precondition: Condition
+    effects: tuple[Effect, ...]
+    body: Body = ()
+    resources: tuple[Term, ...] = ()
+    duration: Term | None = None
+    cost: Term | None = None
+    command: Command | None = None
+    where: Source = field(default=NOWHERE, compare=False)
+
+    @property
+    def header(self) -> Function:
+        """`name(V1, ..., Vn)`."""
+        return Function(self.name, self.variables)
+
+    @property
+    def variables(self) -> tuple[Variable, ...]:
+        """The header's variables, in order."""
+        return tuple(parameter.variable for parameter in self.parameters)
+
+
+@dataclass(frozen=True, slots=True)
+class Consequence:
+    """Matching atoms are added (`implied`) or denied, for every binding of `parameters` that satisfies `body`."""
+
+    atom: Atom
+    implied: bool
+    body: Body = ()
+    parameters: tuple[Parameter, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class DeductiveOperator:
+    """What follows when an effect adds the trigger (or, not positive, denies it although it was true)."""
+
+    trigger: Literal
+    parameters: tuple[Parameter, ...]
+    body: Body
+    consequences: tuple[Consequence, ...]
+    where: Source = field(default=NOWHERE, compare=False)
+
+
+@dataclass(frozen=True, slots=True)
+class Default:
+    """Facts true at the start unless what is already there denies them."""
+
+    atom: Atom
+    parameters: tuple[Parameter, ...] = ()
+    body: Body = ()
+    where: Source = field(default=NOWHERE, compare=False)
+
+
+@dataclass(frozen=True, slots=True)
+class Rule:
+    """`head :- body`, a rule whose body depends on fluents; rules over statics alone stay text for clingo."""
+
+    head: Atom
+    body: Body
+    where: Source = field(default=NOWHERE, compare=False)
+
+
+@dataclass(frozen=True, slots=True)
+class Phrase:
+    """A sentence pattern and the stage or goal it stands for; patterns are read by the command grammar."""
+
+    say: str
+    goal: str = ""
+    stage: str = ""
+    where: Source = field(default=NOWHERE, compare=False)
+
+
+@dataclass(frozen=True, slots=True)
+class AspText:
+    """ASP over statics, passed to clingo as it stands (`where` is its first line)."""
+
+    text: str
+    where: Source = field(default=NOWHERE, compare=False)
+
+
+@dataclass(frozen=True, slots=True)
+class Domain:
+    """One kind of cell. Mappings keep the order of declaration."""
+
+    name: str
+    types: Mapping[str, Type] = field(default_factory=dict)
+    functions: Mapping[str, FunctionSignature] = field(default_factory=dict)
+    objects: Mapping[str, str] = field(default_factory=dict)  # object: its type
+    predicates: Mapping[str, Predicate] = field(default_factory=dict)
+    operators: tuple[Operator, ...] = ()
+    deductive_operators: tuple[DeductiveOperator, ...] = ()
+    defaults: tuple[Default, ...] = ()
+    asp: tuple[AspText, ...] = ()
+    rules: tuple[Rule, ...] = ()
+    time_unit: str = "s"
+    words: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    phrases: tuple[Phrase, ...] = ()
+    path: str = ""
+
+    def is_subtype(self, name: str, ancestor: str) -> bool:
+        """Whether `name` is `ancestor` or below it; `object` is above every type but numbers and texts."""
+        if ancestor == OBJECT:
+            return name == OBJECT or name not in BUILT_IN_TYPES
+        while name != ancestor:
+            if name not in self.types:
+                return False
+            name = self.types[name].parent
+        return True

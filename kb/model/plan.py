@@ -1,0 +1,52 @@
+"""The plan: partially ordered steps with causal links (McAllester & Rosenblitt 1991), as a value that files hold."""
+
+from dataclasses import dataclass
+from typing import NewType
+
+from kb.terms import Atom, Function, Term
+
+StepId = NewType("StepId", int)
+START = StepId(0)  # produces the initial state
+GOAL = StepId(-1)  # consumes the goals
+
+
+@dataclass(frozen=True, slots=True)
+class Step:
+    """One operator instance. `after` are the steps that must end before it starts, transitively reduced."""
+
+    id: StepId
+    operator: Function
+    after: tuple[StepId, ...] = ()
+    resources: tuple[Term, ...] = ()
+    duration: int = 0  # the domain's unit of time
+    cost: int = 1
+
+
+@dataclass(frozen=True, slots=True)
+class CausalLink:
+    """`producer` achieves `condition` for `consumer`; no step ordered between them may delete it."""
+
+    producer: StepId
+    condition: Atom  # `not(p)` for a negative condition
+    consumer: StepId
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """Steps in one executable order; unordered steps may overlap in time, so they never interfere."""
+
+    steps: tuple[Step, ...]
+    links: tuple[CausalLink, ...] = ()
+
+    @property
+    def cost(self) -> int:
+        """The sum of the steps' costs."""
+        return sum(step.cost for step in self.steps)
+
+    def predecessors(self) -> dict[StepId, frozenset[StepId]]:
+        """Every step that must come before each step, transitively; steps are stored in an executable order."""
+        closed: dict[StepId, frozenset[StepId]] = {}
+        for step in self.steps:
+            direct = frozenset(step.after)
+            closed[step.id] = direct.union(*(closed.get(before, frozenset()) for before in direct))
+        return closed

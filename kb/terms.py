@@ -1,0 +1,184 @@
+"""Terms and atoms: constants, numbers, texts, variables and compound terms, with substitution, matching and unification.
+
+An atom is a `Function` whose name is a predicate. `str` gives ASP text, which clingo and people read alike. Nothing here
+knows types or predicates.
+"""
+
+import functools
+import re
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True)
+class Number:
+    """An integer; durations are numbers in the domain's unit of time."""
+
+    value: int
+
+    def __str__(self) -> str:
+        return str(self.value)
+
+
+@dataclass(frozen=True, slots=True)
+class Text:
+    """A quoted string."""
+
+    value: str
+
+    def __str__(self) -> str:
+        escaped = self.value.replace("\\", "\\\\").replace('"', '\\"').replace("\n", "\\n")
+        return f'"{escaped}"'
+
+
+@dataclass(frozen=True, slots=True)
+class Variable:
+    """A variable; `_` is anonymous: each of its occurrences stands for anything."""
+
+    name: str
+
+    def __str__(self) -> str:
+        return self.name
+
+
+@dataclass(frozen=True, slots=True)
+class Function:
+    """A constant (no arguments), a compound term, or an atom."""
+
+    name: str
+    arguments: tuple["Term", ...] = ()
+
+    def __str__(self) -> str:
+        if not self.arguments:
+            return self.name
+        return f"{self.name}({', '.join(map(str, self.arguments))})"
+
+
+@dataclass(frozen=True, slots=True)
+class Operation:
+    """Arithmetic inside a constraint, such as `W1 + 2`; never part of an atom that is kept."""
+
+    operator: str
+    left: "Term"
+    right: "Term"
+
+    def __str__(self) -> str:
+        return f"({self.left}{self.operator}{self.right})"
+
+
+Term = Number | Text | Variable | Function | Operation
+Atom = Function
+Substitution = Mapping[Variable, Term]
+
+ANYTHING = Variable("_")
+
+
+def variables(term: Term) -> Iterator[Variable]:
+    """The variables of `term` in order of occurrence, repeated as they repeat; `_` included."""
+    match term:
+        case Variable():
+            yield term
+        case Function(_, arguments):
+            for argument in arguments:
+                yield from variables(argument)
+        case Operation(_, left, right):
+            yield from variables(left)
+            yield from variables(right)
+        case _:
+            return
+
+
+def is_ground(term: Term) -> bool:
+    """Whether `term` has no variable."""
+    return next(variables(term), None) is None
+
+
+def substitute(term: Term, bindings: Substitution) -> Term:
+    """`term` with every bound variable replaced, once (bindings are not followed)."""
+    match term:
+        case Variable():
+            return bindings.get(term, term)
+        case Function(name, arguments) if arguments:
+            return Function(name, tuple(substitute(argument, bindings) for argument in arguments))
+        case Operation(operator, left, right):
+            return Operation(operator, substitute(left, bindings), substitute(right, bindings))
+        case _:
+            return term
+
+
+def substitute_atom(atom: Atom, bindings: Substitution) -> Atom:
+    """`substitute` for an atom, which stays one."""
+    return Function(atom.name, tuple(substitute(argument, bindings) for argument in atom.arguments))
+
+
+def match(pattern: Term, ground: Term, bindings: Substitution) -> dict[Variable, Term] | None:
+    """The smallest extension of `bindings` under which `pattern` equals `ground`, or None; `_` matches anything."""
+    match pattern:
+        case Variable():
+            if pattern == ANYTHING:
+                return dict(bindings)
+            bound = bindings.get(pattern)
+            if bound is None:
+                return {**bindings, pattern: ground}
+            return dict(bindings) if bound == ground else None
+        case Function(name, arguments):
+            if not isinstance(ground, Function) or ground.name != name or len(ground.arguments) != len(arguments):
+                return None
+            extended: dict[Variable, Term] | None = dict(bindings)
+            for inner, value in zip(arguments, ground.arguments, strict=True):
+                if extended is None:
+                    return None
+                extended = match(inner, value, extended)
+            return extended
+        case _:
+            return dict(bindings) if pattern == ground else None
+
+
+def unify(left: Term, right: Term, bindings: Substitution) -> dict[Variable, Term] | None:
+    """A most general unifier of two terms that extends `bindings`, or None.
+
+    Robinson 1965, without the occurs check: terms of the domain language do not recurse, so a variable never meets
+    a term that contains it. Bindings are triangular: follow them with `resolve`.
+    """
+    left, right = resolve(left, bindings), resolve(right, bindings)
+    if left == right:
+        return dict(bindings)
+    if isinstance(left, Variable):
+        return {**bindings, left: right}
+    if isinstance(right, Variable):
+        return {**bindings, right: left}
+    if not isinstance(left, Function) or not isinstance(right, Function):
+        return None
+    if left.name != right.name or len(left.arguments) != len(right.arguments):
+        return None
+    unified: dict[Variable, Term] | None = dict(bindings)
+    for one, other in zip(left.arguments, right.arguments, strict=True):
+        if unified is None:
+            return None
+        unified = unify(one, other, unified)
+    return unified
+
+
+def resolve(term: Term, bindings: Substitution) -> Term:
+    """`term` with variables replaced through chains of bindings until nothing changes."""
+    while isinstance(term, Variable) and term in bindings:
+        term = bindings[term]
+    if isinstance(term, Function) and term.arguments:
+        return Function(term.name, tuple(resolve(argument, bindings) for argument in term.arguments))
+    return term
+
+
+@functools.cache
+def _natural_pieces(text: str) -> tuple[tuple[int, int, str], ...]:
+    pieces = re.findall(r"\d+|\D+", text)
+    return tuple((0, int(piece), "") if piece.isdigit() else (1, 0, piece) for piece in pieces)
+
+
+def natural_key(term: Term) -> tuple[tuple[int, int, str], ...]:
+    """A sort key under which `m2` comes before `m10`."""
+    return _natural_pieces(str(term))
+
+
+def ordered(terms: Iterable[Atom]) -> tuple[Atom, ...]:
+    """The distinct terms in natural order, for output that must repeat."""
+    return tuple(sorted(set(terms), key=natural_key))

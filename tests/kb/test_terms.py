@@ -1,0 +1,34 @@
+from hypothesis import given
+from hypothesis import strategies as st
+
+from kb.terms import ANYTHING, Function, Number, Term, Variable, is_ground, match, resolve, substitute, unify
+
+leaves = st.one_of(
+    st.integers(-9, 9).map(Number),
+    st.sampled_from("abc").map(Function),
+    st.sampled_from("XYZ").map(Variable),
+)
+terms = st.recursive(leaves, lambda inner: st.builds(Function, st.sampled_from("fg"), st.tuples(inner, inner)), max_leaves=6)
+ground_terms = terms.filter(is_ground)
+
+
+@given(terms, st.dictionaries(st.sampled_from([Variable(name) for name in "XYZ"]), ground_terms, min_size=3, max_size=3))
+def test_a_pattern_matches_each_of_its_instances(pattern: Term, bindings: dict[Variable, Term]) -> None:
+    instance = substitute(pattern, bindings)
+    found = match(pattern, instance, {})
+    assert found is not None
+    assert substitute(pattern, found) == instance
+
+
+@given(terms, ground_terms)
+def test_unification_with_a_ground_term_is_matching(pattern: Term, ground: Term) -> None:
+    matched, unified = match(pattern, ground, {}), unify(pattern, ground, {})
+    assert (matched is None) == (unified is None)
+    if unified is not None:
+        assert resolve(pattern, unified) == ground
+
+
+def test_anything_matches_twice_with_different_values() -> None:
+    pair = Function("f", (Function("a"), Function("b")))
+    assert match(Function("f", (ANYTHING, ANYTHING)), pair, {}) == {}
+    assert match(Function("f", (Variable("X"), Variable("X"))), pair, {}) is None
