@@ -1,0 +1,171 @@
+"""Reads one YAML file into its schema and the expressions inside it, collecting every finding with its place."""
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import Any
+
+from pydantic import BaseModel, ValidationError
+
+from kb.diagnostics import Diagnostic, InvalidInput, Source, nearest
+from kb.loader.tree import File, Node, read_tree
+from kb.syntax import ExpressionError, Parsed, parse
+from kb.terms import Function, Variable
+
+MAX_OBJECTS = 1_000_000
+
+
+@dataclass
+class Findings:
+    """The diagnostics of one load, in the order found."""
+
+    diagnostics: list[Diagnostic] = field(default_factory=list)
+
+    def add(self, where: Source, code: str, message: str, hint: str = "", warning: bool = False) -> None:
+        """Note one finding."""
+        self.diagnostics.append(Diagnostic(where, code, message, hint, warning))
+
+
+@dataclass(frozen=True, slots=True)
+class Expression:
+    """A parsed string of a file: its value, and the place of each function and variable in it."""
+
+    value: Any
+    parsed: Parsed
+    node: Node
+
+    def place(self, term: Function | Variable | None = None) -> Source:
+        """Where `term` stands first; the beginning of the string if it does not."""
+        offset = self.parsed.places.get(term) if term is not None else None
+        return self.node.where if offset is None else self.node.place(offset)
+
+
+class Reader:
+    """One file being read: its tree, its findings and its unit of time."""
+
+    def __init__(self, file: File, findings: Findings) -> None:
+        self.findings = findings
+        self.time_unit = "s"
+        self.root, found = read_tree(file)
+        findings.diagnostics.extend(found)
+
+    def expression(self, start: str, *path: str | int) -> Expression | None:
+        """The expression at `path`, or None when there is none or it does not parse (which is noted)."""
+        node = self.root
+        for part in path:
+            if isinstance(node.value, str) or (isinstance(node.value, dict) and part not in node.value):
+                return None
+            node = node.descend((part,))
+        return self.parse(start, node)
+
+    def parse(self, start: str, node: Node) -> Expression | None:
+        """The expression that a scalar holds."""
+        if not isinstance(node.value, str) or not node.value.strip():
+            return None
+        return self.parse_text(start, node, node.value, 0)
+
+    def parse_text(self, start: str, node: Node, text: str, shift: int) -> Expression | None:
+        """The expression in a part of a scalar that begins at character `shift`."""
+        try:
+            parsed = parse(start, text, self.time_unit)
+        except ExpressionError as error:
+            self.findings.add(node.place(shift + error.offset), error.code, error.message, error.hint)
+            return None
+        return Expression(parsed.value, parsed, node)
+
+    def entries(self, *path: str | int) -> Iterator[tuple[str, Node, Node]]:
+        """The (key, key node, value node) of the mapping at `path`, if it is one."""
+        node = self.root.descend(path)
+        if isinstance(node.value, dict) and self._reached(path):
+            for key, (key_node, value) in node.value.items():
+                yield key, key_node, value
+
+    def items(self, *path: str | int) -> list[Node]:
+        """The nodes of the sequence at `path`, if it is one."""
+        node = self.root.descend(path)
+        return node.value if isinstance(node.value, list) and self._reached(path) else []
+
+    def _reached(self, path: tuple[str | int, ...]) -> bool:
+        node = self.root
+        for part in path:
+            following = node.descend((part,))
+            if following is node:
+                return False
+            node = following
+        return True
+
+    def names(self, node: Node) -> list[tuple[str, Source]]:
+        """The names of a list node, ranges such as `depot_1..4` written out, each with its place."""
+        found: list[tuple[str, Source]] = []
+        for item in node.value if isinstance(node.value, list) else []:
+            where = item.where
+            for name in self._expand(item.value, where):
+                if re.fullmatch(r"[a-z][A-Za-z0-9_]*", name):
+                    found.append((name, where))
+                else:
+                    self.findings.add(where, "K107", f"'{name}' is no name", "names start with a small letter")
+        return found
+
+    def _expand(self, text: Any, where: Source) -> list[str]:
+        if not isinstance(text, str):
+            return []
+        range_ = re.fullmatch(r"([a-z]\w*?)(\d+)\.\.(\d+)", text)
+        if range_ is None:
+            return [text]
+        first, last = int(range_[2]), int(range_[3])
+        if last - first >= MAX_OBJECTS or len(range_[3]) > 9:
+            self.findings.add(where, "K007", f"more than {MAX_OBJECTS} objects")
+            return []
+        if last < first:
+            self.findings.add(where, "K107", f"the range {text} is empty")
+        width = len(range_[2]) if range_[2].startswith("0") else 0
+        return [f"{range_[1]}{number:0{width}d}" for number in range(first, last + 1)]
+
+
+def validate_shape(reader: Reader, model: type[BaseModel]) -> bool:
+    """Whether the file has the shape of `model`; every deviation is noted at its place."""
+    try:
+        model.model_validate(reader.root.plain())
+    except ValidationError as error:
+        for problem in error.errors():
+            reader.findings.diagnostics.append(_shape_diagnostic(reader.root, model, problem))
+        return False
+    return True
+
+
+def _shape_diagnostic(root: Node, model: type[BaseModel], problem: Any) -> Diagnostic:
+    path = tuple(part for part in problem["loc"] if not (isinstance(part, str) and part in ("str", "int", "list[str]")))
+    parent, node = root.descend(path[:-1]), root.descend(path)
+    if problem["type"] == "extra_forbidden":
+        key = str(path[-1])
+        where = parent.value[key][0].where if isinstance(parent.value, dict) and key in parent.value else node.where
+        return Diagnostic(where, "K005", f"unknown key '{key}'", nearest(key, _known_keys(model, path[:-1])))
+    if problem["type"] == "missing":
+        return Diagnostic(node.where, "K005", f"the key '{path[-1]}' is missing")
+    said = problem["msg"].replace("Input should be a valid", "expected a").replace("dictionary", "mapping")
+    return Diagnostic(node.where, "K005", f"{'.'.join(map(str, path)) or 'the file'}: {said[0].lower()}{said[1:]}")
+
+
+def _known_keys(model: type[BaseModel], path: tuple[Any, ...]) -> list[str]:
+    schema = model.model_json_schema(by_alias=True)
+    node: Any = schema
+    for part in path:
+        node = _resolved(schema, node)
+        if isinstance(part, int):
+            node = node.get("items", {})
+        else:
+            node = node.get("properties", {}).get(part) or node.get("additionalProperties") or {}
+    return list(_resolved(schema, node).get("properties", {}))
+
+
+def _resolved(schema: Any, node: Any) -> Any:
+    for option in [node, *node.get("anyOf", [])]:
+        if "$ref" in option:
+            return schema["$defs"][option["$ref"].rsplit("/", 1)[1]]
+    return node
+
+
+def require(findings: Findings) -> None:
+    """Raise `InvalidInput` if anything found so far is an error."""
+    if any(not diagnostic.warning for diagnostic in findings.diagnostics):
+        raise InvalidInput(findings.diagnostics)

@@ -1,0 +1,187 @@
+"""The small language inside YAML strings, read with one LALR grammar. Knows shapes only: no names, no types, no files."""
+
+import functools
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from fractions import Fraction
+from importlib import resources
+from typing import Any
+
+from lark import Lark, Token, Transformer, UnexpectedCharacters, UnexpectedEOF, UnexpectedInput, UnexpectedToken, v_args
+from lark.exceptions import VisitError
+
+from kb.model.conditions import Aggregate, Comparison, Condition, ForAll, Literal, Not, Or, Parameter, free_variables
+from kb.terms import Function, Number, Operation, Term, Text, Variable, variables
+
+STARTS = ["header", "trigger", "conditions", "body", "clauses", "atoms", "atom", "term", "signature"]
+SECONDS = {"ms": Fraction(1, 1000), "s": Fraction(1), "min": Fraction(60), "h": Fraction(3600)}
+
+
+class ExpressionError(Exception):
+    """The text is not an expression; `offset` is the first character that does not fit, `code` the diagnostic's."""
+
+    def __init__(self, offset: int, message: str, hint: str = "", code: str = "K107") -> None:
+        super().__init__(message)
+        self.offset, self.message, self.hint, self.code = offset, message, hint, code
+
+
+@dataclass(frozen=True, slots=True)
+class Parsed:
+    """What a text means, and where in it each function and variable first stands (offsets in characters)."""
+
+    value: Any
+    places: Mapping[Function | Variable, int] = field(default_factory=dict)
+
+
+def unit_seconds(name: str) -> Fraction | None:
+    """Seconds in one unit of time given by name or abbreviation; None for an unknown name."""
+    if name in SECONDS:
+        return SECONDS[name]
+    return next((SECONDS[short] for short in ("s", "min", "h") if re.fullmatch(_SPELLINGS[short], name)), None)
+
+
+_SPELLINGS = {"s": "sec|secs|seconds?", "min": "mins|minutes?", "h": "hours?"}
+
+
+@v_args(inline=True)
+class _Reader(Transformer[Token, Any]):
+    """Builds terms and conditions bottom-up and notes where each function and variable stands."""
+
+    def __init__(self, time_unit: str) -> None:
+        super().__init__()
+        self.unit = SECONDS[time_unit]
+        self.places: dict[Function | Variable, int] = {}
+
+    def _place(self, function: Function, token: Token) -> Function:
+        self.places.setdefault(function, token.start_pos or 0)
+        return function
+
+    def variable(self, token: Token) -> Variable:
+        found = Variable(str(token))
+        self.places.setdefault(found, token.start_pos or 0)
+        return found
+
+    def number(self, token: Token) -> Number:
+        return Number(int(token))
+
+    def duration(self, token: Token) -> Number:
+        amount, unit = re.fullmatch(r"([\d.]+)\s*(\w+)", token).groups()  # type: ignore[union-attr]
+        value = Fraction(amount) * (unit_seconds(unit) or 1) / self.unit
+        if value.denominator != 1:
+            raise ExpressionError(token.start_pos or 0, f"'{token}' is not a whole number of the domain's unit of time")
+        return Number(int(value))
+
+    def text(self, token: Token) -> Text:
+        return Text(re.sub(r"\\(.)", lambda found: "\n" if found[1] == "n" else found[1], token[1:-1]))
+
+    def operation(self, left: Term, operator: Token, right: Term) -> Operation:
+        return Operation(str(operator), left, right)
+
+    def atom(self, name: Token, *arguments: Term | None) -> Function:
+        return self._place(Function(str(name), tuple(a for a in arguments if a is not None)), name)
+
+    def signature(self, name: Token, *types: Token | None) -> Function:
+        inner = (self._place(Function(str(each)), each) for each in types if each is not None)
+        return self._place(Function(str(name), tuple(inner)), name)
+
+    def header(self, name: Token, *parameters: Token | None) -> Function:
+        return self._place(Function(str(name), tuple(self.variable(each) for each in parameters if each is not None)), name)
+
+    def literal(self, *children: Any) -> Literal:
+        return Literal(children[-1], len(children) == 1)
+
+    def comparison(self, left: Term, relation: Token, right: Term) -> Comparison:
+        return Comparison(left, "=" if relation == "==" else str(relation), right)
+
+    def aggregate(self, *children: Any) -> Aggregate:
+        sign = "not " if children[0] == "not" else ""
+        parts = children[1:] if sign else children
+        outer = tuple(v for part in parts if not isinstance(part, Token) for v in variables(part))
+        return Aggregate(sign + " ".join(map(str, parts)), outer)
+
+    def universal(self, literal: Literal, guard: Condition) -> ForAll:
+        local = tuple(Parameter(variable, "") for variable in free_variables(guard))
+        return ForAll(local, Or((Not(guard), literal)))
+
+    def disjunction(self, *parts: Literal) -> Or:
+        return Or(parts)
+
+    def conditions(self, *parts: Condition) -> tuple[Condition, ...]:
+        return parts
+
+    def body(self, *parts: Condition) -> tuple[Condition, ...]:
+        return parts
+
+    def atoms(self, *parts: Function) -> tuple[Function, ...]:
+        return parts
+
+    def clause(self, atom: Function, *body: Condition) -> tuple[Function, tuple[Condition, ...]]:
+        return atom, body
+
+    def clauses(self, *clauses: Any) -> tuple[Any, ...]:
+        return clauses
+
+
+@functools.cache
+def _grammar() -> Lark:
+    text = resources.files("kb.syntax").joinpath("expressions.lark").read_text("utf-8")
+    return Lark(text, parser="lalr", start=STARTS, maybe_placeholders=True)
+
+
+def parse(start: str, text: str, time_unit: str = "s") -> Parsed:
+    """Read `text` as one of `STARTS`; durations become numbers in `time_unit`. Raises `ExpressionError`."""
+    _check_brackets(text)
+    reader = _Reader(time_unit)
+    try:
+        value = reader.transform(_grammar().parse(text, start))
+    except VisitError as error:
+        if isinstance(error.orig_exc, ExpressionError):
+            raise error.orig_exc from None
+        raise
+    except UnexpectedInput as error:
+        raise _explained(error, text) from None
+    except RecursionError:
+        raise ExpressionError(0, "nested too deeply", code="K007") from None
+    return Parsed(value, reader.places)
+
+
+_READABLE = {
+    "RPAR": "')'", "LPAR": "'('", "COMMA": "','", "NAME": "a name", "VARIABLE": "a variable", "SEMICOLON": "';'",
+    "RELATION": "a comparison", "COLON": "':'", "VBAR": "'|'", "SIGNED_INT": "a number", "STRING": "a string",
+}  # fmt: skip
+
+
+def _explained(error: UnexpectedInput, text: str) -> ExpressionError:
+    match error:
+        case UnexpectedCharacters(pos_in_stream=position):
+            return ExpressionError(position or 0, f"unexpected character '{text[position or 0]}'")
+        case UnexpectedToken(token=token) if token.type != "$END":
+            found, offset = f"unexpected '{token}'", token.start_pos or 0
+        case UnexpectedToken() | UnexpectedEOF() | _:
+            found, offset = "the expression ends too early", len(text.rstrip())
+    expected = getattr(error, "accepts", None) or getattr(error, "expected", None) or ()
+    readable = sorted(_READABLE[name] for name in expected if name in _READABLE)
+    return ExpressionError(offset, found, f"expected {' or '.join(readable)}" if readable else "")
+
+
+_CLOSING = {"(": ")", "{": "}", "[": "]"}
+
+
+def _check_brackets(text: str) -> None:
+    open_at: list[tuple[str, int]] = []
+    quoted = False
+    for offset, character in enumerate(text):
+        if character == '"' and text[max(offset - 1, 0) : offset] != "\\":
+            quoted = not quoted
+        elif quoted:
+            continue
+        elif character in _CLOSING:
+            open_at.append((_CLOSING[character], offset))
+        elif character in _CLOSING.values() and (not open_at or open_at.pop()[0] != character):
+            raise ExpressionError(offset, f"'{character}' closes nothing", _SPLIT_HINT, "K106")
+    if open_at:
+        raise ExpressionError(open_at[-1][1], "this bracket is never closed", _SPLIT_HINT, "K106")
+
+
+_SPLIT_HINT = "write the whole expression as one string: YAML splits [a(X, Y)] at its comma and cuts at ' #'"
