@@ -43,11 +43,15 @@ class Expression:
 class Reader:
     """One file being read: its tree, its findings and its unit of time."""
 
-    def __init__(self, file: File, findings: Findings) -> None:
-        self.findings = findings
-        self.time_unit = "s"
-        self.root, found = read_tree(file)
+    def __init__(self, root: Node, findings: Findings, time_unit: str = "s") -> None:
+        self.root, self.findings, self.time_unit = root, findings, time_unit
+
+    @classmethod
+    def of(cls, file: File, findings: Findings) -> "Reader":
+        """A reader of a YAML file. Raises `InvalidInput` when there is no tree in it."""
+        root, found = read_tree(file)
         findings.diagnostics.extend(found)
+        return cls(root, findings)
 
     def expression(self, start: str, *path: str | int) -> Expression | None:
         """The expression at `path`, or None when there is none or it does not parse (which is noted)."""

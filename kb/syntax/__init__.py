@@ -14,7 +14,7 @@ from lark.exceptions import VisitError
 from kb.model.conditions import Aggregate, Comparison, Condition, ForAll, Literal, Not, Or, Parameter, free_variables
 from kb.terms import Function, Number, Operation, Term, Text, Variable, variables
 
-STARTS = ["header", "trigger", "conditions", "body", "clauses", "atoms", "atom", "term", "signature"]
+STARTS = ["header", "trigger", "conditions", "body", "clauses", "atoms", "atom", "term", "terms", "signature"]
 SECONDS = {"ms": Fraction(1, 1000), "s": Fraction(1), "min": Fraction(60), "h": Fraction(3600)}
 
 
@@ -72,6 +72,9 @@ class _Reader(Transformer[Token, Any]):
             raise ExpressionError(token.start_pos or 0, f"'{token}' is not a whole number of the domain's unit of time")
         return Number(int(value))
 
+    def decimal(self, token: Token) -> Function:
+        return Function(str(token))  # only in result patterns, which clingo never sees
+
     def text(self, token: Token) -> Text:
         return Text(re.sub(r"\\(.)", lambda found: "\n" if found[1] == "n" else found[1], token[1:-1]))
 
@@ -114,6 +117,9 @@ class _Reader(Transformer[Token, Any]):
         return parts
 
     def atoms(self, *parts: Function) -> tuple[Function, ...]:
+        return parts
+
+    def terms(self, *parts: Term) -> tuple[Term, ...]:
         return parts
 
     def clause(self, atom: Function, *body: Condition) -> tuple[Function, tuple[Condition, ...]]:
