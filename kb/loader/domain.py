@@ -1,5 +1,6 @@
 """`domain.yaml` and the ASP files it includes become a `Domain`."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import networkx as nx
@@ -111,6 +112,9 @@ def _sort_rules(read: list[tuple[Statement, Source]], names: Names) -> tuple[lis
     """Statics for clingo as they stand; rules that depend on fluents parsed, for planning and checking."""
     defined = {statement.signature for statement, _ in read if statement.signature}
     fluent = _depending_on_fluents(read, names)
+    for predicate in list(names.predicates.values()):
+        if predicate.kind is Kind.DERIVED and (predicate.name, len(predicate.arguments)) not in fluent:
+            names.predicates[predicate.name] = replace(predicate, kind=Kind.STATIC)  # rules over statics alone
     asp: list[AspText] = []
     rules: list[Rule] = []
     for statement, where in read:
@@ -129,7 +133,6 @@ def _sort_rules(read: list[tuple[Statement, Source]], names: Names) -> tuple[lis
 
 def _depending_on_fluents(read: list[tuple[Statement, Source]], names: Names) -> set[Signature]:
     changing = {(p.name, len(p.arguments)) for p in names.predicates.values() if p.kind in (Kind.FLUENT, Kind.EVENT)}
-    derived = {(p.name, len(p.arguments)) for p in names.predicates.values() if p.kind is Kind.DERIVED}
     while True:
         more = {
             statement.signature
@@ -137,7 +140,7 @@ def _depending_on_fluents(read: list[tuple[Statement, Source]], names: Names) ->
             if statement.signature and any(use in changing for use, _ in statement.uses)
         }
         if more <= changing:
-            return changing | derived
+            return changing
         changing |= {signature for signature in more if signature}
 
 

@@ -63,7 +63,7 @@ class _OperatorReader:
         narrowed(self.reader, self.names, self.typing, self.path)
         if expression := self.fields["where"]:
             for part in expression.value:
-                self.typing.condition(part, expression, (Kind.STATIC, Kind.DERIVED))
+                self.typing.condition(part, expression, (Kind.STATIC,))
         if expression := self.fields["preconditions"]:
             self.typing.condition(And(expression.value), expression, READABLE)
         for name in ("adds", "deletes"):
@@ -177,7 +177,7 @@ def _deductive(reader: Reader, names: Names, index: int) -> DeductiveOperator | 
     body: Body = where.value if where else ()
     if where:
         for part in body:
-            typing.condition(part, where, (Kind.STATIC, Kind.DERIVED))
+            typing.condition(part, where, (Kind.STATIC,))
     consequences: list[Consequence] = []
     outer = typing.nested()
     for name in ("implies", "denies"):
@@ -186,7 +186,7 @@ def _deductive(reader: Reader, names: Names, index: int) -> DeductiveOperator | 
             scope = outer.nested()
             scope.atom(atom, expression, (Kind.FLUENT,))
             for part in guard:
-                scope.condition(part, expression, (Kind.STATIC, Kind.DERIVED))
+                scope.condition(part, expression, (Kind.STATIC,))
             used = dict.fromkeys([*variables(when.value.atom), *variables(atom), *free_variables(And((*body, *guard)))])
             wanted = [variable for variable in used if scope.type_of(variable) is not None]
             parameters = scope.parameters(wanted, expression)
@@ -204,7 +204,7 @@ def read_defaults(reader: Reader, names: Names) -> tuple[Default, ...]:
             typing = Typing(names)
             typing.atom(atom, expression, (Kind.FLUENT,))
             for part in guard:
-                typing.condition(part, expression, (Kind.STATIC, Kind.DERIVED))
+                typing.condition(part, expression, (Kind.STATIC,))
             used = dict.fromkeys(variable for variable in variables(atom) if variable != ANYTHING)
             found.append(Default(atom, typing.parameters(used, expression), guard, node.where))
     return tuple(found)

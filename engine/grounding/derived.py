@@ -1,0 +1,91 @@
+"""Derived predicates compiled away: each derived atom's minimal supports over fluents.
+
+A support is a set of signed atom numbers: n for "atom n is true", ~n for "atom n is false". Recursion is handled
+component by component as a least fixpoint of antichains; negation needs the atom's component to be finished
+(stratification), and is the set of minimal ways to break every support.
+"""
+
+from collections.abc import Iterable, Mapping
+
+import networkx as nx
+
+Support = frozenset[int]
+Rules = Mapping[int, list[tuple[int, ...]]]  # derived atom: bodies of signed numbers
+MAX_SUPPORTS = 512
+
+
+class TooManySupports(Exception):
+    """A derived atom has more minimal supports than `MAX_SUPPORTS`; `atom` is its number."""
+
+    def __init__(self, atom: int) -> None:
+        super().__init__(atom)
+        self.atom = atom
+
+
+class Supports:
+    """The supports of every derived atom of a problem, computed in order of dependency."""
+
+    def __init__(self, derived: Iterable[int], rules: Rules) -> None:
+        self._supports: dict[int, list[Support]] = {atom: [] for atom in derived}
+        self._broken: dict[int, list[Support]] = {}
+        graph: nx.DiGraph[int] = nx.DiGraph()
+        graph.add_nodes_from(self._supports)
+        for head, bodies in rules.items():
+            graph.add_edges_from((head, atom) for body in bodies for atom in map(_atom, body) if atom in self._supports)
+        for component in nx.strongly_connected_components(graph):  # dependencies come first
+            self._close(sorted(component), rules)
+
+    def of(self, signed: int) -> list[Support]:
+        """The minimal ways to make a signed atom hold; a fluent supports itself."""
+        atom = _atom(signed)
+        if atom not in self._supports:
+            return [frozenset([signed])]
+        if signed >= 0:
+            return self._supports[atom]
+        if atom not in self._broken:
+            self._broken[atom] = self._breaking(atom)
+        return self._broken[atom]
+
+    def combinations(self, condition: Iterable[int]) -> list[Support]:
+        """The minimal ways to make all of `condition` hold."""
+        return self._product([self.of(signed) for signed in condition], -1)
+
+    def _close(self, component: list[int], rules: Rules) -> None:
+        changed = True
+        while changed:
+            changed = False
+            for atom in component:
+                found = list(self._supports[atom])
+                for body in rules.get(atom, []):
+                    found.extend(self._product([self.of(signed) for signed in body], atom))
+                found = _minimal(found)
+                if len(found) > MAX_SUPPORTS:
+                    raise TooManySupports(atom)
+                if found != self._supports[atom]:
+                    self._supports[atom], changed = found, True
+
+    def _breaking(self, atom: int) -> list[Support]:
+        choices = [[frozenset([~signed]) for signed in sorted(support)] for support in self._supports[atom]]
+        return self._product(choices, atom)
+
+    def _product(self, choices: list[list[Support]], atom: int) -> list[Support]:
+        found: list[Support] = [frozenset()]
+        for alternatives in choices:
+            found = _minimal([one | other for one in found for other in alternatives])
+            if len(found) > MAX_SUPPORTS:
+                raise TooManySupports(atom)
+        return found
+
+
+def _atom(signed: int) -> int:
+    return signed if signed >= 0 else ~signed
+
+
+def _minimal(supports: list[Support]) -> list[Support]:
+    """The consistent supports of which no proper part is one, smallest first."""
+    kept: list[Support] = []
+    for support in sorted(set(supports), key=lambda each: (len(each), sorted(each))):
+        consistent = not any(~signed in support for signed in support)
+        if consistent and not any(smaller <= support for smaller in kept):
+            kept.append(support)
+    return kept

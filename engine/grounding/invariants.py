@@ -1,0 +1,135 @@
+"""Mutex groups by invariant synthesis, after Helmert, "Concise finite-domain representations for PDDL planning tasks"
+(Artificial Intelligence 173, 2009).
+
+A candidate is a set of atom patterns, each a predicate with at most one counted argument; its other arguments are
+the invariant's parameters. A candidate that an operator would break by adding an atom is refined with a pattern that
+this operator consumes. Candidates are proposed on predicates but verified on ground operators, one instance of the
+parameters at a time, so an instance may hold where the whole schema does not.
+"""
+
+import itertools
+from collections import defaultdict
+from collections.abc import Iterator, Sequence
+
+from engine.model.task import Bits, GroundOperator, indices
+from kb.terms import Atom, Term
+
+Part = tuple[str, tuple[int, ...]]  # predicate; for each invariant parameter the argument position that holds it
+Candidate = frozenset[Part]
+MAX_CANDIDATES = 300
+
+
+def mutex_groups(atoms: Sequence[Atom], operators: Sequence[GroundOperator], initial: Bits) -> tuple[Bits, ...]:
+    """Sets of at least two atoms of which no more than one is ever true, largest first."""
+    search = _Search(atoms, operators, initial)
+    found = search.run()
+    kept: list[Bits] = []
+    for group in sorted(set(found), key=lambda bits: (-bits.bit_count(), bits)):
+        if group.bit_count() > 1 and not any(group & ~other == 0 for other in kept):
+            kept.append(group)
+    return tuple(kept)
+
+
+class _Search:
+    def __init__(self, atoms: Sequence[Atom], operators: Sequence[GroundOperator], initial: Bits) -> None:
+        self.atoms, self.operators, self.initial = atoms, operators, initial
+        self.adders: dict[int, list[int]] = defaultdict(list)
+        for number, operator in enumerate(operators):
+            for atom in indices(_all_adds(operator)):
+                self.adders[atom].append(number)
+        self.by_predicate: dict[tuple[str, int], list[int]] = defaultdict(list)
+        for number, atom in enumerate(atoms):
+            self.by_predicate[(atom.name, len(atom.arguments))].append(number)
+
+    def run(self) -> Iterator[Bits]:
+        queue = [frozenset([part]) for signature in self.by_predicate for part in _parts(*signature)]
+        seen = set(queue)
+        position = 0
+        while position < len(queue) and position < MAX_CANDIDATES:
+            candidate = queue[position]
+            position += 1
+            refinements: set[Candidate] = set()
+            for group in self._instances(candidate):
+                blame = self._broken_by(group)
+                if blame is None:
+                    yield group
+                elif blame >= 0:
+                    refinements |= set(self._refined(candidate, group, self.operators[blame]))
+            for refined in sorted(refinements - seen, key=sorted):
+                seen.add(refined)
+                queue.append(refined)
+
+    def _instances(self, candidate: Candidate) -> list[Bits]:
+        """The candidate's groups, one for each value of its parameters."""
+        groups: dict[tuple[Term, ...], Bits] = defaultdict(int)
+        for name, positions in sorted(candidate):
+            for (predicate, _), numbers in self.by_predicate.items():
+                if predicate == name:
+                    for number in numbers:
+                        arguments = self.atoms[number].arguments
+                        groups[tuple(arguments[position] for position in positions)] |= 1 << number
+        return list(groups.values())
+
+    def _broken_by(self, group: Bits) -> int | None:
+        """None if the group is an invariant; else an operator that breaks it, or -1 for the initial state."""
+        if (group & self.initial).bit_count() > 1:
+            return -1
+        touched: set[int] = set()
+        for atom in indices(group):
+            touched.update(self.adders.get(atom, ()))
+        return next((number for number in sorted(touched) if not keeps(group, self.operators[number])), None)
+
+    def _refined(self, candidate: Candidate, group: Bits, operator: GroundOperator) -> Iterator[Candidate]:
+        """Candidates with one more pattern, taken from what the operator consumes."""
+        if (operator.adds & group).bit_count() > 1:
+            return
+        present = {name for name, _ in candidate}
+        arity = len(next(iter(candidate))[1])
+        parameters = self._parameters(candidate, operator.adds & group)
+        for number in indices(operator.preconditions & operator.deletes & ~group):
+            atom = self.atoms[number]
+            if atom.name in present or parameters is None:
+                continue
+            for part in _parts(atom.name, len(atom.arguments), arity):
+                if tuple(atom.arguments[position] for position in part[1]) == parameters:
+                    yield candidate | {part}
+
+    def _parameters(self, candidate: Candidate, added: Bits) -> tuple[Term, ...] | None:
+        for number in indices(added):
+            for name, positions in candidate:
+                if self.atoms[number].name == name:
+                    return tuple(self.atoms[number].arguments[position] for position in positions)
+        return None
+
+
+def keeps(group: Bits, operator: GroundOperator) -> bool:
+    """Whether at most one atom of `group` holds after the operator if at most one did before."""
+    added = _all_adds(operator) & group
+    if not added:
+        return True
+    if added.bit_count() > 1 and not operator.conditional:
+        return (operator.preconditions & group).bit_count() > 1  # never applicable
+    if added.bit_count() > 1:
+        return False
+    unconditional = operator.deletes
+    required = operator.preconditions & group
+    consumed = bool(required & unconditional) or bool(required & added) or required.bit_count() > 1
+    return consumed or group & ~added & ~unconditional == 0
+
+
+def _all_adds(operator: GroundOperator) -> Bits:
+    adds = operator.adds
+    for effect in operator.conditional:
+        adds |= effect.adds
+    return adds
+
+
+def _parts(name: str, arity: int, parameters: int | None = None) -> Iterator[Part]:
+    """Patterns of a predicate with at most one counted argument; with `parameters` given, of exactly that many."""
+    positions = range(arity)
+    for counted in [None, *positions]:
+        fixed = [position for position in positions if position != counted]
+        if parameters is None:
+            yield (name, tuple(fixed))
+        elif len(fixed) == parameters:
+            yield from ((name, order) for order in itertools.permutations(fixed))

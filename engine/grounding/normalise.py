@@ -1,0 +1,96 @@
+"""Conditions become disjunctive normal form over literals; what is universal becomes a derived predicate.
+
+`forall X: phi` holds if no X violates phi, so a fresh predicate collects the violations and is required to be false
+(Lloyd & Topor 1984). Its supports are found like those of any derived predicate.
+"""
+
+from dataclasses import dataclass, field
+
+from kb.model.conditions import (
+    And,
+    BodyPart,
+    Comparison,
+    Condition,
+    Exists,
+    ForAll,
+    Literal,
+    Not,
+    Or,
+    Parameter,
+    free_variables,
+)
+from kb.model.domain import BUILT_IN_TYPES, OBJECT, Rule
+from kb.terms import Function, Variable
+
+Disjunct = tuple[BodyPart, ...]
+NEGATED = {"=": "!=", "!=": "=", "<": ">=", ">=": "<", ">": "<=", "<=": ">"}
+
+
+@dataclass
+class Normaliser:
+    """Turns conditions into disjuncts and collects the rules of the predicates it invents."""
+
+    rules: list[Rule] = field(default_factory=list)
+
+    def disjuncts(self, condition: Condition, types: dict[Variable, str]) -> list[Disjunct]:
+        """The alternatives of `condition`; `types` are those of its free variables."""
+        return self._positive(condition, types)
+
+    def _positive(self, condition: Condition, types: dict[Variable, str]) -> list[Disjunct]:
+        match condition:
+            case And(parts):
+                return _product([self._positive(part, types) for part in parts])
+            case Or(parts):
+                return [disjunct for part in parts for disjunct in self._positive(part, types)]
+            case Not(part):
+                return self._negative(part, types)
+            case Exists(parameters, part):
+                inner = {**types, **{p.variable: p.type for p in parameters}}
+                guards = tuple(type_literal(p) for p in parameters if p.type not in BUILT_IN_TYPES or p.type == OBJECT)
+                return [(*guards, *disjunct) for disjunct in self._positive(part, inner)]
+            case ForAll(parameters, part):
+                return [(self._no(Exists(parameters, Not(part)), types),)]
+            case _:
+                return [(condition,)]
+
+    def _negative(self, condition: Condition, types: dict[Variable, str]) -> list[Disjunct]:
+        match condition:
+            case Literal(atom, positive):
+                return [(Literal(atom, not positive),)]
+            case Comparison(left, relation, right):
+                return [(Comparison(left, NEGATED[relation], right),)]
+            case And(parts):
+                return [disjunct for part in parts for disjunct in self._negative(part, types)]
+            case Or(parts):
+                return _product([self._negative(part, types) for part in parts])
+            case Not(part):
+                return self._positive(part, types)
+            case ForAll(parameters, part):
+                return self._positive(Exists(parameters, Not(part)), types)
+            case _:
+                return [(self._no(condition, types),)]
+
+    def _no(self, condition: Condition, types: dict[Variable, str]) -> Literal:
+        """The literal that is true when `condition` is false for the values of its free variables."""
+        parameters = [Parameter(variable, types.get(variable, OBJECT)) for variable in free_variables(condition)]
+        head = Function(f"_violated_{len(self.rules)}_{len(parameters)}", tuple(p.variable for p in parameters))
+        guards = tuple(type_literal(p) for p in parameters if p.type not in BUILT_IN_TYPES or p.type == OBJECT)
+        self.rules.append(Rule(head, ()))  # keeps the name unique while inner conditions are compiled
+        own = len(self.rules) - 1
+        alternatives = self._positive(condition, types)
+        self.rules[own : own + 1] = [Rule(head, (*guards, *body)) for body in alternatives]
+        return Literal(head, positive=False)
+
+
+def _product(choices: list[list[Disjunct]]) -> list[Disjunct]:
+    found: list[Disjunct] = [()]
+    for alternatives in choices:
+        found = [(*before, *after) for before in found for after in alternatives]
+    return found
+
+
+def type_literal(parameter: Parameter) -> Literal:
+    """`type(Variable)`."""
+    return Literal(Function(parameter.type, (parameter.variable,)))
+
+

@@ -1,0 +1,186 @@
+"""The ASP text of a problem's grounding: relaxed reachability first, then rows of numbers.
+
+`_r_p` holds the reachable atoms of dynamic predicate p, `_i_p` the same with their numbers, `_o_k` the instances of
+schema k, `_v_p` the events that some workflow stage names. Negative conditions are ignored for reachability.
+"""
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+
+from engine.grounding.normalise import Normaliser
+from kb.asp.vocabulary import guard
+from kb.model.conditions import TRUE, Body, BodyPart, Literal, Parameter, free_variables
+from kb.model.domain import Consequence, DeductiveOperator, Domain, Effect, Kind, Operator, Rule
+from kb.terms import ANYTHING, Atom, Function, Variable
+
+
+@dataclass(frozen=True, slots=True)
+class Schema:
+    """One disjunct of an operator's precondition: `literals` are its dynamic conditions, `static` the rest."""
+
+    operator: Operator
+    number: int
+    literals: tuple[Literal, ...]
+    static: Body
+    variables: tuple[Variable, ...]  # the header's, then those that only dynamic conditions have
+
+
+@dataclass(frozen=True, slots=True)
+class Conditional:
+    """One disjunct of a conditional effect of an operator."""
+
+    operator: Operator
+    effect: Effect
+    literals: tuple[Literal, ...]
+    static: Body
+
+
+class Vocabulary:
+    """Which predicates change, and how their literals are written at each phase."""
+
+    def __init__(self, domain: Domain, invented: Iterable[Rule] = ()) -> None:
+        self.domain = domain
+        kinds = {name: predicate.kind for name, predicate in domain.predicates.items()}
+        self.events = {name for name, kind in kinds.items() if kind is Kind.EVENT}
+        self.fluents = {name for name, kind in kinds.items() if kind is Kind.FLUENT}
+        self.derived = {name for name, kind in kinds.items() if kind is Kind.DERIVED}
+        self.derived |= {rule.head.name for rule in invented}
+
+    def is_dynamic(self, name: str) -> bool:
+        """Whether the predicate can change."""
+        return name in self.fluents or name in self.derived
+
+    def split(self, parts: Iterable[BodyPart]) -> tuple[tuple[Literal, ...], Body]:
+        """The dynamic literals among parts of a body, and the static rest."""
+        dynamic, static = [], []
+        for part in parts:
+            if isinstance(part, Literal) and self.is_dynamic(part.atom.name):
+                dynamic.append(part)
+            else:
+                static.append(part)
+        return tuple(dynamic), tuple(static)
+
+
+def reachable(atom: Atom) -> str:
+    """The literal that says an atom can become true."""
+    return str(Function(f"_r_{atom.name}", atom.arguments))
+
+
+def numbered(atom: Atom, number: str) -> str:
+    """The literal that binds `number` to an atom's number."""
+    return str(Function(f"_i_{atom.name}", (*atom.arguments, Variable(number))))
+
+
+def rule(head: str, body: Iterable[str]) -> str:
+    """One rule or fact."""
+    text = ", ".join(dict.fromkeys(body))
+    return f"{head} :- {text}." if text else f"{head}."
+
+
+def schemas(domain: Domain, normaliser: Normaliser, vocabulary: Vocabulary) -> Iterator[Schema]:
+    """The operators, split by the alternatives of their preconditions."""
+    number = 0
+    for operator in domain.operators:
+        types = {parameter.variable: parameter.type for parameter in operator.parameters}
+        for disjunct in normaliser.disjuncts(operator.precondition, types):
+            vocabulary.derived |= {invented.head.name for invented in normaliser.rules}
+            literals, static = vocabulary.split(disjunct)
+            yield Schema(operator, number, literals, (*operator.body, *static), _header(operator, literals))
+            number += 1
+
+
+def _header(operator: Operator, literals: tuple[Literal, ...]) -> tuple[Variable, ...]:
+    used = (variable for literal in literals for variable in free_variables(literal))
+    return tuple(dict.fromkeys([*operator.variables, *used]))
+
+
+def conditionals(domain: Domain, normaliser: Normaliser, vocabulary: Vocabulary) -> Iterator[Conditional]:
+    """The effects that have conditions or parameters, split by alternatives."""
+    for operator in domain.operators:
+        types = {parameter.variable: parameter.type for parameter in operator.parameters}
+        for effect in operator.effects:
+            if not is_conditional(effect):
+                continue
+            inner = {**types, **{parameter.variable: parameter.type for parameter in effect.parameters}}
+            for disjunct in normaliser.disjuncts(effect.condition, inner):
+                vocabulary.derived |= {invented.head.name for invented in normaliser.rules}
+                literals, static = vocabulary.split(disjunct)
+                yield Conditional(operator, effect, literals, (*static, *map(_guard_literal, effect.parameters)))
+
+
+def _guard_literal(parameter: Parameter) -> Literal:
+    return Literal(Function(parameter.type, (parameter.variable,)))
+
+
+def is_conditional(effect: Effect) -> bool:
+    """Whether an effect depends on the state or quantifies."""
+    return bool(effect.parameters) or effect.condition != TRUE
+
+
+def instance(schema: Schema) -> str:
+    """The atom that says an instance of a schema is reachable."""
+    return str(Function(f"_o_{schema.number}", schema.variables))
+
+
+def instance_rule(schema: Schema, vocabulary: Vocabulary) -> str:
+    """When an instance of a schema is reachable; an event must be named by a stage."""
+    events = [e.atom for e in schema.operator.effects if e.atom.name in vocabulary.events]
+    body = [str(Function(f"_v_{event.name}", event.arguments)) for event in events]
+    body += [reachable(literal.atom) for literal in schema.literals if literal.positive]
+    body += guard(schema.operator.parameters)
+    body += map(str, schema.static)
+    return rule(instance(schema), body)
+
+
+def effect_rules(schema: Schema, vocabulary: Vocabulary) -> Iterator[str]:
+    """What an instance makes reachable without condition."""
+    for effect in schema.operator.effects:
+        if effect.adds and not is_conditional(effect) and effect.atom.name in vocabulary.fluents:
+            yield rule(reachable(effect.atom), [instance(schema)])
+
+
+def conditional_body(conditional: Conditional, schema: Schema) -> list[str]:
+    """The body under which a conditional effect of a schema's instance can happen."""
+    return [
+        str(Function(f"_o_{schema.number}", _projected(schema))),
+        *(reachable(literal.atom) for literal in conditional.literals if literal.positive),
+        *map(str, conditional.static),
+    ]
+
+
+def _projected(schema: Schema) -> tuple[Variable, ...]:
+    own = set(schema.operator.variables)
+    return tuple(variable if variable in own else ANYTHING for variable in schema.variables)
+
+
+def deduction_rules(operator: DeductiveOperator) -> Iterator[str]:
+    """What a reachable trigger makes reachable (whether it is added or denied)."""
+    for consequence in operator.consequences:
+        if consequence.implied:
+            yield rule(reachable(consequence.atom), [reachable(operator.trigger.atom), *consequence_body(operator, consequence)])
+
+
+def consequence_body(operator: DeductiveOperator, consequence: Consequence) -> list[str]:
+    """The static conditions and types under which a consequence follows."""
+    return [*guard(consequence.parameters), *map(str, operator.body), *map(str, consequence.body)]
+
+
+def derived_rule(rule_: Rule, vocabulary: Vocabulary) -> str:
+    """When a derived atom can become true."""
+    literals, static = vocabulary.split(rule_.body)
+    positives = (reachable(literal.atom) for literal in literals if literal.positive)
+    return rule(reachable(rule_.head), [*positives, *map(str, static)])
+
+
+def number_literals(literals: Iterable[Literal], prefix: str) -> tuple[list[str], list[str]]:
+    """Body literals that bind a number for each literal's atom, and those variables; -1 if a negated one is unreachable."""
+    body, names = [], []
+    for index, literal in enumerate(literals):
+        name = f"{prefix}{index}"
+        names.append(name)
+        if literal.positive:
+            body.append(numbered(literal.atom, name))
+        else:
+            body.append(f"{name} = #max {{ -1 ; {prefix}n{index} : {numbered(literal.atom, f'{prefix}n{index}')} }}")
+    return body, names
+

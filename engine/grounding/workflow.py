@@ -1,0 +1,85 @@
+"""Workflows compiled into the task: one counter per chain, advanced by the operators that reach its stages.
+
+An event happens only as the next stage of some chain. A fluent stage may be reached by any operator that adds the
+fluent while the counter stands before it. Reaching it as soon as possible is never worse, so making it a choice of
+the operator loses nothing and keeps operators free of conditional effects.
+"""
+
+import itertools
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+from engine.grounding.universe import Universe
+from engine.model.task import Bits, indices
+from kb.model.problem import Chain
+from kb.terms import Atom, Function, Number, Text
+
+STAGE = "_stage"
+
+
+def stage_atom(chain: Chain, reached: int) -> Atom:
+    """The fluent that says how many stages of a chain are reached."""
+    return Function(STAGE, (Text(chain.name), Number(reached)))
+
+
+@dataclass(frozen=True, slots=True)
+class Advance:
+    """What an operator needs and changes, beyond its own, to reach some stages."""
+
+    conditions: Bits = 0
+    adds: Bits = 0
+    deletes: Bits = 0
+
+    def __or__(self, other: "Advance") -> "Advance":
+        return Advance(self.conditions | other.conditions, self.adds | other.adds, self.deletes | other.deletes)
+
+
+class Workflow:
+    """The chains of a problem over numbered atoms; the counters follow the universe's atoms, from `first` on."""
+
+    def __init__(self, chains: Sequence[Chain], universe: Universe, first: int, events: set[str]) -> None:
+        self.events = events
+        self.atoms: list[Atom] = []
+        self.initial = self.goal = 0
+        self.groups: list[Bits] = []
+        self._event_stages: dict[Atom, list[Advance]] = {}
+        self._fluent_stages: dict[int, list[Advance]] = {}
+        self._finished: dict[str, Bits] = {}
+        for chain in chains:
+            self._add(chain, universe, first)
+
+    def _add(self, chain: Chain, universe: Universe, first: int) -> None:
+        start = first + len(self.atoms)
+        self.atoms.extend(stage_atom(chain, reached) for reached in range(len(chain.stages) + 1))
+        counters = [1 << (start + reached) for reached in range(len(chain.stages) + 1)]
+        self.initial |= counters[0]
+        self.goal |= counters[-1]
+        self.groups.append(sum(counters))
+        self._finished[chain.name] = counters[-1]
+        waits = 0
+        for earlier in chain.after:
+            waits |= self._finished[earlier]
+        for reached, stage in enumerate(chain.stages):
+            advance = Advance(counters[reached] | (0 if reached else waits), counters[reached + 1], counters[reached])
+            if stage.name in self.events:
+                self._event_stages.setdefault(stage, []).append(advance)
+            elif stage in universe.index:
+                self._fluent_stages.setdefault(universe.index[stage], []).append(advance)
+                if reached + 1 == len(chain.stages):
+                    self.goal |= 1 << universe.index[stage]
+
+    def advances(self, events: Sequence[Atom], added: Bits) -> Iterator[Advance]:
+        """The ways in which an operator with these events and adds can move the counters; none if an event has no stage."""
+        choices: list[list[Advance]] = [self._event_stages.get(event, []) for event in events]
+        reachable = [advance for atom in indices(added) for advance in self._fluent_stages.get(atom, ())]
+        choices.extend([Advance(), advance] for advance in reachable)
+        for combination in itertools.product(*choices):
+            total = Advance()
+            for advance in combination:
+                total = total | advance
+            if total.adds.bit_count() == sum(advance.adds.bit_count() for advance in combination) and self._one_each(total):
+                yield total
+
+    def _one_each(self, advance: Advance) -> bool:
+        """Whether the operator moves each counter at most once."""
+        return all((group & advance.adds).bit_count() <= 1 for group in self.groups)

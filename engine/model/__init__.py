@@ -1,0 +1,1 @@
+"""What the stages of the engine pass to each other: ground tasks and outcomes, all immutable."""

@@ -1,0 +1,87 @@
+"""The ground task: atoms numbered from 0, sets of atoms as integer bitsets (bit i is atom i)."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from kb.terms import Atom, Function, Term
+
+Bits = int
+
+
+@dataclass(frozen=True, slots=True)
+class ConditionalEffect:
+    """`adds` and `deletes` happen if `condition` held before the step."""
+
+    condition: Bits
+    adds: Bits
+    deletes: Bits
+
+
+@dataclass(frozen=True, slots=True)
+class GroundOperator:
+    """A plain operator: new state = (state - deletes) + adds. Several may share one `instance` (supports, stages)."""
+
+    instance: Function
+    preconditions: Bits
+    adds: Bits
+    deletes: Bits
+    conditional: tuple[ConditionalEffect, ...] = ()
+    resources: tuple[Term, ...] = ()
+    duration: int = 0
+    cost: int = 1
+
+
+@dataclass(frozen=True, slots=True)
+class Task:
+    """A ground planning task. `weights` are criticalities per atom; each mutex group holds at most one true atom.
+
+    A negative condition on atom p is a positive one on the complementary atom `not(p)`, kept by every effect on p.
+    `goals` are alternatives: any one of the bitsets will do.
+    """
+
+    atoms: tuple[Atom, ...]
+    operators: tuple[GroundOperator, ...]
+    initial: Bits
+    goals: tuple[Bits, ...]
+    weights: tuple[int, ...]
+    mutex_groups: tuple[Bits, ...] = ()
+
+    def names(self, bits: Bits) -> tuple[Atom, ...]:
+        """The atoms in a bitset."""
+        return tuple(self.atoms[index] for index in indices(bits))
+
+
+def indices(bits: Bits) -> Iterator[int]:
+    """The positions of the set bits, lowest first."""
+    while bits:
+        low = bits & -bits
+        yield low.bit_length() - 1
+        bits ^= low
+
+
+def bitset(positions: "Iterator[int] | list[int] | tuple[int, ...]") -> Bits:
+    """The bitset of the given positions."""
+    bits = 0
+    for position in positions:
+        bits |= 1 << position
+    return bits
+
+
+def progress(state: Bits, operator: GroundOperator) -> Bits:
+    """The state after `operator` in `state`: delete, then add."""
+    adds, deletes = operator.adds, operator.deletes
+    for effect in operator.conditional:
+        if effect.condition & ~state == 0:
+            adds |= effect.adds
+            deletes |= effect.deletes
+    return (state & ~deletes) | adds
+
+
+def regress(goals: Bits, operator: GroundOperator) -> Bits | None:
+    """What must hold before an unconditional `operator` so that `goals` hold after it.
+
+    None if it achieves none of them or destroys one.
+    """
+    if not goals & operator.adds or goals & operator.deletes & ~operator.adds:
+        return None
+    return (goals & ~operator.adds) | operator.preconditions
