@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 from engine.grounding.closure import Deduction
 from engine.grounding.derived import Support, Supports
 from engine.grounding.program import Schema, is_conditional
-from engine.grounding.universe import Universe
+from engine.grounding.universe import DERIVED, Universe
 from engine.grounding.workflow import Workflow
 from engine.model.task import Bits, ConditionalEffect, GroundOperator, bitset
 from kb.model.domain import Operator
@@ -84,7 +84,7 @@ class Instances:
         events = [substitute(e.atom, bindings) for e in operator.effects if e.atom.name in self.workflow.events]
         conditional = tuple(self._conditional(row, operator, instance))
         for support in self.supports.combinations(row.conditions):
-            true_before = bitset([signed for signed in support if signed >= 0])
+            true_before = bitset([signed for signed in support if 0 <= signed < DERIVED])
             added, deleted = self._close(row, operator, instance, true_before)
             base = self.numbering.bits(support)
             for advance in self.workflow.advances(events, added):
@@ -114,10 +114,11 @@ class Instances:
             return
         for conditions, adds, deletes in self.effects.get((operator.name, row.arguments), ()):
             for support in self.supports.combinations(conditions):
-                true_before = bitset([signed for signed in (*support, *row.conditions) if signed >= 0])
+                true_before = bitset([signed for signed in (*support, *row.conditions) if 0 <= signed < DERIVED])
                 added, denied = self.deduction.close(adds, true_before)
                 if added & denied:
                     self.contradictions.append(Contradiction(operator, instance, added & denied, adds))
+                self.numbering.bits(tuple(~signed for signed in support))  # regression needs their complements
                 yield ConditionalEffect(self.numbering.bits(support), added, (denied | deletes) & ~added)
 
 

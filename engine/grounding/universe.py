@@ -9,7 +9,7 @@ from kb.asp import Grounder, Table
 from kb.terms import Atom, Function, Term
 
 
-DERIVED = 1 << 40  # numbers of derived atoms start here: they are compiled away and get no bit
+DERIVED = 1 << 29  # derived atoms are numbered from here: they are compiled away and get no bit (clingo has 32)
 
 
 class Universe:

@@ -1,0 +1,173 @@
+"""Backward chaining over sets of open conditions: hill climbing with chronological backtracking, then best first.
+
+A node is what must hold so that the steps chosen so far reach the goals (ITA's task planner; regression). Weights
+order the work as in ABSTRIPS (Sacerdoti 1974): operators for the heaviest unsatisfied condition come first among
+equals. They never prune. Mutexes discard sets that no reachable state satisfies.
+"""
+
+import heapq
+import itertools
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+
+from engine.model.task import Bits, GroundOperator, Task, indices
+from engine.planning.relaxed import RelaxedPlans, relaxed_plans
+
+Interrupted = Callable[[], bool]
+
+
+@dataclass(frozen=True, slots=True)
+class Node:
+    """Open conditions, and the step that was put in last: it comes first in the plan. `depth` counts steps."""
+
+    open: Bits
+    step: int
+    next: "Node | None"
+    depth: int
+    cost: int
+
+    def steps(self) -> list[int]:
+        """The operators of the plan from here to the goals, in order of execution."""
+        found, node = [], self
+        while node.next is not None:
+            found.append(node.step)
+            node = node.next
+        return found
+
+
+@dataclass
+class Effort:
+    """Work counted, not timed: the search stops after `limit` expansions, or when `interrupted` says so."""
+
+    limit: int
+    interrupted: Interrupted = lambda: False
+    expanded: int = 0
+    generated: int = 0
+
+    def spent(self) -> bool:
+        """Whether to stop."""
+        return self.expanded >= self.limit or (self.expanded % 64 == 0 and self.interrupted())
+
+
+@dataclass(frozen=True, slots=True)
+class Answer:
+    """The steps of a plan, or None; `exhausted` if the whole space was searched."""
+
+    steps: list[int] | None
+    exhausted: bool
+
+
+@dataclass
+class Backward:
+    """One regression search space: operators indexed by what they achieve, relaxed plans, mutexes."""
+
+    operators: Sequence[GroundOperator]
+    initial: Bits
+    weights: Sequence[int]
+    excluded: Sequence[Bits]
+    relaxed: RelaxedPlans = field(init=False)
+
+    def __post_init__(self) -> None:
+        size = len(self.excluded)
+        self.relaxed = relaxed_plans(self.initial, self.operators, size)
+        self.achievers: list[list[int]] = [[] for _ in range(size)]
+        self.conflicts: list[Bits] = []
+        for number, operator in enumerate(self.operators):
+            forbidden = operator.deletes & ~operator.adds
+            for atom in indices(operator.preconditions):
+                forbidden |= self.excluded[atom] & ~operator.adds
+            for atom in indices(operator.adds):
+                forbidden |= self.excluded[atom]
+            self.conflicts.append(forbidden)
+            if self.relaxed.plan(operator.preconditions) is not None and not self._spurious(operator):
+                for atom in indices(operator.adds & ~operator.preconditions):
+                    self.achievers[atom].append(number)
+
+    def _spurious(self, operator: GroundOperator) -> bool:
+        """Whether the preconditions can never hold together."""
+        return any(self.excluded[atom] & operator.preconditions for atom in indices(operator.preconditions))
+
+    def consistent(self, conditions: Bits) -> bool:
+        """Whether no two conditions exclude each other."""
+        return not any(self.excluded[atom] & conditions for atom in indices(conditions))
+
+    def root(self, goals: Bits) -> Node | None:
+        """The node of the goals themselves, or None if they are unreachable or exclude each other."""
+        if self.relaxed.plan(goals) is None or not self.consistent(goals):
+            return None
+        return Node(goals, -1, None, 0, 0)
+
+    def successors(self, node: Node) -> Iterator[tuple[tuple[int, int, int], Node]]:
+        """The nodes one step further back, each with (estimate, lightness, operator) to sort by."""
+        seen: set[int] = set()
+        unsatisfied = sorted(indices(node.open & ~self.initial), key=lambda atom: -self.weights[atom])
+        satisfied = list(indices(node.open & self.initial))
+        for atom in itertools.chain(unsatisfied, satisfied):
+            for number in self.achievers[atom]:
+                if number in seen:
+                    continue
+                seen.add(number)
+                if self.conflicts[number] & node.open:
+                    continue
+                operator = self.operators[number]
+                conditions = (node.open & ~operator.adds) | operator.preconditions
+                plan = self.relaxed.plan(conditions)
+                if plan is not None:
+                    following = Node(conditions, number, node, node.depth + 1, node.cost + self.relaxed.costs[number])
+                    yield (self.relaxed.cost(plan), -self.weights[atom], number), following
+
+    def climb(self, root: Node, effort: Effort) -> Answer:
+        """Depth first, best successor first, stepping back when there is none: complete, as no set is met twice."""
+        if root.open & ~self.initial == 0:
+            return Answer([], False)
+        closed = {root.open}
+        stack = [self._ordered(root, effort)]
+        while stack:
+            if effort.spent():
+                return Answer(None, False)
+            node = next((each for each in stack[-1] if each.open not in closed), None)
+            if node is None:
+                stack.pop()
+                continue
+            closed.add(node.open)
+            if node.open & ~self.initial == 0:
+                return Answer(node.steps(), False)
+            stack.append(self._ordered(node, effort))
+        return Answer(None, True)
+
+    def _ordered(self, node: Node, effort: Effort) -> Iterator[Node]:
+        effort.expanded += 1
+        found = sorted(self.successors(node), key=lambda pair: pair[0])
+        effort.generated += len(found)
+        return iter([each for _, each in found])
+
+    def best_first(self, roots: Sequence[Node], effort: Effort, greed: int) -> Answer:
+        """Best first by cost + greed * estimate. `greed` 0 with unit costs is breadth first and finds shortest plans."""
+        counter = itertools.count()
+        queue: list[tuple[int, int, int, Node]] = []
+        best: dict[Bits, int] = {}
+        for root in roots:
+            best[root.open] = 0
+            heapq.heappush(queue, (greed * self.relaxed.cost(self.relaxed.plan(root.open) or 0), 0, next(counter), root))
+        while queue:
+            if effort.spent():
+                return Answer(None, False)
+            _, _, _, node = heapq.heappop(queue)
+            if best[node.open] < node.cost:
+                continue
+            if node.open & ~self.initial == 0:
+                return Answer(node.steps(), False)
+            effort.expanded += 1
+            for (estimate, lightness, _), following in self.successors(node):
+                known = best.get(following.open)
+                if known is None or following.cost < known:
+                    best[following.open] = following.cost
+                    effort.generated += 1
+                    entry = (following.cost + greed * estimate, lightness, next(counter), following)
+                    heapq.heappush(queue, entry)
+        return Answer(None, True)
+
+
+def space(task: Task, operators: Sequence[GroundOperator], excluded: Sequence[Bits]) -> Backward:
+    """The search space of a task over unconditional operators."""
+    return Backward(operators, task.initial, task.weights, excluded)
