@@ -4,6 +4,8 @@
 (Lloyd & Topor 1984). Its supports are found like those of any derived predicate.
 """
 
+import itertools
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 from kb.model.conditions import (
@@ -17,6 +19,7 @@ from kb.model.conditions import (
     Not,
     Or,
     Parameter,
+    bind,
     free_variables,
 )
 from kb.model.domain import BUILT_IN_TYPES, OBJECT, Rule
@@ -31,6 +34,7 @@ class Normaliser:
     """Turns conditions into disjuncts and collects the rules of the predicates it invents."""
 
     rules: list[Rule] = field(default_factory=list)
+    _counter: Iterator[int] = field(default_factory=itertools.count)
 
     def disjuncts(self, condition: Condition, types: dict[Variable, str]) -> list[Disjunct]:
         """The alternatives of `condition`; `types` are those of its free variables."""
@@ -45,6 +49,7 @@ class Normaliser:
             case Not(part):
                 return self._negative(part, types)
             case Exists(parameters, part):
+                parameters, part = self._renamed_apart(parameters, part)
                 inner = {**types, **{p.variable: p.type for p in parameters}}
                 guards = tuple(type_literal(p) for p in parameters if p.type not in BUILT_IN_TYPES or p.type == OBJECT)
                 return [(*guards, *disjunct) for disjunct in self._positive(part, inner)]
@@ -52,6 +57,13 @@ class Normaliser:
                 return [(self._no(Exists(parameters, Not(part)), types),)]
             case _:
                 return [(condition,)]
+
+    def _renamed_apart(
+        self, parameters: tuple[Parameter, ...], part: Condition
+    ) -> tuple[tuple[Parameter, ...], Condition]:
+        """The same quantified part with variables that stand nowhere else, since disjuncts join their variables."""
+        fresh = {p.variable: Variable(f"{p.variable}__{next(self._counter)}") for p in parameters}
+        return tuple(Parameter(fresh[p.variable], p.type) for p in parameters), bind(part, fresh)
 
     def _negative(self, condition: Condition, types: dict[Variable, str]) -> list[Disjunct]:
         match condition:

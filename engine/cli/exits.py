@@ -1,0 +1,16 @@
+"""Exit codes (see the README)."""
+
+from engine.model.outcome import Found, GaveUp, Infeasible, Outcome
+
+FINDINGS, BAD_INPUT, INTERNAL, INTERRUPTED = 1, 2, 70, 130
+
+
+def exit_code(outcome: Outcome) -> int:
+    """0 an answer, 10 proven infeasible, 12 gave up, 23 stopped by a limit of time or memory."""
+    match outcome:
+        case Found():
+            return 0
+        case Infeasible():
+            return 10
+        case GaveUp(limit=limit):
+            return 12 if limit == "expansions" else 23
