@@ -6,7 +6,7 @@ symbols one by one.
 """
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 
 import clingo
 import numpy as np
@@ -64,6 +64,13 @@ class Grounder:
         """The argument tuples of every true atom of a predicate, in clingo's order."""
         found = self._control.symbolic_atoms.by_signature(predicate, arity)
         return [tuple(map(term, atom.symbol.arguments)) for atom in found]
+
+    def everything(self) -> Iterator[Function]:
+        """Every true atom of every predicate."""
+        for atom in self._control.symbolic_atoms:
+            found = term(atom.symbol)
+            if isinstance(found, Function):
+                yield found
 
     def table(self, predicate: str, arity: int) -> Table:
         """The same for a predicate over integers, as an array (n, arity)."""

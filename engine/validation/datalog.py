@@ -1,0 +1,206 @@
+"""Bodies solved over sets of facts, plainly: the checker's own reading of conditions, sharing nothing with the search."""
+
+import operator
+from collections import defaultdict
+from collections.abc import Callable, Iterable, Iterator, Mapping
+
+from kb.model.conditions import (
+    Aggregate,
+    And,
+    Body,
+    BodyPart,
+    Comparison,
+    Condition,
+    Exists,
+    ForAll,
+    Literal,
+    Not,
+    Or,
+    Parameter,
+)
+from kb.model.domain import NUMERIC_TYPES, OBJECT
+from kb.terms import Atom, Function, Number, Operation, Term, Text, Variable, is_ground, match, substitute, substitute_atom
+
+Bindings = Mapping[Variable, Term]
+RELATIONS: dict[str, Callable[[object, object], bool]] = {
+    "=": operator.eq, "!=": operator.ne, "<": operator.lt, "<=": operator.le, ">": operator.gt, ">=": operator.ge,
+}  # fmt: skip
+
+
+class Facts:
+    """Ground atoms by predicate, over a layer of facts that never change."""
+
+    def __init__(self, atoms: Iterable[Atom], below: "Facts | None" = None) -> None:
+        self.below = below
+        self._by_name: dict[str, set[Atom]] = defaultdict(set)
+        for atom in atoms:
+            self._by_name[atom.name].add(atom)
+
+    def add(self, atom: Atom) -> bool:
+        """Add one; whether it is new."""
+        if atom in self:
+            return False
+        self._by_name[atom.name].add(atom)
+        return True
+
+    def __contains__(self, atom: Atom) -> bool:
+        known = self._by_name.get(atom.name)
+        return (known is not None and atom in known) or (self.below is not None and atom in self.below)
+
+    def named(self, name: str) -> Iterator[Atom]:
+        """Every atom of a predicate."""
+        yield from self._by_name.get(name, ())
+        if self.below is not None:
+            yield from self.below.named(name)
+
+    def has_type(self, term: Term, type_: str) -> bool:
+        """Whether a term is a value of a type."""
+        if type_ in NUMERIC_TYPES:
+            return isinstance(term, Number)
+        if type_ == "text":
+            return isinstance(term, Text)
+        return type_ == OBJECT or Function(type_, (term,)) in self
+
+
+def evaluate(term: Term) -> Term | None:
+    """A ground term with its arithmetic done; None where it has no value."""
+    if not isinstance(term, Operation):
+        return term
+    left, right = evaluate(term.left), evaluate(term.right)
+    if not isinstance(left, Number) or not isinstance(right, Number):
+        return None
+    match term.operator:
+        case "+":
+            return Number(left.value + right.value)
+        case "-":
+            return Number(left.value - right.value)
+        case "*":
+            return Number(left.value * right.value)
+        case _ if right.value == 0:
+            return None
+        case "/":
+            quotient = abs(left.value) // abs(right.value)  # clingo rounds towards zero
+            return Number(quotient if (left.value < 0) == (right.value < 0) else -quotient)
+        case _:
+            quotient = abs(left.value) // abs(right.value)
+            signed = quotient if (left.value < 0) == (right.value < 0) else -quotient
+            return Number(left.value - signed * right.value)
+
+
+def _order(term: Term) -> tuple[object, ...]:
+    """clingo's order of terms: numbers, then constants, texts and compound terms by arity, name and arguments."""
+    match term:
+        case Number(value):
+            return (0, value)
+        case Function(name, ()):
+            return (1, name)
+        case Text(value):
+            return (2, value)
+        case Function(name, arguments):
+            return (3, len(arguments), name, tuple(map(_order, arguments)))
+        case _:
+            raise ValueError(f"{term} is not ground")
+
+
+def solve(body: Body, facts: Facts, bindings: Bindings, below: Facts | None = None) -> Iterator[dict[Variable, Term]]:
+    """Every binding that extends `bindings` and satisfies `body`; `not p` is judged by `below` (default: `facts`)."""
+    if not body:
+        yield dict(bindings)
+        return
+    part, rest = _next(body, bindings)
+    for extended in _part(part, facts, bindings, below or facts):
+        yield from solve(rest, facts, extended, below)
+
+
+def _next(body: Body, bindings: Bindings) -> tuple[BodyPart, Body]:
+    """The part to look at first: a test whose variables are bound, else a positive literal."""
+    for index, part in enumerate(body):
+        if _is_test(part, bindings):
+            return part, body[:index] + body[index + 1 :]
+    index = next((i for i, part in enumerate(body) if isinstance(part, Literal) and part.positive), 0)
+    return body[index], body[:index] + body[index + 1 :]
+
+
+def _is_test(part: BodyPart, bindings: Bindings) -> bool:
+    match part:
+        case Comparison(left, relation, right):
+            sides = is_ground(substitute(left, bindings)), is_ground(substitute(right, bindings))
+            return all(sides) or (relation == "=" and any(sides))
+        case Literal(atom):
+            return is_ground(substitute_atom(atom, bindings))
+        case Aggregate():
+            return False
+
+
+def _part(part: BodyPart, facts: Facts, bindings: Bindings, below: Facts) -> Iterator[Bindings]:
+    match part:
+        case Literal(atom, positive):
+            yield from _literal(substitute_atom(atom, bindings), positive, facts, bindings, below)
+        case Comparison():
+            yield from _comparison(part, bindings)
+        case Aggregate(text):
+            raise ValueError(f"aggregates are evaluated by clingo beforehand: {text}")
+
+
+def _literal(atom: Atom, positive: bool, facts: Facts, bindings: Bindings, below: Facts) -> Iterator[Bindings]:
+    if is_ground(atom):
+        if (atom in facts) if positive else (atom not in below):
+            yield bindings
+        return
+    if not positive:
+        if not any(match(atom, other, {}) is not None for other in below.named(atom.name)):
+            yield bindings
+        return
+    for other in list(facts.named(atom.name)):
+        extended = match(atom, other, bindings)
+        if extended is not None:
+            yield extended
+
+
+def _comparison(part: Comparison, bindings: Bindings) -> Iterator[Bindings]:
+    left, right = evaluate(substitute(part.left, bindings)), evaluate(substitute(part.right, bindings))
+    if left is None or right is None:
+        return
+    if part.relation == "=" and not (is_ground(left) and is_ground(right)):
+        pattern, ground = (left, right) if is_ground(right) else (right, left)
+        extended = match(pattern, ground, bindings)
+        if extended is not None:
+            yield extended
+    elif RELATIONS[part.relation](_order(left), _order(right)):
+        yield bindings
+
+
+def holds(condition: Condition, facts: Facts, bindings: Bindings, below: Facts | None = None) -> bool:
+    """Whether a condition is true; with `below`, whether it is true of every state between `facts` and `below`."""
+    match condition:
+        case Literal() | Comparison():
+            return next(_part(condition, facts, bindings, below or facts), None) is not None
+        case And(parts):
+            return all(holds(part, facts, bindings, below) for part in parts)
+        case Or(parts):
+            return any(holds(part, facts, bindings, below) for part in parts)
+        case Not(part):
+            return not holds(part, below or facts, bindings, facts if below else None)
+        case Exists(parameters, part):
+            return any(holds(part, facts, each, below) for each in _values(parameters, part, facts, bindings))
+        case ForAll(parameters, part):
+            return not holds(Exists(parameters, Not(part)), below or facts, bindings, facts if below else None)
+        case Aggregate(text):
+            raise ValueError(f"aggregates are evaluated by clingo beforehand: {text}")
+
+
+def _values(
+    parameters: tuple[Parameter, ...], part: Condition, facts: Facts, bindings: Bindings
+) -> Iterator[Bindings]:
+    """Bindings of quantified variables: from the facts where the part is a literal, else over the types."""
+    if isinstance(part, Literal) and part.positive:
+        for found in _literal(substitute_atom(part.atom, bindings), True, facts, bindings, facts):
+            if all(p.variable not in found or facts.has_type(found[p.variable], p.type) for p in parameters):
+                yield found
+        return
+    if not parameters:
+        yield bindings
+        return
+    first, rest = parameters[0], parameters[1:]
+    for atom in list(facts.named(first.type)):
+        yield from _values(rest, part, facts, {**bindings, first.variable: atom.arguments[0]})

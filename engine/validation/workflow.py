@@ -1,0 +1,66 @@
+"""The stages of a workflow, followed along one order of the steps."""
+
+from collections.abc import Iterator, Sequence
+
+from kb.model.domain import Domain, Kind
+from kb.model.problem import Chain
+from kb.terms import Atom
+
+Counters = tuple[int, ...]
+
+
+class Stages:
+    """How far each chain has come. An event may belong to several chains, so every possible reading is kept."""
+
+    def __init__(self, domain: Domain, chains: Sequence[Chain]) -> None:
+        self.chains = chains
+        self.kinds = {name: predicate.kind for name, predicate in domain.predicates.items()}
+        self.readings: set[Counters] = {tuple(0 for _ in chains)}
+
+    def step(self, events: Sequence[Atom], adds: frozenset[Atom]) -> Atom | None:
+        """Move on by what a step did; the event that no chain expects now, if there is one."""
+        moved: set[Counters] = set()
+        for reading in self.readings:
+            moved |= {self._fluents(reading, each, adds) for each in self._events(reading, events)}
+        if not moved and self.readings:
+            return events[0]
+        self.readings = moved
+        return None
+
+    def _events(self, reading: Counters, events: Sequence[Atom]) -> Iterator[Counters]:
+        if not events:
+            yield reading
+            return
+        for index, chain in enumerate(self.chains):
+            if self._next(reading, index) == events[0] and self._may_start(reading, chain, index):
+                yield from self._events(_advanced(reading, index), events[1:])
+
+    def _fluents(self, before: Counters, reading: Counters, adds: frozenset[Atom]) -> Counters:
+        for index, chain in enumerate(self.chains):
+            if reading[index] == before[index] and self._next(before, index) in adds and self._may_start(before, chain, index):
+                reading = _advanced(reading, index)
+        return reading
+
+    def _next(self, reading: Counters, index: int) -> Atom | None:
+        stages = self.chains[index].stages
+        return stages[reading[index]] if reading[index] < len(stages) else None
+
+    def _may_start(self, reading: Counters, chain: Chain, index: int) -> bool:
+        if reading[index]:
+            return True
+        done = {each.name for i, each in enumerate(self.chains) if reading[i] == len(each.stages)}
+        return all(name in done for name in chain.after)
+
+    def missing(self, state: frozenset[Atom]) -> list[str]:
+        """The stages that the most advanced reading has not reached, and last fluents that no longer hold."""
+        best = max(self.readings, key=sum)
+        found = [f"{chain.stages[n]} of {chain.name}" for chain, n in zip(self.chains, best, strict=True) if n < len(chain.stages)]
+        for chain in self.chains:
+            last = chain.stages[-1]
+            if self.kinds[last.name] is Kind.FLUENT and last not in state:
+                found.append(f"{last} at the end")
+        return found
+
+
+def _advanced(reading: Counters, index: int) -> Counters:
+    return (*reading[:index], reading[index] + 1, *reading[index + 1 :])
