@@ -4,18 +4,19 @@ It executes one linearisation against the domain itself, verifies every causal l
 cannot disturb each other, so that all other linearisations do the same. It shares no code with grounding or search.
 """
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, field
+from functools import cached_property
 
 from engine.validation.datalog import Bindings, Facts, holds
 from engine.validation.semantics import Change, Semantics, State
 from engine.validation.workflow import Stages
 from kb.diagnostics import Diagnostic, Source
-from kb.model.conditions import TRUE, And, Condition, Exists, ForAll, Literal, Not, Or
+from kb.model.conditions import TRUE, And, Condition, Literal, bind, literals
 from kb.model.domain import Operator
 from kb.model.plan import GOAL, START, CausalLink, Plan, Step, StepId
 from kb.model.problem import Problem
-from kb.terms import Atom, Function, Substitution, Variable, match, substitute, substitute_atom
+from kb.terms import ANYTHING, Atom, Function, Substitution, match, substitute, substitute_atom, variables
 
 
 def validate(problem: Problem, plan: Plan, name: str = "plan") -> list[Diagnostic]:
@@ -29,9 +30,8 @@ class Executed:
 
     step: Step
     operator: Operator
-    bindings: dict[Variable, "object"]
+    bindings: Bindings
     change: Change
-    state: State
 
 
 @dataclass
@@ -58,6 +58,7 @@ class _Check:
         if self._executes():
             self._reaches_goals()
             self._check_links()
+            self._check_stages()
             self._check_interference()
         return self.found
 
@@ -88,7 +89,7 @@ class _Check:
             change = self._execute(step, state)
             if change is None:
                 return False
-            unexpected = stages.step(change.events, change.adds)
+            unexpected = stages.step(step.id, change.events, change.adds)
             if unexpected is not None:
                 self._report("K506", f"step {step.id} {step.operator}: {unexpected} is not the next stage of any chain")
                 return False
@@ -116,7 +117,7 @@ class _Check:
         if change.contradiction is not None:
             self._report("K501", f"step {step.id} {step.operator} both adds and denies {change.contradiction}")
             return None
-        self.executed[step.id] = Executed(step, operator, dict(bindings), change, state)
+        self.executed[step.id] = Executed(step, operator, bindings, change)
         return change
 
     def _failed(self, condition: Condition, facts: Facts, bindings: Substitution) -> Iterator[str]:
@@ -139,6 +140,11 @@ class _Check:
             self._report("K502", f"the goal {failed} does not hold at the end", self._why(failed))
         for stage in self.stages.missing(self.final):
             self._report("K506", f"the workflow misses {stage}")
+
+    def _check_stages(self) -> None:
+        for earlier, later, why in self.stages.orders():
+            if earlier != later and earlier not in self.before[later]:
+                self._report("K506", f"steps {earlier} and {later} must be ordered: {why}")
 
     def _check_links(self) -> None:
         for link in self.plan.links:
@@ -223,7 +229,7 @@ class _Check:
         conditions = [executed.operator.precondition]
         conditions += [e.condition for e in executed.operator.effects if e.condition != TRUE or e.parameters]
         reads.watched -= reads.true
-        bindings: Bindings = executed.bindings  # type: ignore[assignment]
+        bindings = executed.bindings
         for condition in conditions:
             if condition is not executed.operator.precondition or not self._proved(condition, bindings, reads):
                 reads.watched |= set(self._mentioned(condition, bindings))
@@ -231,57 +237,28 @@ class _Check:
 
     def _proved(self, condition: Condition, bindings: Bindings, reads: Reads) -> bool:
         """Whether what the links guarantee makes the condition true in every state that agrees with them."""
-        if any(literal.atom.name in self.semantics.derived for literal in _literals(condition)):
-            lower = self.semantics.facts(reads.true, set(self.everything) - reads.false)
-            upper = self.semantics.facts(set(self.everything) - reads.false, reads.true)
-        else:
-            lower = Facts(reads.true, self.semantics.statics)
-            upper = Facts(set(self.everything) - reads.false, self.semantics.statics)
+        lower, upper = self.semantics.bounds(reads.true, self.everything - reads.false)
         return holds(condition, lower, bindings, upper)
 
-    @property
-    def everything(self) -> Iterable[Atom]:
-        """Every atom that is true at some time in some order."""
-        atoms = set(self.start)
-        for executed in self.executed.values():
-            atoms |= executed.change.adds
-        return atoms
+    @cached_property
+    def everything(self) -> State:
+        """Every atom that is true at some time."""
+        return self.start.union(*(executed.change.adds for executed in self.executed.values()))
 
     def _mentioned(self, condition: Condition, bindings: Bindings) -> Iterator[Atom]:
-        """The fluent atoms, or patterns, on which a condition can depend, through derived predicates too."""
-        waiting = [substitute_atom(each.atom, bindings) for each in _literals(condition)]
-        seen: set[Atom] = set()
-        while waiting:
-            atom = waiting.pop()
-            if atom in seen:
-                continue
-            seen.add(atom)
-            if atom.name in self.semantics.derived:
-                waiting.extend(Function(name, (Variable("_"),) * arity) for name, arity in self.semantics.reads_of(atom.name))
+        """The fluent atoms, or patterns of them, on which a condition can depend."""
+        for literal in literals(bind(condition, bindings)):
+            atom = literal.atom
+            fluents = self.semantics.fluents_behind(atom.name)
+            if fluents == {atom.name}:
+                yield substitute_atom(atom, dict.fromkeys(variables(atom), ANYTHING))
             else:
-                yield _anonymous(atom)
+                yield from (atom_pattern(self.problem, name) for name in sorted(fluents))
 
 
-def _anonymous(atom: Atom) -> Atom:
-    return substitute_atom(atom, _Anything())
-
-
-class _Anything(dict[Variable, Variable]):
-    def get(self, key: Variable, default: object = None) -> Variable:  # type: ignore[override]
-        return Variable("_")
-
-
-def _literals(condition: Condition) -> Iterator[Literal]:
-    match condition:
-        case Literal():
-            yield condition
-        case And(parts) | Or(parts):
-            for part in parts:
-                yield from _literals(part)
-        case Not(part) | Exists(_, part) | ForAll(_, part):
-            yield from _literals(part)
-        case _:
-            return
+def atom_pattern(problem: Problem, name: str) -> Atom:
+    """Any atom of a predicate."""
+    return Function(name, (ANYTHING,) * len(problem.domain.predicates[name].arguments))
 
 
 def _signed(condition: Atom) -> tuple[Atom, bool]:
@@ -297,4 +274,4 @@ def _is_stage(condition: Atom) -> bool:
 def _said(condition: Condition, bindings: Substitution) -> str:
     if isinstance(condition, Literal):
         return str(Literal(substitute_atom(condition.atom, bindings), condition.positive))
-    return " and ".join(str(literal) for literal in _literals(condition)) or "a condition"
+    return " and ".join(str(literal) for literal in literals(condition)) or "a condition"

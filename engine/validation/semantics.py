@@ -68,9 +68,9 @@ class Semantics:
         self._triggers: dict[tuple[str, bool], list[DeductiveOperator]] = defaultdict(list)
         for deductive in domain.deductive_operators:
             self._triggers[(deductive.trigger.atom.name, deductive.trigger.positive)].append(deductive)
-        self._rules_by_head: dict[str, list[Rule]] = defaultdict(list)
+        self._rules: dict[str, list[Rule]] = defaultdict(list)
         for rule in domain.rules:
-            self._rules_by_head[rule.head.name].append(rule)
+            self._rules[rule.head.name].append(rule)
 
     @cached_property
     def statics(self) -> Facts:
@@ -97,23 +97,39 @@ class Semantics:
     def facts(self, state: Iterable[Atom]) -> Facts:
         """A state with its derived atoms, over the statics."""
         facts = Facts(state, self.statics)
-        for names in self.strata:
-            rules = [rule for name in names for rule in self._rules_by_head[name]]
-            changed = True
-            while changed:
-                derived = [substitute_atom(r.head, b) for r in rules for b in solve(r.body, facts, {})]
-                changed = any([facts.add(atom) for atom in derived])
+        for rules in self.strata:
+            _close(rules, facts, facts)
         return facts
 
+    def bounds(self, certain: Iterable[Atom], possible: Iterable[Atom]) -> tuple[Facts, Facts]:
+        """What is true in every state between two sets of atoms, and what can be, derived atoms included."""
+        lower, upper = Facts(certain, self.statics), Facts(possible, self.statics)
+        for rules in self.strata:
+            _close(rules, lower, upper)
+            _close(rules, upper, lower)
+        return lower, upper
+
     @cached_property
-    def strata(self) -> list[list[str]]:
-        """The derived predicates in an order in which negation looks only backwards."""
+    def strata(self) -> list[list[Rule]]:
+        """The rules of derived predicates in an order in which negation looks only backwards."""
+        return [[rule for name in sorted(part) for rule in self._rules[name]] for part in nx.strongly_connected_components(self._uses)]
+
+    @cached_property
+    def _uses(self) -> "nx.DiGraph[str]":
         graph: nx.DiGraph[str] = nx.DiGraph()
-        graph.add_nodes_from(self._rules_by_head)
-        for name, rules in self._rules_by_head.items():
+        for name, rules in self._rules.items():
+            graph.add_node(name)
             used = (p.atom.name for rule in rules for p in rule.body if isinstance(p, Literal))
-            graph.add_edges_from((name, other) for other in used if other in self._rules_by_head)
-        return [sorted(component) for component in nx.strongly_connected_components(graph)]
+            graph.add_edges_from((name, other) for other in used if other in self._rules)
+        return graph
+
+    def fluents_behind(self, name: str) -> set[str]:
+        """The fluents that a predicate depends on: itself, or those its rules lead to."""
+        if name not in self._rules:
+            return {name} if self._kinds.get(name) is Kind.FLUENT else set()
+        reached = {name, *nx.descendants(self._uses, name)}
+        used = {p.atom.name for each in reached for r in self._rules[each] for p in r.body if isinstance(p, Literal)}
+        return {other for other in used if self._kinds.get(other) is Kind.FLUENT}
 
     def initial(self) -> State:
         """The initial state (Meaning 6)."""
@@ -226,6 +242,14 @@ class Semantics:
                 waiting.append(substitute_atom(consequence.atom, each))
                 found = True
         return found
+
+
+def _close(rules: Iterable[Rule], facts: Facts, judge: Facts) -> None:
+    """Add what follows by rules of one stratum; `judge` decides negations."""
+    changed = True
+    while changed:
+        derived = [substitute_atom(r.head, b) for r in rules for b in solve(r.body, facts, {}, judge)]
+        changed = any([facts.add(atom) for atom in derived])
 
 
 def _open(consequence: Consequence, bindings: Bindings) -> set[Variable]:

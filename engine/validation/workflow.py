@@ -1,12 +1,17 @@
 """The stages of a workflow, followed along one order of the steps."""
 
+import itertools
 from collections.abc import Iterator, Sequence
 
 from kb.model.domain import Domain, Kind
+from kb.model.plan import StepId
 from kb.model.problem import Chain
 from kb.terms import Atom
 
 Counters = tuple[int, ...]
+
+
+Trail = tuple[tuple[StepId, ...], ...]  # for each chain the steps that reached its stages
 
 
 class Stages:
@@ -15,14 +20,16 @@ class Stages:
     def __init__(self, domain: Domain, chains: Sequence[Chain]) -> None:
         self.chains = chains
         self.kinds = {name: predicate.kind for name, predicate in domain.predicates.items()}
-        self.readings: set[Counters] = {tuple(0 for _ in chains)}
+        self.readings: dict[Counters, Trail] = {tuple(0 for _ in chains): tuple(() for _ in chains)}
 
-    def step(self, events: Sequence[Atom], adds: frozenset[Atom]) -> Atom | None:
+    def step(self, step: StepId, events: Sequence[Atom], adds: frozenset[Atom]) -> Atom | None:
         """Move on by what a step did; the event that no chain expects now, if there is one."""
-        moved: set[Counters] = set()
-        for reading in self.readings:
-            moved |= {self._fluents(reading, each, adds) for each in self._events(reading, events)}
-        if not moved and self.readings:
+        moved: dict[Counters, Trail] = {}
+        for reading, trail in self.readings.items():
+            for each in self._events(reading, events):
+                after = self._fluents(reading, each, adds)
+                moved.setdefault(after, _extended(trail, reading, after, step))
+        if not moved:
             return events[0]
         self.readings = moved
         return None
@@ -60,6 +67,22 @@ class Stages:
             if self.kinds[last.name] is Kind.FLUENT and last not in state:
                 found.append(f"{last} at the end")
         return found
+
+
+    def orders(self) -> Iterator[tuple[StepId, StepId, str]]:
+        """Pairs of steps that must be ordered, and why: stages of one chain, and chains after others."""
+        trail = self.readings[max(self.readings, key=sum)]
+        steps = dict(zip((chain.name for chain in self.chains), trail, strict=True))
+        for chain in self.chains:
+            for earlier, later in itertools.pairwise(steps[chain.name]):
+                yield earlier, later, f"they reach stages of {chain.name}"
+            for name in chain.after:
+                if steps[name] and steps[chain.name]:
+                    yield steps[name][-1], steps[chain.name][0], f"{chain.name} comes after {name}"
+
+
+def _extended(trail: Trail, before: Counters, after: Counters, step: StepId) -> Trail:
+    return tuple((*t, step) if a > b else t for t, b, a in zip(trail, before, after, strict=True))
 
 
 def _advanced(reading: Counters, index: int) -> Counters:
