@@ -122,7 +122,11 @@ def match(pattern: Term, ground: Term, bindings: Substitution) -> dict[Variable,
                 return {**bindings, pattern: ground}
             return dict(bindings) if bound == ground else None
         case Function(name, arguments):
-            if not isinstance(ground, Function) or ground.name != name or len(ground.arguments) != len(arguments):
+            if (
+                not isinstance(ground, Function)
+                or ground.name != name
+                or len(ground.arguments) != len(arguments)
+            ):
                 return None
             extended: dict[Variable, Term] | None = dict(bindings)
             for inner, value in zip(arguments, ground.arguments, strict=True):

@@ -5,9 +5,13 @@ from typing import Annotated
 
 import typer
 
-app = typer.Typer(name="cellwright", no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False)
+app = typer.Typer(
+    name="cellwright", no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False
+)
 
-Target = Annotated[str, typer.Argument(help="a problem file, a domain folder, or a bundled name such as bulkhead/one_point")]
+Target = Annotated[
+    str, typer.Argument(help="a problem file, a domain folder, or a bundled name such as bulkhead/one_point")
+]
 
 
 @app.callback()

@@ -115,7 +115,9 @@ class _Grounding:
         state.give(bitset([universe.index[fact] for fact in self.problem.initial]))
         if state.facts & state.denied:
             names = [str(universe.atoms[i]) for i in indices(state.facts & state.denied)]
-            raise InvalidInput([Diagnostic(self.problem.where, "K301", f"the initial facts deny {', '.join(names)}")])
+            raise InvalidInput(
+                [Diagnostic(self.problem.where, "K301", f"the initial facts deny {', '.join(names)}")]
+            )
         for number, default in enumerate(self.domain.defaults):
             found = grounder.atoms(f"_d_{number}", len(default.atom.arguments))
             for atom in sorted((Function(default.atom.name, arguments) for arguments in found), key=str):
@@ -126,7 +128,11 @@ class _Grounding:
         grounder = Grounder()
         text = [self.static, *(f"{reachable(atom)}." for atom in initial)]
         for chain in self.problem.chains:
-            text += [f"_v_{s.name}({', '.join(map(str, s.arguments))})." for s in chain.stages if s.name in self.vocabulary.events]
+            text += [
+                f"_v_{s.name}({', '.join(map(str, s.arguments))})."
+                for s in chain.stages
+                if s.name in self.vocabulary.events
+            ]
         for schema in self.schemas:
             text += [instance_rule(schema, self.vocabulary), *effect_rules(schema, self.vocabulary)]
             text += self._conditional_rules(schema)
@@ -134,7 +140,9 @@ class _Grounding:
         text += [r for operator in self.domain.deductive_operators for r in deduction_rules(operator)]
         grounder.ground("\n".join(text))
         universe = Universe(grounder, self.vocabulary, self.invented)
-        universe.name_terms(rule(f"_arg({v})", [instance(s)]) for s in self.schemas for v in s.operator.variables)
+        universe.name_terms(
+            rule(f"_arg({v})", [instance(s)]) for s in self.schemas for v in s.operator.variables
+        )
         return universe
 
     def _conditional_rules(self, schema: Schema) -> Iterator[str]:
@@ -157,9 +165,13 @@ class _Grounding:
                 removed = bitset([atom for atom in changed[len(adds) :] if atom >= 0])
                 yield Row(schema, tuple(row[:width]), conditions, added, removed)
 
-    def _conditional_rows(self, universe: Universe) -> dict[tuple[str, tuple[int, ...]], list[tuple[tuple[int, ...], Bits, Bits]]]:
+    def _conditional_rows(
+        self, universe: Universe
+    ) -> dict[tuple[str, tuple[int, ...]], list[tuple[tuple[int, ...], Bits, Bits]]]:
         rules, owners = {}, {}
-        for number, (each, schema) in enumerate((c, s) for c in self.conditionals for s in self.schemas if c.operator is s.operator):
+        for number, (each, schema) in enumerate(
+            (c, s) for c in self.conditionals for s in self.schemas if c.operator is s.operator
+        ):
             rules[f"_effect_{number}"] = _conditional_rule(each, schema, f"_effect_{number}")
             owners[f"_effect_{number}"] = each
         found: dict[tuple[str, tuple[int, ...]], list[tuple[tuple[int, ...], Bits, Bits]]] = {}
@@ -210,7 +222,9 @@ class _Grounding:
             for row in table.tolist():
                 conditions = _signed(parts[name], row[:-1])
                 if conditions is not None:
-                    found.update((numbering.bits(support), None) for support in supports.combinations(conditions))
+                    found.update(
+                        (numbering.bits(support), None) for support in supports.combinations(conditions)
+                    )
         return list(found)
 
 
@@ -237,14 +251,20 @@ def contradictions(made: Instances, universe: Universe) -> Iterator[Diagnostic]:
         atom = universe.atoms[next(indices(found.atoms))]
         chain = _chain(made.deduction, universe, found.adds, atom)
         message = f"{found.instance} both adds and denies {atom}: {chain}"
-        yield Diagnostic(found.operator.where, "K301", message, f"narrow the deductive operators behind {operator}")
+        yield Diagnostic(
+            found.operator.where, "K301", message, f"narrow the deductive operators behind {operator}"
+        )
 
 
 def _chain(deduced: Deduction, universe: Universe, adds: Bits, atom: Function) -> str:
     bit = 1 << universe.index[atom]
     adder = next((i for i in indices(adds) if deduced.implied[i] & bit), None)
     denier = next((i for i in indices(adds) if deduced.denied[i] & bit), None)
-    said = [f"{universe.atoms[i]} {verb} it" for i, verb in ((adder, "adds or implies"), (denier, "denies")) if i is not None]
+    said = [
+        f"{universe.atoms[i]} {verb} it"
+        for i, verb in ((adder, "adds or implies"), (denier, "denies"))
+        if i is not None
+    ]
     return ", ".join(said) or "by way of what it denies"
 
 
@@ -258,13 +278,18 @@ def _signed(literals: tuple[Literal, ...], numbers: list[int]) -> tuple[int, ...
 
 
 def _changes(schema: Schema, vocabulary: Vocabulary) -> tuple[list[Effect], list[Effect]]:
-    plain = [e for e in schema.operator.effects if not is_conditional(e) and e.atom.name in vocabulary.fluents]
+    plain = [
+        e for e in schema.operator.effects if not is_conditional(e) and e.atom.name in vocabulary.fluents
+    ]
     return [e for e in plain if e.adds], [e for e in plain if not e.adds]
 
 
 def _row_rule(schema: Schema, vocabulary: Vocabulary) -> tuple[str, int]:
     arguments = [f"A{i}__" for i, _ in enumerate(schema.operator.variables)]
-    body = [instance(schema), *(f"_a({v},{a})" for v, a in zip(schema.operator.variables, arguments, strict=True))]
+    body = [
+        instance(schema),
+        *(f"_a({v},{a})" for v, a in zip(schema.operator.variables, arguments, strict=True)),
+    ]
     adds, deletes = _changes(schema, vocabulary)
     parts, names = number_literals(schema.literals, "P")
     added, add_names = number_literals([Literal(e.atom) for e in adds], "E")

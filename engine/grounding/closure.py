@@ -102,5 +102,3 @@ def _transitive(direct: list[Bits]) -> list[Bits]:
             frontier = _union(direct, frontier) & ~reached
         closed.append(reached)
     return closed
-
-

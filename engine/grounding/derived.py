@@ -31,7 +31,9 @@ class Supports:
         graph: nx.DiGraph[int] = nx.DiGraph()
         graph.add_nodes_from(self._supports)
         for head, bodies in rules.items():
-            graph.add_edges_from((head, atom) for body in bodies for atom in map(_atom, body) if atom in self._supports)
+            graph.add_edges_from(
+                (head, atom) for body in bodies for atom in map(_atom, body) if atom in self._supports
+            )
         for component in nx.strongly_connected_components(graph):  # dependencies come first
             self._close(sorted(component), rules)
 

@@ -81,7 +81,9 @@ class Instances:
         instance = Function(operator.name, tuple(bindings.values()))
         resources = tuple(substitute(resource, bindings) for resource in operator.resources)
         duration, cost = value(operator.duration, bindings, 0), value(operator.cost, bindings, 1)
-        events = [substitute(e.atom, bindings) for e in operator.effects if e.atom.name in self.workflow.events]
+        events = [
+            substitute(e.atom, bindings) for e in operator.effects if e.atom.name in self.workflow.events
+        ]
         conditional = tuple(self._conditional(row, operator, instance))
         for support in self.supports.combinations(row.conditions):
             true_before = bitset([signed for signed in support if 0 <= signed < DERIVED])
@@ -99,7 +101,9 @@ class Instances:
                     cost,
                 )
 
-    def _close(self, row: Row, operator: Operator, instance: Function, true_before: Bits) -> tuple[Bits, Bits]:
+    def _close(
+        self, row: Row, operator: Operator, instance: Function, true_before: Bits
+    ) -> tuple[Bits, Bits]:
         key = (row.adds, true_before)
         closed = self._closed.get(key)
         if closed is None:
@@ -114,11 +118,15 @@ class Instances:
             return
         for conditions, adds, deletes in self.effects.get((operator.name, row.arguments), ()):
             for support in self.supports.combinations(conditions):
-                true_before = bitset([signed for signed in (*support, *row.conditions) if 0 <= signed < DERIVED])
+                true_before = bitset(
+                    [signed for signed in (*support, *row.conditions) if 0 <= signed < DERIVED]
+                )
                 added, denied = self.deduction.close(adds, true_before)
                 if added & denied:
                     self.contradictions.append(Contradiction(operator, instance, added & denied, adds))
-                self.numbering.bits(tuple(~signed for signed in support))  # regression needs their complements
+                self.numbering.bits(
+                    tuple(~signed for signed in support)
+                )  # regression needs their complements
                 yield ConditionalEffect(self.numbering.bits(support), added, (denied | deletes) & ~added)
 
 
@@ -134,7 +142,7 @@ def complemented(operator: GroundOperator, numbering: Numbering) -> GroundOperat
         return operator
     adds, deletes = numbering.kept(operator.adds, operator.deletes)
     conditional = tuple(
-        ConditionalEffect(effect.condition, *numbering.kept(effect.adds, effect.deletes)) for effect in operator.conditional
+        ConditionalEffect(effect.condition, *numbering.kept(effect.adds, effect.deletes))
+        for effect in operator.conditional
     )
     return replace(operator, adds=adds, deletes=deletes, conditional=conditional)
-

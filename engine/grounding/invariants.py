@@ -14,12 +14,16 @@ from collections.abc import Iterator, Sequence
 from engine.model.task import Bits, GroundOperator, indices
 from kb.terms import Atom, Term
 
-Part = tuple[str, tuple[int, ...]]  # predicate; for each invariant parameter the argument position that holds it
+Part = tuple[
+    str, tuple[int, ...]
+]  # predicate; for each invariant parameter the argument position that holds it
 Candidate = frozenset[Part]
 MAX_CANDIDATES = 300
 
 
-def mutex_groups(atoms: Sequence[Atom], operators: Sequence[GroundOperator], initial: Bits) -> tuple[Bits, ...]:
+def mutex_groups(
+    atoms: Sequence[Atom], operators: Sequence[GroundOperator], initial: Bits
+) -> tuple[Bits, ...]:
     """Sets of at least two atoms of which no more than one is ever true, largest first."""
     search = _Search(atoms, operators, initial)
     found = search.run()

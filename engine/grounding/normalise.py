@@ -51,7 +51,9 @@ class Normaliser:
             case Exists(parameters, part):
                 parameters, part = self._renamed_apart(parameters, part)
                 inner = {**types, **{p.variable: p.type for p in parameters}}
-                guards = tuple(type_literal(p) for p in parameters if p.type not in BUILT_IN_TYPES or p.type == OBJECT)
+                guards = tuple(
+                    type_literal(p) for p in parameters if p.type not in BUILT_IN_TYPES or p.type == OBJECT
+                )
                 return [(*guards, *disjunct) for disjunct in self._positive(part, inner)]
             case ForAll(parameters, part):
                 return [(self._no(Exists(parameters, Not(part)), types),)]
@@ -84,9 +86,15 @@ class Normaliser:
 
     def _no(self, condition: Condition, types: dict[Variable, str]) -> Literal:
         """The literal that is true when `condition` is false for the values of its free variables."""
-        parameters = [Parameter(variable, types.get(variable, OBJECT)) for variable in free_variables(condition)]
-        head = Function(f"_violated_{len(self.rules)}_{len(parameters)}", tuple(p.variable for p in parameters))
-        guards = tuple(type_literal(p) for p in parameters if p.type not in BUILT_IN_TYPES or p.type == OBJECT)
+        parameters = [
+            Parameter(variable, types.get(variable, OBJECT)) for variable in free_variables(condition)
+        ]
+        head = Function(
+            f"_violated_{len(self.rules)}_{len(parameters)}", tuple(p.variable for p in parameters)
+        )
+        guards = tuple(
+            type_literal(p) for p in parameters if p.type not in BUILT_IN_TYPES or p.type == OBJECT
+        )
         self.rules.append(Rule(head, ()))  # keeps the name unique while inner conditions are compiled
         own = len(self.rules) - 1
         alternatives = self._positive(condition, types)
@@ -104,5 +112,3 @@ def _product(choices: list[list[Disjunct]]) -> list[Disjunct]:
 def type_literal(parameter: Parameter) -> Literal:
     """`type(Variable)`."""
     return Literal(Function(parameter.type, (parameter.variable,)))
-
-

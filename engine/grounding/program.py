@@ -105,7 +105,9 @@ def conditionals(domain: Domain, normaliser: Normaliser, vocabulary: Vocabulary)
             for disjunct in normaliser.disjuncts(effect.condition, inner):
                 vocabulary.derived |= {invented.head.name for invented in normaliser.rules}
                 literals, static = vocabulary.split(disjunct)
-                yield Conditional(operator, effect, literals, (*static, *map(_guard_literal, effect.parameters)))
+                yield Conditional(
+                    operator, effect, literals, (*static, *map(_guard_literal, effect.parameters))
+                )
 
 
 def _guard_literal(parameter: Parameter) -> Literal:
@@ -157,7 +159,10 @@ def deduction_rules(operator: DeductiveOperator) -> Iterator[str]:
     """What a reachable trigger makes reachable (whether it is added or denied)."""
     for consequence in operator.consequences:
         if consequence.implied:
-            yield rule(reachable(consequence.atom), [reachable(operator.trigger.atom), *consequence_body(operator, consequence)])
+            yield rule(
+                reachable(consequence.atom),
+                [reachable(operator.trigger.atom), *consequence_body(operator, consequence)],
+            )
 
 
 def consequence_body(operator: DeductiveOperator, consequence: Consequence) -> list[str]:
@@ -181,6 +186,7 @@ def number_literals(literals: Iterable[Literal], prefix: str) -> tuple[list[str]
         if literal.positive:
             body.append(numbered(literal.atom, name))
         else:
-            body.append(f"{name} = #max {{ -1 ; {prefix}n{index} : {numbered(literal.atom, f'{prefix}n{index}')} }}")
+            body.append(
+                f"{name} = #max {{ -1 ; {prefix}n{index} : {numbered(literal.atom, f'{prefix}n{index}')} }}"
+            )
     return body, names
-

@@ -8,8 +8,9 @@ from engine.grounding.program import Vocabulary, numbered
 from kb.asp import Grounder, Table
 from kb.terms import Atom, Function, Term
 
-
-DERIVED = 1 << 29  # derived atoms are numbered from here: they are compiled away and get no bit (clingo has 32)
+DERIVED = (
+    1 << 29
+)  # derived atoms are numbered from here: they are compiled away and get no bit (clingo has 32)
 
 
 class Universe:
@@ -23,7 +24,9 @@ class Universe:
         self.atoms: list[Atom] = []
         self.derived: list[Atom] = []
         predicates = vocabulary.domain.predicates
-        arities = {name: len(predicates[name].arguments) for name in predicates if vocabulary.is_dynamic(name)}
+        arities = {
+            name: len(predicates[name].arguments) for name in predicates if vocabulary.is_dynamic(name)
+        }
         for name, arity in {**arities, **invented}.items():
             found = grounder.atoms(f"_r_{name}", arity)
             part = self.derived if name in vocabulary.derived else self.atoms
@@ -49,7 +52,9 @@ class Universe:
 
 def numbered_fact(atom: Atom, number: int) -> str:
     """`_i_p(arguments, number)` for a ground atom."""
-    return numbered(atom, "N").replace(", N)", f", {number})") if atom.arguments else f"_i_{atom.name}({number})"
+    return (
+        numbered(atom, "N").replace(", N)", f", {number})") if atom.arguments else f"_i_{atom.name}({number})"
+    )
 
 
 def unique_rows(table: Table) -> Table:

@@ -31,7 +31,9 @@ class Advance:
     deletes: Bits = 0
 
     def __or__(self, other: "Advance") -> "Advance":
-        return Advance(self.conditions | other.conditions, self.adds | other.adds, self.deletes | other.deletes)
+        return Advance(
+            self.conditions | other.conditions, self.adds | other.adds, self.deletes | other.deletes
+        )
 
 
 class Workflow:
@@ -60,7 +62,9 @@ class Workflow:
         for earlier in chain.after:
             waits |= self._finished[earlier]
         for reached, stage in enumerate(chain.stages):
-            advance = Advance(counters[reached] | (0 if reached else waits), counters[reached + 1], counters[reached])
+            advance = Advance(
+                counters[reached] | (0 if reached else waits), counters[reached + 1], counters[reached]
+            )
             if stage.name in self.events:
                 self._event_stages.setdefault(stage, []).append(advance)
             elif stage in universe.index:
@@ -77,7 +81,9 @@ class Workflow:
             total = Advance()
             for advance in combination:
                 total = total | advance
-            if total.adds.bit_count() == sum(advance.adds.bit_count() for advance in combination) and self._one_each(total):
+            if total.adds.bit_count() == sum(
+                advance.adds.bit_count() for advance in combination
+            ) and self._one_each(total):
                 yield total
 
     def _one_each(self, advance: Advance) -> bool:

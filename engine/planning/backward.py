@@ -113,7 +113,9 @@ class Backward:
                 conditions = (node.open & ~operator.adds) | operator.preconditions
                 plan = self.relaxed.plan(conditions)
                 if plan is not None:
-                    following = Node(conditions, number, node, node.depth + 1, node.cost + self.relaxed.costs[number])
+                    following = Node(
+                        conditions, number, node, node.depth + 1, node.cost + self.relaxed.costs[number]
+                    )
                     yield (self.relaxed.cost(plan), -self.weights[atom], number), following
 
     def climb(self, root: Node, effort: Effort) -> Answer:
@@ -148,7 +150,9 @@ class Backward:
         best: dict[Bits, int] = {}
         for root in roots:
             best[root.open] = 0
-            heapq.heappush(queue, (greed * self.relaxed.cost(self.relaxed.plan(root.open) or 0), 0, next(counter), root))
+            heapq.heappush(
+                queue, (greed * self.relaxed.cost(self.relaxed.plan(root.open) or 0), 0, next(counter), root)
+            )
         while queue:
             if effort.spent():
                 return Answer(None, False)

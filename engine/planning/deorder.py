@@ -57,7 +57,9 @@ def _producer(initial: Bits, steps: Sequence[GroundOperator], atom: int, consume
 
 
 def _orders(steps: Sequence[GroundOperator], links: list[tuple[int, int, int]]) -> set[tuple[int, int]]:
-    orders = {(producer, consumer) for producer, _, consumer in links if 0 <= producer and consumer < len(steps)}
+    orders = {
+        (producer, consumer) for producer, _, consumer in links if producer >= 0 and consumer < len(steps)
+    }
     deleters: dict[int, list[int]] = {}
     for position, operator in enumerate(steps):
         for atom in indices(operator.deletes & ~operator.adds):

@@ -23,7 +23,9 @@ def eliminate(initial: Bits, steps: Sequence[GroundOperator], goals: Bits) -> li
     return kept
 
 
-def straighten(space: Backward, steps: Sequence[GroundOperator], goals: Bits, effort: Effort, width: int = 12) -> list[GroundOperator]:
+def straighten(
+    space: Backward, steps: Sequence[GroundOperator], goals: Bits, effort: Effort, width: int = 12
+) -> list[GroundOperator]:
     """Replace windows of the plan by cheaper sequences between the same points, until none is found."""
     kept = list(steps)
     start = 0

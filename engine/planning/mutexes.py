@@ -18,7 +18,9 @@ def mutexes(task: Task) -> tuple[Bits, ...]:
     for group in task.mutex_groups:
         for atom in indices(group):
             found[atom] |= group & ~(1 << atom)
-    if len(task.operators) * size <= MAX_WORK and not any(operator.conditional for operator in task.operators):
+    if len(task.operators) * size <= MAX_WORK and not any(
+        operator.conditional for operator in task.operators
+    ):
         together = _possible_pairs(task, found)
         everything = (1 << size) - 1
         found = [everything & ~pairs & ~(1 << atom) for atom, pairs in enumerate(together)]

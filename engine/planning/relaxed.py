@@ -48,7 +48,9 @@ def relaxed_plans(initial: Bits, operators: Sequence[GroundOperator], size: int)
     best = [0 if initial >> atom & 1 else -1 for atom in range(size)]
     spent = list(costs)
     queue = [(0, atom, -1) for atom in range(size) if initial >> atom & 1]
-    queue += [(spent[n], atom, n) for n, o in enumerate(operators) if not missing[n] for atom in indices(o.adds)]
+    queue += [
+        (spent[n], atom, n) for n, o in enumerate(operators) if not missing[n] for atom in indices(o.adds)
+    ]
     heapq.heapify(queue)
     while queue:
         cost, atom, supporter = heapq.heappop(queue)

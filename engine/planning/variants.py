@@ -37,12 +37,16 @@ def _variants(operator: GroundOperator, complements: dict[int, int]) -> Iterator
         yield operator
         return
     if len(operator.conditional) > MAX_EFFECTS:
-        raise TooManyVariants(f"{operator.instance} has {len(operator.conditional)} conditional effects; at most {MAX_EFFECTS}")
+        raise TooManyVariants(
+            f"{operator.instance} has {len(operator.conditional)} conditional effects; at most {MAX_EFFECTS}"
+        )
     for fires in itertools.product((True, False), repeat=len(operator.conditional)):
         yield from _variant(operator, fires, complements)
 
 
-def _variant(operator: GroundOperator, fires: tuple[bool, ...], complements: dict[int, int]) -> Iterator[GroundOperator]:
+def _variant(
+    operator: GroundOperator, fires: tuple[bool, ...], complements: dict[int, int]
+) -> Iterator[GroundOperator]:
     needed, adds, deletes = operator.preconditions, operator.adds, operator.deletes
     broken: list[list[Bits]] = []
     for effect, fired in zip(operator.conditional, fires, strict=True):
@@ -51,7 +55,9 @@ def _variant(operator: GroundOperator, fires: tuple[bool, ...], complements: dic
             adds |= effect.adds
             deletes |= effect.deletes
         else:
-            broken.append([1 << complements[atom] for atom in indices(effect.condition) if atom in complements])
+            broken.append(
+                [1 << complements[atom] for atom in indices(effect.condition) if atom in complements]
+            )
     for choice in itertools.product(*broken):
         more = needed
         for bit in choice:

@@ -23,7 +23,9 @@ def plan_table(plan: Plan) -> RenderableType:
     """Steps, what they wait for, and what for they are there."""
     table = Table(box=None, pad_edge=False)
     for title, justify in (("step", "right"), ("operator", "left"), ("after", "left"), ("so that", "left")):
-        table.add_column(title, justify="right" if justify == "right" else "left", no_wrap=title == "operator")
+        table.add_column(
+            title, justify="right" if justify == "right" else "left", no_wrap=title == "operator"
+        )
     purposes = _purposes(plan)
     for step in plan.steps:
         after = ", ".join(map(str, step.after))

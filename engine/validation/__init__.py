@@ -71,14 +71,18 @@ class _Check:
         for step in self.plan.steps:
             for other in step.after:
                 if other not in seen:
-                    self._report("K505", f"step {step.id} waits for {other}, which does not come before it in the list")
+                    self._report(
+                        "K505", f"step {step.id} waits for {other}, which does not come before it in the list"
+                    )
             if step.id in seen or step.id <= 0:
                 self._report("K505", f"step number {step.id} is used twice or not positive")
             seen.add(step.id)
         known = seen | {START, GOAL}
         for link in self.plan.links:
             if link.producer not in known or link.consumer not in known:
-                self._report("K504", f"a link names a step that does not exist: {link.producer} to {link.consumer}")
+                self._report(
+                    "K504", f"a link names a step that does not exist: {link.producer} to {link.consumer}"
+                )
         return not self.found
 
     def _executes(self) -> bool:
@@ -91,7 +95,9 @@ class _Check:
                 return False
             unexpected = stages.step(step.id, change.events, change.adds)
             if unexpected is not None:
-                self._report("K506", f"step {step.id} {step.operator}: {unexpected} is not the next stage of any chain")
+                self._report(
+                    "K506", f"step {step.id} {step.operator}: {unexpected} is not the next stage of any chain"
+                )
                 return False
             state = (state - change.ends) | change.adds
         self.final, self.stages = state, stages
@@ -111,11 +117,17 @@ class _Check:
         facts = self.semantics.facts(state)
         failed = next(iter(self._failed(operator.precondition, facts, bindings)), None)
         if failed is not None:
-            self._report("K501", f"step {step.id} {step.operator}: {failed} does not hold when it starts", self._why(failed))
+            self._report(
+                "K501",
+                f"step {step.id} {step.operator}: {failed} does not hold when it starts",
+                self._why(failed),
+            )
             return None
         change = self.semantics.change(operator, bindings, facts, state)
         if change.contradiction is not None:
-            self._report("K501", f"step {step.id} {step.operator} both adds and denies {change.contradiction}")
+            self._report(
+                "K501", f"step {step.id} {step.operator} both adds and denies {change.contradiction}"
+            )
             return None
         self.executed[step.id] = Executed(step, operator, bindings, change)
         return change
@@ -154,7 +166,11 @@ class _Check:
     def _check_link(self, link: CausalLink) -> None:
         said = f"link {link.producer} to {link.consumer} for {link.condition}"
         atom, positive = _signed(link.condition)
-        if link.producer != START and link.consumer != GOAL and link.producer not in self.before[link.consumer]:
+        if (
+            link.producer != START
+            and link.consumer != GOAL
+            and link.producer not in self.before[link.consumer]
+        ):
             self._report("K504", f"{said}: the producer is not ordered before the consumer")
             return
         if not self._produces(link.producer, atom, positive):
@@ -167,7 +183,9 @@ class _Check:
             early = link.producer != START and other in self.before[link.producer]
             late = link.consumer != GOAL and link.consumer in self.before[other]
             if not early and not late:
-                self._report("K504", f"{said}: step {other} {executed.step.operator} can come between and end it")
+                self._report(
+                    "K504", f"{said}: step {other} {executed.step.operator} can come between and end it"
+                )
                 return
 
     def _produces(self, producer: StepId, atom: Atom, positive: bool) -> bool:
@@ -176,7 +194,9 @@ class _Check:
         change = self.executed[producer].change
         if positive:
             return atom in change.adds
-        return atom not in change.adds and any(d.matches(atom, self.semantics.statics) for d in change.denials)
+        return atom not in change.adds and any(
+            d.matches(atom, self.semantics.statics) for d in change.denials
+        )
 
     def _destroys(self, executed: Executed, atom: Atom, positive: bool) -> bool:
         if not positive:
@@ -199,7 +219,9 @@ class _Check:
                         reads[second.step.id] = self._reads(second)
                 problem = self._conflict(one, other, reads) or self._conflict(other, one, reads)
                 if problem:
-                    self._report("K503", f"steps {other.step.id} and {one.step.id} are unordered, but {problem}")
+                    self._report(
+                        "K503", f"steps {other.step.id} and {one.step.id} are unordered, but {problem}"
+                    )
 
     def _conflict(self, one: Executed, other: Executed, reads: dict[StepId, Reads]) -> str:
         """How `one` disturbs `other`, or nothing."""
@@ -231,7 +253,9 @@ class _Check:
         reads.watched -= reads.true
         bindings = executed.bindings
         for condition in conditions:
-            if condition is not executed.operator.precondition or not self._proved(condition, bindings, reads):
+            if condition is not executed.operator.precondition or not self._proved(
+                condition, bindings, reads
+            ):
                 reads.watched |= set(self._mentioned(condition, bindings))
         return reads
 
@@ -262,7 +286,11 @@ def atom_pattern(problem: Problem, name: str) -> Atom:
 
 
 def _signed(condition: Atom) -> tuple[Atom, bool]:
-    if condition.name == "not" and len(condition.arguments) == 1 and isinstance(condition.arguments[0], Function):
+    if (
+        condition.name == "not"
+        and len(condition.arguments) == 1
+        and isinstance(condition.arguments[0], Function)
+    ):
         return condition.arguments[0], False
     return condition, True
 

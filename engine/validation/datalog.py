@@ -19,7 +19,19 @@ from kb.model.conditions import (
     Parameter,
 )
 from kb.model.domain import NUMERIC_TYPES, OBJECT
-from kb.terms import Atom, Function, Number, Operation, Term, Text, Variable, is_ground, match, substitute, substitute_atom
+from kb.terms import (
+    Atom,
+    Function,
+    Number,
+    Operation,
+    Term,
+    Text,
+    Variable,
+    is_ground,
+    match,
+    substitute,
+    substitute_atom,
+)
 
 Bindings = Mapping[Variable, Term]
 RELATIONS: dict[str, Callable[[object, object], bool]] = {
@@ -102,7 +114,9 @@ def _order(term: Term) -> tuple[object, ...]:
             raise ValueError(f"{term} is not ground")
 
 
-def solve(body: Body, facts: Facts, bindings: Bindings, below: Facts | None = None) -> Iterator[dict[Variable, Term]]:
+def solve(
+    body: Body, facts: Facts, bindings: Bindings, below: Facts | None = None
+) -> Iterator[dict[Variable, Term]]:
     """Every binding that extends `bindings` and satisfies `body`; `not p` is judged by `below` (default: `facts`)."""
     if not body:
         yield dict(bindings)
@@ -142,7 +156,9 @@ def _part(part: BodyPart, facts: Facts, bindings: Bindings, below: Facts) -> Ite
             raise ValueError(f"aggregates are evaluated by clingo beforehand: {text}")
 
 
-def _literal(atom: Atom, positive: bool, facts: Facts, bindings: Bindings, below: Facts) -> Iterator[Bindings]:
+def _literal(
+    atom: Atom, positive: bool, facts: Facts, bindings: Bindings, below: Facts
+) -> Iterator[Bindings]:
     if is_ground(atom):
         if (atom in facts) if positive else (atom not in below):
             yield bindings
@@ -184,7 +200,9 @@ def holds(condition: Condition, facts: Facts, bindings: Bindings, below: Facts |
         case Exists(parameters, part):
             return any(holds(part, facts, each, below) for each in _values(parameters, part, facts, bindings))
         case ForAll(parameters, part):
-            return not holds(Exists(parameters, Not(part)), below or facts, bindings, facts if below else None)
+            return not holds(
+                Exists(parameters, Not(part)), below or facts, bindings, facts if below else None
+            )
         case Aggregate(text):
             raise ValueError(f"aggregates are evaluated by clingo beforehand: {text}")
 

@@ -82,7 +82,9 @@ class Semantics:
     def _aggregate_rules(self) -> Iterator[str]:
         domain = self.problem.domain
         bodies = [(each.body, each.parameters) for each in domain.operators]
-        bodies += [((*d.body, *c.body), c.parameters) for d in domain.deductive_operators for c in d.consequences]
+        bodies += [
+            ((*d.body, *c.body), c.parameters) for d in domain.deductive_operators for c in d.consequences
+        ]
         bodies += [(default.body, default.parameters) for default in domain.defaults]
         for number, (body, parameters) in enumerate(bodies):
             if any(isinstance(part, Aggregate) for part in body):
@@ -112,7 +114,10 @@ class Semantics:
     @cached_property
     def strata(self) -> list[list[Rule]]:
         """The rules of derived predicates in an order in which negation looks only backwards."""
-        return [[rule for name in sorted(part) for rule in self._rules[name]] for part in nx.strongly_connected_components(self._uses)]
+        return [
+            [rule for name in sorted(part) for rule in self._rules[name]]
+            for part in nx.strongly_connected_components(self._uses)
+        ]
 
     @cached_property
     def _uses(self) -> "nx.DiGraph[str]":
@@ -128,7 +133,13 @@ class Semantics:
         if name not in self._rules:
             return {name} if self._kinds.get(name) is Kind.FLUENT else set()
         reached = {name, *nx.descendants(self._uses, name)}
-        used = {p.atom.name for each in reached for r in self._rules[each] for p in r.body if isinstance(p, Literal)}
+        used = {
+            p.atom.name
+            for each in reached
+            for r in self._rules[each]
+            for p in r.body
+            if isinstance(p, Literal)
+        }
         return {other for other in used if self._kinds.get(other) is Kind.FLUENT}
 
     def initial(self) -> State:
@@ -141,7 +152,11 @@ class Semantics:
         for default in self.problem.domain.defaults:
             for atom in self._instances(default.atom, default.parameters, self.body(default.body)):
                 more = self.deduce([atom], (), frozenset(state))
-                refused = more.contradiction or more.ends or any(d.matches(a, self.statics) for d in denials for a in more.adds)
+                refused = (
+                    more.contradiction
+                    or more.ends
+                    or any(d.matches(a, self.statics) for d in denials for a in more.adds)
+                )
                 if not refused:
                     state |= more.adds
                     denials.extend(more.denials)
@@ -234,7 +249,9 @@ class Semantics:
 
     def _imply(self, consequence: Consequence, body: Body, bindings: Bindings, waiting: list[Atom]) -> bool:
         typed = tuple(
-            Literal(Function(p.type, (p.variable,))) for p in consequence.parameters if p.variable in _open(consequence, bindings)
+            Literal(Function(p.type, (p.variable,)))
+            for p in consequence.parameters
+            if p.variable in _open(consequence, bindings)
         )
         found = False
         for each in solve((*typed, *body), self.statics, bindings):

@@ -44,7 +44,11 @@ class Stages:
 
     def _fluents(self, before: Counters, reading: Counters, adds: frozenset[Atom]) -> Counters:
         for index, chain in enumerate(self.chains):
-            if reading[index] == before[index] and self._next(before, index) in adds and self._may_start(before, chain, index):
+            if (
+                reading[index] == before[index]
+                and self._next(before, index) in adds
+                and self._may_start(before, chain, index)
+            ):
                 reading = _advanced(reading, index)
         return reading
 
@@ -61,13 +65,16 @@ class Stages:
     def missing(self, state: frozenset[Atom]) -> list[str]:
         """The stages that the most advanced reading has not reached, and last fluents that no longer hold."""
         best = max(self.readings, key=sum)
-        found = [f"{chain.stages[n]} of {chain.name}" for chain, n in zip(self.chains, best, strict=True) if n < len(chain.stages)]
+        found = [
+            f"{chain.stages[n]} of {chain.name}"
+            for chain, n in zip(self.chains, best, strict=True)
+            if n < len(chain.stages)
+        ]
         for chain in self.chains:
             last = chain.stages[-1]
             if self.kinds[last.name] is Kind.FLUENT and last not in state:
                 found.append(f"{last} at the end")
         return found
-
 
     def orders(self) -> Iterator[tuple[StepId, StepId, str]]:
         """Pairs of steps that must be ordered, and why: stages of one chain, and chains after others."""

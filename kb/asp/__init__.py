@@ -77,7 +77,9 @@ class Grounder:
         self._tables += 1
         row = ",".join(f"X{index}" for index in range(arity))
         self.ground(f"&rows({self._tables}) {{ {row} : {predicate}({row}) }}.")
-        text = next(t for atom in self._control.theory_atoms if (t := str(atom)).startswith(f"&rows({self._tables})"))
+        text = next(
+            t for atom in self._control.theory_atoms if (t := str(atom)).startswith(f"&rows({self._tables})")
+        )
         numbers = text[text.index("{") + 1 : -1].replace(";", ",")
         if not numbers.strip():
             return np.empty((0, arity), dtype=np.int64)

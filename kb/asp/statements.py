@@ -20,7 +20,9 @@ class Statement:
     head: str | None
     signature: Signature | None
     body: tuple[str, ...]
-    uses: tuple[tuple[Signature, bool], ...]  # predicate, and whether it stands under negation or in an aggregate
+    uses: tuple[
+        tuple[Signature, bool], ...
+    ]  # predicate, and whether it stands under negation or in an aggregate
     line: int
     column: int
     constraint: bool = False
@@ -53,16 +55,25 @@ def statements(text: str) -> Iterator[Statement | Refused]:
 
 def _inclusion(text: str) -> Refused | None:
     """clingo would follow `#include` while parsing, so it is found before."""
-    bare = re.sub(r'%\*.*?\*%|%[^\n]*|"(?:\\.|[^"\\\n])*"', lambda found: re.sub(r"[^\n]", " ", found[0]), text, flags=re.DOTALL)
+    bare = re.sub(
+        r'%\*.*?\*%|%[^\n]*|"(?:\\.|[^"\\\n])*"',
+        lambda found: re.sub(r"[^\n]", " ", found[0]),
+        text,
+        flags=re.DOTALL,
+    )
     found = re.search(r"#\s*include\b", bare)
     if not found:
         return None
     line = bare.count("\n", 0, found.start()) + 1
     column = found.start() - (bare.rfind("\n", 0, found.start()) + 1) + 1
-    return Refused(line, column, "#include is not part of the language", "list the file under `include:` in domain.yaml")
+    return Refused(
+        line, column, "#include is not part of the language", "list the file under `include:` in domain.yaml"
+    )
 
 
-_SILENT = {ast.ASTType.Program, ast.ASTType.Comment} if hasattr(ast.ASTType, "Comment") else {ast.ASTType.Program}
+_SILENT = (
+    {ast.ASTType.Program, ast.ASTType.Comment} if hasattr(ast.ASTType, "Comment") else {ast.ASTType.Program}
+)
 _REFUSED = {
     ast.ASTType.Script: ("#script is not allowed: domain files are data", "express it as rules"),
     ast.ASTType.External: ("#external is not part of the language", "declare a fluent"),
@@ -77,7 +88,9 @@ def _statement(node: ast.AST) -> Iterator[Statement | Refused]:
     if node.ast_type == ast.ASTType.Definition:
         yield Statement(str(node), None, None, (), (), begin.line, begin.column)
     elif node.ast_type != ast.ASTType.Rule:
-        message, hint = _REFUSED.get(node.ast_type, (f"{node.ast_type.name} statements are not part of the language", ""))
+        message, hint = _REFUSED.get(
+            node.ast_type, (f"{node.ast_type.name} statements are not part of the language", "")
+        )
         yield Refused(begin.line, begin.column, message, hint)
     else:
         yield from (_rule(rule) for rule in node.unpool())
@@ -89,10 +102,17 @@ def _rule(rule: ast.AST) -> Statement | Refused:
     body = tuple(map(str, rule.body))
     plain = head.ast_type == ast.ASTType.Literal and head.sign == ast.Sign.NoSign
     if plain and head.atom.ast_type == ast.ASTType.SymbolicAtom:
-        return Statement(str(rule), str(head), _signature(head.atom.symbol), body, uses, begin.line, begin.column)
+        return Statement(
+            str(rule), str(head), _signature(head.atom.symbol), body, uses, begin.line, begin.column
+        )
     if plain and head.atom.ast_type == ast.ASTType.BooleanConstant and not head.atom.value:
         return Statement(str(rule), None, None, body, uses, begin.line, begin.column, constraint=True)
-    return Refused(begin.line, begin.column, "a rule's head must be one atom", "choices and disjunctions have no single answer")
+    return Refused(
+        begin.line,
+        begin.column,
+        "a rule's head must be one atom",
+        "choices and disjunctions have no single answer",
+    )
 
 
 def _signature(symbol: ast.AST) -> Signature:
@@ -108,11 +128,13 @@ def _uses(node: Any, negated: bool) -> Iterator[tuple[Signature, bool]]:
     if node.ast_type == ast.ASTType.SymbolicAtom:
         yield _signature(node.symbol), negated
         return
-    inside = negated or node.ast_type in (ast.ASTType.BodyAggregate, ast.ASTType.Aggregate, ast.ASTType.ConditionalLiteral)
+    inside = negated or node.ast_type in (
+        ast.ASTType.BodyAggregate,
+        ast.ASTType.Aggregate,
+        ast.ASTType.ConditionalLiteral,
+    )
     inside = inside or (node.ast_type == ast.ASTType.Literal and node.sign != ast.Sign.NoSign)
     for key in node.child_keys:
         child = getattr(node, key)
         for part in child if isinstance(child, (ast.ASTSequence, list)) else [child]:
             yield from _uses(part, inside)
-
-

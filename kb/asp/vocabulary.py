@@ -17,7 +17,11 @@ def static_program(problem: Problem) -> str:
     lines += [f"{type_}({name})." for name, type_ in {**domain.objects, **problem.objects}.items()]
     lines += [f"{fact}." for fact in problem.statics]
     for number, part in enumerate(domain.asp):
-        lines.append(part.text.replace("#false", f"{VIOLATED}({number})", 1) if _is_constraint(part.text) else part.text)
+        lines.append(
+            part.text.replace("#false", f"{VIOLATED}({number})", 1)
+            if _is_constraint(part.text)
+            else part.text
+        )
     return "\n".join(lines)
 
 
@@ -40,4 +44,6 @@ def _types(domain: Domain) -> Iterator[str]:
 def guard(parameters: Iterable[Parameter]) -> list[str]:
     """Body literals that bind each parameter to the values of its type; numbers and texts have no extension."""
     unbound = {name for name in BUILT_IN_TYPES if name != OBJECT}
-    return [f"{parameter.type}({parameter.variable})" for parameter in parameters if parameter.type not in unbound]
+    return [
+        f"{parameter.type}({parameter.variable})" for parameter in parameters if parameter.type not in unbound
+    ]

@@ -44,7 +44,9 @@ def find(target: str) -> Path:
     name, _, problem = target.partition("/")
     if name in known and not problem:
         return known[name] / DOMAIN_FILE
-    candidates = {f"{name}/{p.stem}": p for p in sorted(known[name].glob("problems/*.yaml"))} if name in known else {}
+    candidates = (
+        {f"{name}/{p.stem}": p for p in sorted(known[name].glob("problems/*.yaml"))} if name in known else {}
+    )
     if target in candidates:
         return candidates[target]
     if path.is_dir():
@@ -93,14 +95,18 @@ def _domain_of(reader: Reader) -> Path:
     if name in known:
         return known[name] / DOMAIN_FILE
     hint = nearest(name, list(known)) or f"a path, or one of: {', '.join(known)}"
-    raise InvalidInput([*reader.findings.diagnostics, Diagnostic(node.where, "K401", f"unknown domain '{name}'", hint)])
+    raise InvalidInput(
+        [*reader.findings.diagnostics, Diagnostic(node.where, "K401", f"unknown domain '{name}'", hint)]
+    )
 
 
 def load_problem(target: str) -> Problem:
     """The problem that a target names. Raises `InvalidInput`."""
     loaded = load(find(target))
     if loaded.problem is None:
-        raise InvalidInput([Diagnostic(Source(target), "K401", "a domain, not a problem", "give --goals, or a problem file")])
+        raise InvalidInput(
+            [Diagnostic(Source(target), "K401", "a domain, not a problem", "give --goals, or a problem file")]
+        )
     return loaded.problem
 
 

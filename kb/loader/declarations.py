@@ -87,7 +87,12 @@ def read_objects(reader: Reader, names: Names) -> dict[str, str]:
         if type_ not in names.types:
             names.findings.diagnostics.append(unknown_name("type", type_, names.types, key.where))
         elif names.types[type_].constants:
-            names.findings.add(key.where, "K104", f"'{type_}' is a closed list", "add the constant where the type is declared")
+            names.findings.add(
+                key.where,
+                "K104",
+                f"'{type_}' is a closed list",
+                "add the constant where the type is declared",
+            )
         for name, where in reader.names(node):
             names.add_object(name, type_, where)
             declared[name] = type_
@@ -103,7 +108,11 @@ def _read_predicates(reader: Reader, names: Names) -> None:
             if signature.name in names.predicates or names.known_type(signature.name):
                 names.findings.add(key.where, "K104", f"'{signature.name}' is declared already")
                 continue
-            weight = node.descend(("weight",)).value if isinstance(node.value, dict) and "weight" in node.value else None
+            weight = (
+                node.descend(("weight",)).value
+                if isinstance(node.value, dict) and "weight" in node.value
+                else None
+            )
             arguments = tuple(str(argument) for argument in signature.arguments)
             names.predicates[signature.name] = Predicate(
                 signature.name, arguments, kind, int(weight) if weight is not None else None, key.where

@@ -10,7 +10,7 @@ from kb.asp.statements import Refused, Signature, Statement, statements
 from kb.diagnostics import Source, nearest
 from kb.loader.declarations import read_declarations
 from kb.loader.names import Names
-from kb.loader.operators import read_defaults, read_deductive_operators, read_operators
+from kb.loader.operators import read_deductive_operators, read_defaults, read_operators
 from kb.loader.reader import Findings, Reader, require, validate_shape
 from kb.loader.tree import File, read_file
 from kb.model.domain import AspText, Domain, Kind, Phrase, Rule
@@ -51,7 +51,9 @@ def _read_units(reader: Reader) -> None:
         if unit != "time":
             reader.findings.add(key.where, "K005", f"unknown unit '{unit}'", "only `time` has a unit")
         elif node.value not in ("ms", "s", "min", "h") or unit_seconds(str(node.value)) is None:
-            reader.findings.add(node.where, "K005", f"unknown unit of time '{node.value}'", "use ms, s, min or h")
+            reader.findings.add(
+                node.where, "K005", f"unknown unit of time '{node.value}'", "use ms, s, min or h"
+            )
         else:
             reader.time_unit = str(node.value)
 
@@ -68,7 +70,9 @@ def _phrases(reader: Reader) -> list[Phrase]:
     for node in reader.items("commands", "phrases"):
         value = {key: str(item.value) for key, (_, item) in node.value.items()}
         if bool(value.get("goal")) == bool(value.get("stage")):
-            reader.findings.add(node.where, "K005", "a phrase has a goal or a stage", "give exactly one of them")
+            reader.findings.add(
+                node.where, "K005", "a phrase has a goal or a stage", "give exactly one of them"
+            )
         found.append(Phrase(value["say"], value.get("goal", ""), value.get("stage", ""), node.where))
     return found
 
@@ -114,7 +118,9 @@ def _sort_rules(read: list[tuple[Statement, Source]], names: Names) -> tuple[lis
     fluent = _depending_on_fluents(read, names)
     for predicate in list(names.predicates.values()):
         if predicate.kind is Kind.DERIVED and (predicate.name, len(predicate.arguments)) not in fluent:
-            names.predicates[predicate.name] = replace(predicate, kind=Kind.STATIC)  # rules over statics alone
+            names.predicates[predicate.name] = replace(
+                predicate, kind=Kind.STATIC
+            )  # rules over statics alone
     asp: list[AspText] = []
     rules: list[Rule] = []
     for statement, where in read:
@@ -132,7 +138,9 @@ def _sort_rules(read: list[tuple[Statement, Source]], names: Names) -> tuple[lis
 
 
 def _depending_on_fluents(read: list[tuple[Statement, Source]], names: Names) -> set[Signature]:
-    changing = {(p.name, len(p.arguments)) for p in names.predicates.values() if p.kind in (Kind.FLUENT, Kind.EVENT)}
+    changing = {
+        (p.name, len(p.arguments)) for p in names.predicates.values() if p.kind in (Kind.FLUENT, Kind.EVENT)
+    }
     while True:
         more = {
             statement.signature
@@ -145,7 +153,11 @@ def _depending_on_fluents(read: list[tuple[Statement, Source]], names: Names) ->
 
 
 def _check_names(statement: Statement, where: Source, defined: set[Signature | None], names: Names) -> None:
-    known = {(p.name, len(p.arguments)) for p in names.predicates.values()} | {(t, 1) for t in names.types} | defined
+    known = (
+        {(p.name, len(p.arguments)) for p in names.predicates.values()}
+        | {(t, 1) for t in names.types}
+        | defined
+    )
     for use, _ in statement.uses:
         if use not in known:
             near = nearest(use[0], [signature[0] for signature in known if signature])
@@ -174,7 +186,9 @@ def _rule(statement: Statement, where: Source, names: Names) -> list[Rule]:
         body = parse("body", text).value if text else ()
     except ExpressionError as error:
         hint = "over fluents: atoms, comparisons and `not` alone"
-        names.findings.add(where, "K202", f"this rule reads fluents and cannot be compiled: {error.message}", hint)
+        names.findings.add(
+            where, "K202", f"this rule reads fluents and cannot be compiled: {error.message}", hint
+        )
         return []
     return [Rule(head, body, where)]
 
@@ -184,7 +198,9 @@ def _check_strata(read: list[tuple[Statement, Source]], names: Names) -> None:
     for statement, _ in read:
         if statement.signature:
             graph.add_edges_from((statement.signature, use) for use, _ in statement.uses)
-    component = {sig: index for index, part in enumerate(nx.strongly_connected_components(graph)) for sig in part}
+    component = {
+        sig: index for index, part in enumerate(nx.strongly_connected_components(graph)) for sig in part
+    }
     for statement, where in read:
         for use, negated in statement.uses:
             if negated and statement.signature and component.get(statement.signature) == component.get(use):

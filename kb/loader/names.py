@@ -8,7 +8,18 @@ from dataclasses import dataclass, field
 
 from kb.diagnostics import Source, unknown_name
 from kb.loader.reader import Expression, Findings
-from kb.model.conditions import Aggregate, And, Comparison, Condition, Exists, ForAll, Literal, Not, Or, Parameter
+from kb.model.conditions import (
+    Aggregate,
+    And,
+    Comparison,
+    Condition,
+    Exists,
+    ForAll,
+    Literal,
+    Not,
+    Or,
+    Parameter,
+)
 from kb.model.domain import BUILT_IN_TYPES, NUMERIC_TYPES, OBJECT, FunctionSignature, Kind, Predicate, Type
 from kb.terms import ANYTHING, Atom, Function, Number, Operation, Term, Text, Variable, variables
 
@@ -51,15 +62,21 @@ class Names:
         if predicate is None and self.known_type(atom.name):
             predicate = Predicate(atom.name, (OBJECT,), Kind.STATIC)
         if predicate is None:
-            self.findings.diagnostics.append(unknown_name("predicate", atom.name, [*self.predicates, *self.types], place))
+            self.findings.diagnostics.append(
+                unknown_name("predicate", atom.name, [*self.predicates, *self.types], place)
+            )
             return None
         if len(atom.arguments) != len(predicate.arguments):
             signature = f"{predicate.name}({', '.join(predicate.arguments)})"
-            self.findings.add(place, "K102", f"{atom.name} takes {len(predicate.arguments)} arguments", f"it is {signature}")
+            self.findings.add(
+                place, "K102", f"{atom.name} takes {len(predicate.arguments)} arguments", f"it is {signature}"
+            )
             return None
         if predicate.kind not in kinds:
             allowed = " or ".join(kind.value for kind in kinds)
-            self.findings.add(place, "K108", f"'{atom.name}' is {predicate.kind.value}; here stands a {allowed} predicate")
+            self.findings.add(
+                place, "K108", f"'{atom.name}' is {predicate.kind.value}; here stands a {allowed} predicate"
+            )
             return None
         return predicate
 
@@ -96,7 +113,9 @@ class Typing:
         for argument, type_ in zip(atom.arguments, expected, strict=True):
             self.term(argument, type_, expression, atom, positive)
 
-    def term(self, term: Term, expected: str, expression: Expression, atom: Atom, positive: bool = True) -> None:
+    def term(
+        self, term: Term, expected: str, expression: Expression, atom: Atom, positive: bool = True
+    ) -> None:
         """Check that a term can be of the expected type."""
         match term:
             case Variable():
@@ -115,17 +134,25 @@ class Typing:
     def _constant(self, term: Function, name: str, expected: str, expression: Expression, atom: Atom) -> None:
         actual = self.names.objects.get(name)
         if actual is None:
-            known = [each for each, type_ in self.names.objects.items() if self.names.is_subtype(type_, expected)]
+            known = [
+                each for each, type_ in self.names.objects.items() if self.names.is_subtype(type_, expected)
+            ]
             where = expression.place(term)
-            self.names.findings.diagnostics.append(unknown_name("object", name, known or self.names.objects, where))
+            self.names.findings.diagnostics.append(
+                unknown_name("object", name, known or self.names.objects, where)
+            )
         elif not self.names.is_subtype(actual, expected):
             self._mismatch(name, actual, expected, expression, atom)
 
-    def _compound(self, term: Function, expected: str, expression: Expression, atom: Atom, positive: bool) -> None:
+    def _compound(
+        self, term: Function, expected: str, expression: Expression, atom: Atom, positive: bool
+    ) -> None:
         function = self.names.functions.get(term.name)
         if function is None:
             where = expression.place(term)
-            self.names.findings.diagnostics.append(unknown_name("function", term.name, self.names.functions, where))
+            self.names.findings.diagnostics.append(
+                unknown_name("function", term.name, self.names.functions, where)
+            )
             return
         if len(term.arguments) != len(function.arguments):
             message = f"{term.name} takes {len(function.arguments)} arguments"
@@ -136,7 +163,9 @@ class Typing:
         for argument, type_ in zip(term.arguments, function.arguments, strict=True):
             self.term(argument, type_, expression, atom, positive)
 
-    def _narrow(self, variable: Variable, expected: str, expression: Expression, atom: Atom, positive: bool) -> None:
+    def _narrow(
+        self, variable: Variable, expected: str, expression: Expression, atom: Atom, positive: bool
+    ) -> None:
         if variable == ANYTHING:
             return
         if not positive:
@@ -169,14 +198,18 @@ class Typing:
             case Comparison() | Aggregate():
                 return
 
-    def parameters(self, wanted: Iterable[Variable], expression: Expression, code: str = "K105") -> tuple[Parameter, ...]:
+    def parameters(
+        self, wanted: Iterable[Variable], expression: Expression, code: str = "K105"
+    ) -> tuple[Parameter, ...]:
         """Typed parameters; a variable without a type is unsafe."""
         found = []
         for variable in wanted:
             type_ = self.type_of(variable)
             if type_ is None:
                 hint = "use it in an atom that binds it, or name its type under `types:`"
-                self.names.findings.add(expression.place(variable), code, f"nothing gives variable {variable} a type", hint)
+                self.names.findings.add(
+                    expression.place(variable), code, f"nothing gives variable {variable} a type", hint
+                )
             found.append(Parameter(variable, type_ or OBJECT))
         return tuple(found)
 

@@ -107,7 +107,10 @@ class _OperatorReader:
             return
         typing = self.typing.nested()
         typing.condition(And(when.value), when, READABLE)
-        changes = {name: self.reader.expression("atoms", *self.path, "effects", index, name) for name in ("adds", "deletes")}
+        changes = {
+            name: self.reader.expression("atoms", *self.path, "effects", index, name)
+            for name in ("adds", "deletes")
+        }
         for expression in filter(None, changes.values()):
             for atom in expression.value:
                 typing.atom(atom, expression, (Kind.FLUENT,))
@@ -120,7 +123,10 @@ class _OperatorReader:
                 yield Effect(atom, name == "adds", typing.parameters(local, when), condition)
 
     def _command(self) -> Command | None:
-        read = {name: self.reader.expression("term", *self.path, "command", name) for name in ("stream", "reply", "result")}
+        read = {
+            name: self.reader.expression("term", *self.path, "command", name)
+            for name in ("stream", "reply", "result")
+        }
         stream, reply, result = read["stream"], read["reply"], read["result"]
         if stream is None:
             return None
@@ -130,7 +136,9 @@ class _OperatorReader:
                 if variable not in known:
                     message = f"variable {variable} is neither in the header nor in the reply"
                     self.names.findings.add(expression.place(variable), "K105", message)
-        return Command(stream.value, reply.value if reply else Function("done"), result.value if result else None)
+        return Command(
+            stream.value, reply.value if reply else Function("done"), result.value if result else None
+        )
 
 
 _FIELDS = {
@@ -187,11 +195,15 @@ def _deductive(reader: Reader, names: Names, index: int) -> DeductiveOperator | 
             scope.atom(atom, expression, (Kind.FLUENT,))
             for part in guard:
                 scope.condition(part, expression, (Kind.STATIC,))
-            used = dict.fromkeys([*variables(when.value.atom), *variables(atom), *free_variables(And((*body, *guard)))])
+            used = dict.fromkeys(
+                [*variables(when.value.atom), *variables(atom), *free_variables(And((*body, *guard)))]
+            )
             wanted = [variable for variable in used if scope.type_of(variable) is not None]
             parameters = scope.parameters(wanted, expression)
             consequences.append(Consequence(atom, name == "implies", guard, parameters))
-    trigger_types = typing.parameters(dict.fromkeys(v for v in variables(when.value.atom) if v != ANYTHING), when)
+    trigger_types = typing.parameters(
+        dict.fromkeys(v for v in variables(when.value.atom) if v != ANYTHING), when
+    )
     return DeductiveOperator(when.value, trigger_types, body, tuple(consequences), when.node.where)
 
 

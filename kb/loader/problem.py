@@ -22,7 +22,11 @@ def read_problem(reader: Reader, domain: Domain, domain_names: Names, findings: 
     """The problem in a file whose shape is right; what is wrong inside is noted."""
     reader.time_unit = domain.time_unit
     names = Names(
-        findings, dict(domain_names.types), dict(domain_names.functions), dict(domain.objects), dict(domain.predicates)
+        findings,
+        dict(domain_names.types),
+        dict(domain_names.functions),
+        dict(domain.objects),
+        dict(domain.predicates),
     )
     objects = read_objects(reader, names)
     return Problem(
@@ -54,7 +58,7 @@ def _facts(reader: Reader, names: Names, section: str, kinds: tuple[Kind, ...]) 
 def _fact(node: Node) -> Expression | None:
     """The common case, one ground atom, read by clingo: problems hold thousands of them."""
     text = node.value
-    if not isinstance(text, str) or any(mark in text for mark in "\"_.;+-*/ \\|") and not _simple(text):
+    if not isinstance(text, str) or (any(mark in text for mark in '"_.;+-*/ \\|') and not _simple(text)):
         return None
     try:
         atom = ground_term(text)
@@ -64,9 +68,9 @@ def _fact(node: Node) -> Expression | None:
 
 
 def _simple(text: str) -> bool:
-    return text.replace("_", "a").replace(" ", "").replace("(", "").replace(")", "").replace(",", "").isalnum() and (
-        " _" not in text and "(_" not in text and ",_" not in text
-    )
+    return text.replace("_", "a").replace(" ", "").replace("(", "").replace(")", "").replace(
+        ",", ""
+    ).isalnum() and (" _" not in text and "(_" not in text and ",_" not in text)
 
 
 def _goal(reader: Reader, names: Names) -> Condition:
@@ -83,19 +87,26 @@ def goal_condition(expression: Expression, names: Names) -> Condition:
     condition = And(expression.value)
     typing.condition(condition, expression, READABLE)
     for variable in free_variables(condition):
-        names.findings.add(expression.place(variable), "K105", f"a goal has no variables: {variable}", "write '_' for some")
+        names.findings.add(
+            expression.place(variable), "K105", f"a goal has no variables: {variable}", "write '_' for some"
+        )
     return typing.quantified(condition, expression)
 
 
 def _chains(reader: Reader, names: Names) -> Iterator[Chain]:
     entries = reader.items("workflow")
-    titles = [str(node.value["name"][1].value) if "name" in node.value else str(i + 1) for i, node in enumerate(entries)]
+    titles = [
+        str(node.value["name"][1].value) if "name" in node.value else str(i + 1)
+        for i, node in enumerate(entries)
+    ]
     groups: dict[str, list[str]] = {}
     for index, title in enumerate(titles):
         after: list[str] = []
         for node in reader.items("workflow", index, "after"):
             if node.value not in groups:
-                names.findings.diagnostics.append(unknown_name("earlier workflow", str(node.value), groups, node.where))
+                names.findings.diagnostics.append(
+                    unknown_name("earlier workflow", str(node.value), groups, node.where)
+                )
             after.extend(groups.get(str(node.value), []))
         chains = list(_entry_chains(reader, names, index, title))
         groups[title] = [chain.name for chain in chains]

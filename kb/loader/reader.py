@@ -107,7 +107,9 @@ class Reader:
                 if re.fullmatch(r"[a-z][A-Za-z0-9_]*", name):
                     found.append((name, where))
                 else:
-                    self.findings.add(where, "K107", f"'{name}' is no name", "names start with a small letter")
+                    self.findings.add(
+                        where, "K107", f"'{name}' is no name", "names start with a small letter"
+                    )
         return found
 
     def _expand(self, text: Any, where: Source) -> list[str]:
@@ -138,16 +140,24 @@ def validate_shape(reader: Reader, model: type[BaseModel]) -> bool:
 
 
 def _shape_diagnostic(root: Node, model: type[BaseModel], problem: Any) -> Diagnostic:
-    path = tuple(part for part in problem["loc"] if not (isinstance(part, str) and part in ("str", "int", "list[str]")))
+    path = tuple(
+        part for part in problem["loc"] if not (isinstance(part, str) and part in ("str", "int", "list[str]"))
+    )
     parent, node = root.descend(path[:-1]), root.descend(path)
     if problem["type"] == "extra_forbidden":
         key = str(path[-1])
-        where = parent.value[key][0].where if isinstance(parent.value, dict) and key in parent.value else node.where
+        where = (
+            parent.value[key][0].where
+            if isinstance(parent.value, dict) and key in parent.value
+            else node.where
+        )
         return Diagnostic(where, "K005", f"unknown key '{key}'", nearest(key, _known_keys(model, path[:-1])))
     if problem["type"] == "missing":
         return Diagnostic(node.where, "K005", f"the key '{path[-1]}' is missing")
     said = problem["msg"].replace("Input should be a valid", "expected a").replace("dictionary", "mapping")
-    return Diagnostic(node.where, "K005", f"{'.'.join(map(str, path)) or 'the file'}: {said[0].lower()}{said[1:]}")
+    return Diagnostic(
+        node.where, "K005", f"{'.'.join(map(str, path)) or 'the file'}: {said[0].lower()}{said[1:]}"
+    )
 
 
 def _known_keys(model: type[BaseModel], path: tuple[Any, ...]) -> list[str]:

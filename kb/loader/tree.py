@@ -101,7 +101,9 @@ def read_file(path: Path, name: str | None = None) -> File:
         raise InvalidInput([Diagnostic(Source(name), "K001", error.strerror or str(error))]) from None
     except UnicodeDecodeError as error:
         line = data.count(b"\n", 0, error.start) + 1
-        raise InvalidInput([Diagnostic(Source(name, line), "K001", "not UTF-8", "save the file as UTF-8")]) from None
+        raise InvalidInput(
+            [Diagnostic(Source(name, line), "K001", "not UTF-8", "save the file as UTF-8")]
+        ) from None
     starts = (0, *(found.end() for found in re.finditer("\n", text)))
     return File(name, text, starts)
 
@@ -156,7 +158,11 @@ class _Composer:
                 yield event
 
     def _refuse(self, event: yaml.Event, what: str, hint: str) -> None:
-        message = f"{what} are not part of the language" if what.endswith("s") else f"{what} is not part of the language"
+        message = (
+            f"{what} are not part of the language"
+            if what.endswith("s")
+            else f"{what} is not part of the language"
+        )
         self.found.append(Diagnostic(self.file.at(event.start_mark.index), "K004", message, hint))
         if len(self.found) > 100:
             raise InvalidInput(self.found)
@@ -164,7 +170,9 @@ class _Composer:
     def _bound(self, event: yaml.Event, depth: int) -> None:
         if depth > MAX_DEPTH:
             where = self.file.at(event.start_mark.index)
-            raise InvalidInput([*self.found, Diagnostic(where, "K007", f"nested deeper than {MAX_DEPTH} levels")])
+            raise InvalidInput(
+                [*self.found, Diagnostic(where, "K007", f"nested deeper than {MAX_DEPTH} levels")]
+            )
 
     def _node(self, value: Any, opened: yaml.Event, closed: yaml.Event) -> Node:
         self.count += 1
@@ -179,7 +187,9 @@ class _Composer:
                 self.found.append(Diagnostic(key.where, "K005", "a key must be a plain string"))
             elif key.value in pairs:
                 first = pairs[key.value][0].where
-                self.found.append(Diagnostic(key.where, "K003", f"key '{key.value}' stands already in line {first.line}"))
+                self.found.append(
+                    Diagnostic(key.where, "K003", f"key '{key.value}' stands already in line {first.line}")
+                )
             else:
                 pairs[key.value] = (key, value)
         return self._node(pairs, opened, closed)
@@ -193,9 +203,18 @@ def _swallowed_comments(file: File) -> Iterator[Diagnostic]:
         end = file.line_starts[number] if number < len(file.line_starts) else len(file.text)
         line = file.text[start:end]
         found = _ASP_COMMENT.search(line)
-        if found and ":" in line[: found.start()] and '"' not in line and "'" not in line and not line.lstrip().startswith("#"):
+        if (
+            found
+            and ":" in line[: found.start()]
+            and '"' not in line
+            and "'" not in line
+            and not line.lstrip().startswith("#")
+        ):
             yield Diagnostic(
-                file.at(start + found.start(1)), "K006", "YAML reads this as a comment", "put the whole value in quotes"
+                file.at(start + found.start(1)),
+                "K006",
+                "YAML reads this as a comment",
+                "put the whole value in quotes",
             )
 
 
@@ -203,5 +222,9 @@ def _yaml_error(file: File, error: yaml.YAMLError) -> Diagnostic:
     mark = getattr(error, "problem_mark", None)
     where = file.at(mark.index) if mark else Source(file.path)
     problem = getattr(error, "problem", None) or str(error)
-    hint = "a value with ': ' or starting with '!', '%', '{' or '[' needs quotes" if "mapping values" in problem else ""
+    hint = (
+        "a value with ': ' or starting with '!', '%', '{' or '[' needs quotes"
+        if "mapping values" in problem
+        else ""
+    )
     return Diagnostic(where, "K002", problem, hint)

@@ -52,7 +52,9 @@ class OperatorEntry(_Strict):
     deletes: Expression | None = Field(None, description="explicit deletes; add after delete")
     effects: list[EffectEntry] = Field(default_factory=list)
     resources: Expression | None = Field(None, description="what the step holds while it lasts")
-    duration: str | int | None = Field(None, description="a number with a unit, such as 15 min, or a variable")
+    duration: str | int | None = Field(
+        None, description="a number with a unit, such as 15 min, or a variable"
+    )
     cost: str | int | None = Field(None, description="a number or a variable; 1 unless given")
     command: CommandEntry | None = None
 
@@ -93,8 +95,12 @@ class DomainFile(_Strict):
     domain: str = Field(pattern=r"^[a-z][a-z0-9_]*$", description="the domain's name")
     include: list[str] = Field(default_factory=list, description="ASP files beside this one")
     units: dict[str, str] = Field(default_factory=dict, description="time: ms, s, min or h")
-    types: dict[str, str | list[str]] = Field(default_factory=dict, description="name: parent, or a closed list")
-    functions: dict[str, str] = Field(default_factory=dict, description="compound terms: meas(measurement): place")
+    types: dict[str, str | list[str]] = Field(
+        default_factory=dict, description="name: parent, or a closed list"
+    )
+    functions: dict[str, str] = Field(
+        default_factory=dict, description="compound terms: meas(measurement): place"
+    )
     objects: dict[str, Names] = Field(default_factory=dict, description="type: what every problem has")
     statics: StaticEntries = Field(default_factory=dict)
     derived: StaticEntries = Field(default_factory=dict)
@@ -134,4 +140,7 @@ FILES: dict[str, type[BaseModel]] = {"domain": DomainFile, "problem": ProblemFil
 
 def json_schema(kind: str) -> dict[str, Any]:
     """The JSON Schema of a kind of file in `FILES`."""
-    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **FILES[kind].model_json_schema(by_alias=True)}
+    return {
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        **FILES[kind].model_json_schema(by_alias=True),
+    }

@@ -8,10 +8,29 @@ from fractions import Fraction
 from importlib import resources
 from typing import Any
 
-from lark import Lark, Token, Transformer, UnexpectedCharacters, UnexpectedEOF, UnexpectedInput, UnexpectedToken, v_args
+from lark import (
+    Lark,
+    Token,
+    Transformer,
+    UnexpectedCharacters,
+    UnexpectedEOF,
+    UnexpectedInput,
+    UnexpectedToken,
+    v_args,
+)
 from lark.exceptions import VisitError
 
-from kb.model.conditions import Aggregate, Comparison, Condition, ForAll, Literal, Not, Or, Parameter, free_variables
+from kb.model.conditions import (
+    Aggregate,
+    Comparison,
+    Condition,
+    ForAll,
+    Literal,
+    Not,
+    Or,
+    Parameter,
+    free_variables,
+)
 from kb.terms import Function, Number, Operation, Term, Text, Variable, variables
 
 STARTS = ["header", "trigger", "conditions", "body", "clauses", "atoms", "atom", "term", "terms", "signature"]
@@ -38,7 +57,9 @@ def unit_seconds(name: str) -> Fraction | None:
     """Seconds in one unit of time given by name or abbreviation; None for an unknown name."""
     if name in SECONDS:
         return SECONDS[name]
-    return next((SECONDS[short] for short in ("s", "min", "h") if re.fullmatch(_SPELLINGS[short], name)), None)
+    return next(
+        (SECONDS[short] for short in ("s", "min", "h") if re.fullmatch(_SPELLINGS[short], name)), None
+    )
 
 
 _SPELLINGS = {"s": "sec|secs|seconds?", "min": "mins|minutes?", "h": "hours?"}
@@ -69,7 +90,9 @@ class _Reader(Transformer[Token, Any]):
         amount, unit = re.fullmatch(r"([\d.]+)\s*(\w+)", token).groups()  # type: ignore[union-attr]
         value = Fraction(amount) * (unit_seconds(unit) or 1) / self.unit
         if value.denominator != 1:
-            raise ExpressionError(token.start_pos or 0, f"'{token}' is not a whole number of the domain's unit of time")
+            raise ExpressionError(
+                token.start_pos or 0, f"'{token}' is not a whole number of the domain's unit of time"
+            )
         return Number(int(value))
 
     def decimal(self, token: Token) -> Function:
@@ -89,7 +112,9 @@ class _Reader(Transformer[Token, Any]):
         return self._place(Function(str(name), tuple(inner)), name)
 
     def header(self, name: Token, *parameters: Token | None) -> Function:
-        return self._place(Function(str(name), tuple(self.variable(each) for each in parameters if each is not None)), name)
+        return self._place(
+            Function(str(name), tuple(self.variable(each) for each in parameters if each is not None)), name
+        )
 
     def literal(self, *children: Any) -> Literal:
         return Literal(children[-1], len(children) == 1)
