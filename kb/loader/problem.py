@@ -132,9 +132,17 @@ def _entry_chains(reader: Reader, names: Names, index: int, title: str) -> Itera
                 names.findings.add(stages.place(variable), "K105", f"variable {variable} is not under `for:`")
     for combination in itertools.product(*choices):
         bindings: dict[Variable, Term] = {variable: Function(name) for variable, name in combination}
-        subject = Function(combination[0][1]) if combination else None
-        label = ",".join(name for _, name in combination) or "all"
+        subject = Function(combination[0][1]) if combination else _subject(reader, names, index)
+        label = ",".join(name for _, name in combination)
         bound = tuple(substitute_atom(atom, bindings) for atom in stages.value)
         for atom in bound:
             Typing(names).atom(atom, stages, (Kind.EVENT, Kind.FLUENT))
-        yield Chain(f"{title}:{label}", bound, (), subject, stages.node.where)
+        yield Chain(f"{title}:{label}" if label else title, bound, (), subject, stages.node.where)
+
+
+def _subject(reader: Reader, names: Names, index: int) -> Function | None:
+    expression = reader.expression("atom", "workflow", index, "subject")
+    if expression and expression.value.name not in names.objects:
+        known = names.objects
+        names.findings.diagnostics.append(unknown_name("object", expression.value.name, known, expression.place()))
+    return expression.value if expression else None

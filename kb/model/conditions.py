@@ -61,6 +61,9 @@ class And:
 
     parts: tuple["Condition", ...] = ()
 
+    def __str__(self) -> str:
+        return ", ".join(map(str, self.parts))
+
 
 @dataclass(frozen=True, slots=True)
 class Or:
@@ -68,12 +71,18 @@ class Or:
 
     parts: tuple["Condition", ...] = ()
 
+    def __str__(self) -> str:
+        return " | ".join(map(_enclosed, self.parts))
+
 
 @dataclass(frozen=True, slots=True)
 class Not:
     """The part does not hold."""
 
     part: "Condition"
+
+    def __str__(self) -> str:
+        return f"not {_enclosed(self.part)}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,6 +92,11 @@ class Exists:
     parameters: tuple[Parameter, ...]
     part: "Condition"
 
+    def __str__(self) -> str:
+        if isinstance(self.part, Literal) and self.part.positive:
+            return str(substitute_atom(self.part.atom, {p.variable: ANYTHING for p in self.parameters}))
+        return f"some {', '.join(map(str, self.parameters))} ({self.part})"
+
 
 @dataclass(frozen=True, slots=True)
 class ForAll:
@@ -91,10 +105,25 @@ class ForAll:
     parameters: tuple[Parameter, ...]
     part: "Condition"
 
+    def __str__(self) -> str:
+        match self.part:
+            case Or((Not(guard), claim)):
+                return f"{claim} : {guard}"
+            case _:
+                return f"every {', '.join(map(str, self.parameters))} ({self.part})"
+
 
 Condition = Literal | Comparison | Aggregate | And | Or | Not | Exists | ForAll
 
 TRUE = And(())
+
+
+def _enclosed(condition: Condition) -> str:
+    match condition:
+        case And(parts) | Or(parts) if len(parts) > 1:
+            return f"({condition})"
+        case _:
+            return str(condition)
 
 
 def conditions(condition: Condition) -> Iterator[Condition]:

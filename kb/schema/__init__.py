@@ -117,6 +117,7 @@ class WorkflowEntry(_Strict):
 
     name: str | None = None
     for_: dict[str, Names] = Field(default_factory=dict, alias="for")
+    subject: str | None = Field(None, description="the object whose history this is, when there is no `for`")
     stages: Expression
     after: list[str] = Field(default_factory=list, description="names of workflow entries that come first")
 
