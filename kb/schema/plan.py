@@ -16,11 +16,15 @@ class StepEntry(_Strict):
 
     id: int = Field(gt=0, description="positive and unique; 0 is the initial state, -1 the goal")
     operator: str = Field(description="an operator instance, such as move(arm, a, b)")
-    after: list[int] = Field(default_factory=list, description="steps that must have ended before this one starts")
+    after: list[int] = Field(
+        default_factory=list, description="steps that must have ended before this one starts"
+    )
     resources: list[str] = Field(default_factory=list, description="what the step holds while it lasts")
     duration: int = Field(0, ge=0, description="in the domain's unit of time")
     cost: int = Field(1, ge=0)
-    start: int | None = Field(None, description="earliest start, in the domain's unit of time; derived, not read back")
+    start: int | None = Field(
+        None, description="earliest start, in the domain's unit of time; derived, not read back"
+    )
 
 
 class LinkEntry(_Strict):
@@ -38,8 +42,12 @@ class PlanEntry(_Strict):
     steps: list[StepEntry]
     links: list[LinkEntry] = Field(default_factory=list)
     cost: int | None = Field(None, description="sum of the steps' costs; derived")
-    makespan: int | None = Field(None, description="end of the last step when each starts as early as it may; derived")
-    histories: list[dict[str, Any]] = Field(default_factory=list, description="what was done to each object; derived")
+    makespan: int | None = Field(
+        None, description="end of the last step when each starts as early as it may; derived"
+    )
+    histories: list[dict[str, Any]] = Field(
+        default_factory=list, description="what was done to each object; derived"
+    )
 
 
 class AnswerData(BaseModel):
