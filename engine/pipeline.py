@@ -1,14 +1,18 @@
 """The stages in order. What the command line does is one call of a function here."""
 
 import time
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from pathlib import Path
 
 from engine.grounding import ground
 from engine.model.outcome import Found, Outcome, Statistics
 from engine.planning import Limits
 from engine.planning import plan as plan_task
 from engine.validation import validate
-from kb.diagnostics import Diagnostic
+from kb.check import check_domain
+from kb.diagnostics import Diagnostic, InvalidInput, Source
+from kb.loader import Loaded, find, load, problem_files, with_goals
+from kb.model.plan import Plan
 from kb.model.problem import Problem
 
 
@@ -19,6 +23,18 @@ class InternalError(Exception):
         super().__init__("the checker refuses the plan:\n" + "\n".join(map(str, diagnostics)))
 
 
+def problem_of(target: str, goals: str = "") -> Problem:
+    """The problem that a target names, with other goals if some are given. Raises `InvalidInput`."""
+    loaded = load(find(target))
+    if goals:
+        return with_goals(loaded.domain, goals, loaded.problem)
+    if loaded.problem is None:
+        problems = sorted(path.stem for path in Path(loaded.domain.path).parent.glob("problems/*.yaml"))
+        hint = f"give --goals, or one of its problems: {', '.join(problems)}" if problems else "give --goals"
+        raise InvalidInput([Diagnostic(Source(target), "K401", "this is a domain, not a problem", hint)])
+    return loaded.problem
+
+
 def plan(problem: Problem, limits: Limits = Limits()) -> Outcome:
     """A checked plan for a problem, the proof that there is none, or where the search stopped. Raises `InvalidInput`."""
     started = time.perf_counter()
@@ -27,7 +43,7 @@ def plan(problem: Problem, limits: Limits = Limits()) -> Outcome:
     outcome = plan_task(task, limits)
     finished = time.perf_counter()
     if isinstance(outcome, Found):
-        wrong = validate(problem, outcome.plan)
+        wrong = check_plan(problem, outcome.plan)
         if wrong:
             raise InternalError(wrong)
     checked = time.perf_counter()
@@ -39,3 +55,52 @@ def plan(problem: Problem, limits: Limits = Limits()) -> Outcome:
     }
     seconds = {"grounding": grounded - started, "search": finished - grounded, "check": checked - finished}
     return replace(outcome, statistics=Statistics(counts, seconds))
+
+
+def check_plan(problem: Problem, made: Plan, name: str = "plan") -> list[Diagnostic]:
+    """Everything that the independent checker has against a plan; empty if it is valid."""
+    return validate(problem, made, name)
+
+
+@dataclass(frozen=True, slots=True)
+class CheckReport:
+    """The files that were checked and everything found in them, in order of place."""
+
+    checked: tuple[str, ...]
+    diagnostics: tuple[Diagnostic, ...]
+
+
+def check(target: str) -> CheckReport:
+    """Everything that is wrong with a problem, or with a domain and all its problems."""
+    path = find(target)
+    found: list[Diagnostic] = []
+    loaded = _loaded(path, found)
+    paths, problems = [path], []
+    if loaded is not None and loaded.problem is not None:
+        problems.append(loaded.problem)
+    else:
+        paths += problem_files(path)
+        problems += [each.problem for file in paths[1:] if (each := _loaded(file, found)) and each.problem]
+    if loaded is not None and loaded.problem is None:
+        found += check_domain(loaded.domain, problems)
+    for problem in problems:
+        found += _ground_findings(problem)
+    return CheckReport(tuple(map(str, paths)), tuple(sorted(set(found))))
+
+
+def _ground_findings(problem: Problem) -> tuple[Diagnostic, ...]:
+    try:
+        ground(problem)
+    except InvalidInput as error:
+        return error.diagnostics
+    return ()
+
+
+def _loaded(path: Path, found: list[Diagnostic]) -> Loaded | None:
+    try:
+        loaded = load(path)
+    except InvalidInput as error:
+        found += error.diagnostics
+        return None
+    found += loaded.warnings
+    return loaded

@@ -34,6 +34,8 @@ CODES = {
     "K306": "too many supports of a derived predicate",
     "K307": "grounding exceeds its limit",
     "K308": "too many conditional effects",
+    "K309": "declared, but nothing uses it",
+    "K310": "a condition that nothing makes true",
     "K401": "unknown domain, problem or file",
     "K402": "not a plan in the documented format",
     "K501": "the plan does not execute",

@@ -2,7 +2,7 @@
 
 from engine.model.outcome import Found, GaveUp, Infeasible, Outcome
 
-FINDINGS, BAD_INPUT, INTERNAL, INTERRUPTED = 1, 2, 70, 130
+FINDINGS, BAD_INPUT, INFEASIBLE, GAVE_UP, LIMIT, INTERNAL, INTERRUPTED = 1, 2, 10, 12, 23, 70, 130
 
 
 def exit_code(outcome: Outcome) -> int:
@@ -11,6 +11,6 @@ def exit_code(outcome: Outcome) -> int:
         case Found():
             return 0
         case Infeasible():
-            return 10
+            return INFEASIBLE
         case GaveUp(limit=limit):
-            return 12 if limit == "expansions" else 23
+            return GAVE_UP if limit == "expansions" else LIMIT

@@ -6,9 +6,10 @@ from rich.text import Text
 
 from engine.model.outcome import Found, GaveUp, Infeasible, Outcome, Statistics
 from kb.model.plan import GOAL, Plan, StepId
+from kb.model.problem import Problem
 
 
-def outcome(result: Outcome) -> RenderableType:
+def outcome(result: Outcome, problem: Problem) -> RenderableType:
     """What a person reads on the terminal."""
     match result:
         case Found(plan):

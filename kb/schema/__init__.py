@@ -136,12 +136,12 @@ class ProblemFile(_Strict):
     command: str | None = Field(None, description="a command in words, instead of goals and workflow")
 
 
-FILES: dict[str, type[BaseModel]] = {"domain": DomainFile, "problem": ProblemFile}
-
-
 def json_schema(kind: str) -> dict[str, Any]:
-    """The JSON Schema of a kind of file in `FILES`."""
+    """The JSON Schema of a kind of file: `domain`, `problem` or `plan`."""
+    from kb.schema.plan import PlanFile  # it builds on the shapes above
+
+    files: dict[str, type[BaseModel]] = {"domain": DomainFile, "problem": ProblemFile, "plan": PlanFile}
     return {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
-        **FILES[kind].model_json_schema(by_alias=True),
+        **files[kind].model_json_schema(by_alias=True),
     }

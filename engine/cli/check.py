@@ -1,0 +1,51 @@
+"""`cellwright check` and `cellwright schema`."""
+
+from enum import StrEnum
+from typing import Annotated
+
+import typer
+
+from engine.cli.answers import Answer, Form, give
+from engine.cli.exits import BAD_INPUT, FINDINGS
+from engine.cli.options import Format, Target
+
+
+def check(target: Target, format: Format = Form.TEXT) -> None:
+    """Report everything that is wrong with TARGET: files, names, types, rules, and what its problems ground to."""
+    give(lambda: _check(target), format)
+
+
+def _check(target: str) -> Answer:
+    from rich.text import Text
+
+    from engine import pipeline
+    from engine.report.findings import summary
+    from kb.diagnostics import errors
+
+    report = pipeline.check(target)
+    found = report.diagnostics
+    code = BAD_INPUT if errors(found) else FINDINGS if found else 0
+    said = f"{summary(found)} in {len(report.checked)} file{'' if len(report.checked) == 1 else 's'}"
+    status = "errors" if code == BAD_INPUT else "warnings" if found else "ok"
+    return Answer(status, {"checked": list(report.checked)}, lambda: Text(said), code, found)
+
+
+class Kind(StrEnum):
+    """The kinds of files that have a schema."""
+
+    DOMAIN = "domain"
+    PROBLEM = "problem"
+    PLAN = "plan"
+
+
+def schema(kind: Annotated[Kind, typer.Argument(help="the kind of file")]) -> None:
+    """Print the JSON Schema of a kind of file, for editors."""
+    give(lambda: _schema(kind), Form.TEXT)
+
+
+def _schema(kind: Kind) -> Answer:
+    import json
+
+    from kb.schema import json_schema
+
+    return Answer("ok", raw=json.dumps(json_schema(kind.value), indent=1) + "\n")

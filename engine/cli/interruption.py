@@ -1,0 +1,63 @@
+"""Ctrl-C and the time limit, as the question that a search asks now and then; progress on a terminal meanwhile."""
+
+import signal
+import sys
+import time
+from collections.abc import Callable
+from types import FrameType, TracebackType
+from typing import Any
+
+
+class Interruption:
+    """A context in which the first Ctrl-C asks the search to stop with what it has; the second stops everything.
+
+    Called, it says whether to stop. `seconds` is the time limit, counted from its creation.
+    """
+
+    def __init__(self, seconds: float | None = None) -> None:
+        self.deadline = time.monotonic() + seconds if seconds is not None else None
+        self.heard = False
+        self._before: Callable[[int, FrameType | None], Any] | int | None = None
+        self._progress = _Progress() if sys.stderr.isatty() else None
+
+    def __enter__(self) -> "Interruption":
+        self._before = signal.signal(signal.SIGINT, self._hear)
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        signal.signal(signal.SIGINT, self._before)
+        if self._progress:
+            self._progress.clear()
+
+    def __call__(self) -> bool:
+        if self._progress:
+            self._progress.tick()
+        return self.heard or (self.deadline is not None and time.monotonic() >= self.deadline)
+
+    def _hear(self, _signal: int, _frame: FrameType | None) -> None:
+        if self.heard:
+            raise KeyboardInterrupt
+        self.heard = True
+
+
+class _Progress:
+    """One line on standard error that says how long the search has been going on, once it takes long."""
+
+    def __init__(self) -> None:
+        self.started = self.shown = time.monotonic()
+
+    def tick(self) -> None:
+        now = time.monotonic()
+        if now - self.shown >= 0.5:
+            self.shown = now
+            sys.stderr.write(
+                f"\rsearching {now - self.started:5.1f} s; Ctrl-C stops with the best plan so far "
+            )
+            sys.stderr.flush()
+
+    def clear(self) -> None:
+        if self.shown > self.started:
+            sys.stderr.write("\r\x1b[K")
+            sys.stderr.flush()

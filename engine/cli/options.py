@@ -1,0 +1,19 @@
+"""Arguments and options that several commands share."""
+
+from typing import Annotated
+
+import typer
+
+from engine.cli.answers import Form
+
+Target = Annotated[
+    str, typer.Argument(help="a problem file, a domain folder, or a bundled name such as bulkhead/one_point")
+]
+Format = Annotated[Form, typer.Option("--format", help="how the answer is written")]
+Goals = Annotated[str, typer.Option(help="goals, written as in a problem file")]
+Stats = Annotated[bool, typer.Option("--stats", help="print what a researcher wants: counts and times")]
+TimeLimit = Annotated[
+    float | None, typer.Option(min=0, help="seconds after which the search ends with the best it has")
+]
+Seed = Annotated[int, typer.Option(min=0, help="the same seed gives the same answer on any machine")]
+Expansions = Annotated[int, typer.Option(min=0, help="states that the search may expand before it gives up")]

@@ -1,0 +1,116 @@
+"""`cellwright plan` and `cellwright validate`."""
+
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from engine.cli.answers import Answer, Form, give
+from engine.cli.exits import FINDINGS, INTERRUPTED, exit_code
+from engine.cli.options import Expansions, Format, Goals, Seed, Stats, Target, TimeLimit
+
+if TYPE_CHECKING:
+    from rich.console import RenderableType
+
+    from engine.model.outcome import Outcome
+    from kb.model.problem import Problem
+
+
+class PlanForm(StrEnum):
+    """How a plan is written: as a table, as data, or as a picture of its partial order."""
+
+    TEXT = "text"
+    JSON = "json"
+    DOT = "dot"
+    SVG = "svg"
+
+
+def plan(
+    target: Target,
+    goals: Goals = "",
+    format: Annotated[PlanForm, typer.Option("--format", help="how the plan is written")] = PlanForm.TEXT,
+    stats: Stats = False,
+    time_limit: TimeLimit = None,
+    expansions: Expansions = 200_000,
+    seed: Seed = 0,
+) -> None:
+    """Print a plan for TARGET."""
+    form = Form.JSON if format is PlanForm.JSON else Form.TEXT
+    give(lambda: _plan(target, goals, format, stats, time_limit, expansions, seed), form)
+
+
+def _plan(
+    target: str, goals: str, form: PlanForm, stats: bool, time_limit: float | None, expansions: int, seed: int
+) -> Answer:
+    from engine import pipeline
+    from engine.cli.interruption import Interruption
+    from engine.planning import Limits
+    from engine.report import json
+
+    with Interruption(time_limit) as interrupted:
+        problem = pipeline.problem_of(target, goals)
+        outcome = pipeline.plan(problem, Limits(expansions=expansions, interrupted=interrupted))
+    content = json.outcome(outcome, problem)
+    if stats:
+        content["statistics"] = json.statistics(outcome.statistics)
+    return Answer(
+        json.status(outcome),
+        content,
+        text=lambda: _text(outcome, problem, stats),
+        code=INTERRUPTED if interrupted.heard else exit_code(outcome),
+        raw=_picture(outcome, problem, form),
+    )
+
+
+def _text(outcome: "Outcome", problem: "Problem", stats: bool) -> "RenderableType":
+    from rich.console import Group
+
+    from engine.report import text
+
+    parts = [text.outcome(outcome, problem)]
+    return Group(*parts, text.statistics(outcome.statistics)) if stats else parts[0]
+
+
+def _picture(outcome: "Outcome", problem: "Problem", form: PlanForm) -> str | None:
+    """The plan as DOT or SVG, if it was asked for and there is one."""
+    from engine.model.outcome import Found
+
+    if not isinstance(outcome, Found):
+        return None
+    if form is PlanForm.DOT:
+        from engine.report import dot
+
+        return dot.plan(outcome.plan, problem)
+    if form is PlanForm.SVG:
+        from engine.report import svg
+
+        return svg.plan(outcome.plan, problem)
+    return None
+
+
+def validate(
+    file: Annotated[Path, typer.Argument(help="a plan, as `cellwright plan --format json` writes it")],
+    problem: Annotated[
+        str, typer.Option(help="check it against this problem instead of the one it carries")
+    ] = "",
+    format: Format = Form.TEXT,
+) -> None:
+    """Check the plan in FILE with the independent checker."""
+    give(lambda: _validate(file, problem), format)
+
+
+def _validate(file: Path, target: str) -> Answer:
+    from rich.text import Text
+
+    from engine import pipeline
+    from kb.loader import load_plan
+
+    own, plan = load_plan(file)
+    problem = pipeline.problem_of(target) if target else own
+    found = pipeline.check_plan(problem, plan, str(file))
+    said = f"valid: {len(plan.steps)} steps, cost {plan.cost}, {len(plan.links)} causal links"
+    content = {"steps": len(plan.steps), "cost": plan.cost, "links": len(plan.links)}
+    if found:
+        return Answer("invalid", content, code=FINDINGS, diagnostics=tuple(found))
+    return Answer("valid", content, text=lambda: Text(said))

@@ -1,0 +1,42 @@
+"""Diagnostics as people read them: place, code, message, the line with a caret, what to try."""
+
+from collections.abc import Iterable
+
+from rich.text import Text
+
+from kb.diagnostics import Diagnostic
+
+
+def diagnostics(found: Iterable[Diagnostic]) -> Text:
+    """The diagnostics one after another; in colour they are the same characters."""
+    return Text("\n").join([_diagnostic(each) for each in found])
+
+
+def _diagnostic(diagnostic: Diagnostic) -> Text:
+    text = Text(str(diagnostic))
+    first = text.plain.split("\n", 1)[0]
+    place = len(str(diagnostic.where))
+    severity = first.index(diagnostic.code)
+    text.stylize("bold", 0, place)
+    text.stylize("yellow" if diagnostic.warning else "bold red", place + 2, severity)
+    for index, line in enumerate(text.plain.split("\n")):
+        start = sum(len(each) + 1 for each in text.plain.split("\n")[:index])
+        if line.strip() == "^":
+            text.stylize("bold green", start, start + len(line))
+        elif line.startswith("  try: "):
+            text.stylize("cyan", start, start + len(line))
+    return text
+
+
+def summary(found: Iterable[Diagnostic]) -> str:
+    """How many errors and warnings."""
+    errors = warnings = 0
+    for each in found:
+        warnings += each.warning
+        errors += not each.warning
+    parts = [_counted(errors, "error"), _counted(warnings, "warning")]
+    return ", ".join(part for part in parts if part) or "no errors"
+
+
+def _counted(count: int, noun: str) -> str:
+    return "" if not count else f"{count} {noun}{'' if count == 1 else 's'}"
