@@ -59,10 +59,8 @@ def _read_units(reader: Reader) -> None:
 
 
 def _words(reader: Reader) -> dict[str, tuple[str, ...]]:
-    words = reader.root.descend(("commands", "words"))
-    if not isinstance(words.value, dict) or "phrases" in words.value:
-        return {}
-    return {key: tuple(str(item.value) for item in node.value) for key, (_, node) in words.value.items()}
+    entries = reader.entries("commands", "words")
+    return {key: tuple(str(item.value) for item in node.value) for key, _, node in entries}
 
 
 def _phrases(reader: Reader) -> list[Phrase]:
