@@ -38,6 +38,7 @@ CODES = {
     "K310": "a condition that nothing makes true",
     "K401": "unknown domain, problem or file",
     "K402": "not a plan in the documented format",
+    "K403": "refused here",
     "K501": "the plan does not execute",
     "K502": "the plan misses a goal",
     "K503": "unordered steps interfere",

@@ -3,6 +3,8 @@
 import typer
 
 from engine.cli.check import check, schema
+from engine.cli.golden import golden_plans
+from engine.cli.init import init
 from engine.cli.plan import plan, validate
 
 app = typer.Typer(
@@ -15,8 +17,9 @@ def cellwright() -> None:
     """Plan and diagnose for robot work cells."""
 
 
-for command in (check, plan, schema, validate):
+for command in (check, init, plan, schema, validate):
     app.command()(command)
+app.command("test")(golden_plans)
 
 
 def main() -> None:

@@ -52,15 +52,16 @@ def status(outcome: Outcome) -> str:
             return "stopped"
 
 
-def outcome(result: Outcome, problem: Problem) -> dict[str, Any]:
-    """What an outcome says: the plan, or the reason why there is none."""
+def outcome(result: Outcome, problem: Problem, domain: str = "") -> dict[str, Any]:
+    """What an outcome says: the plan, or the reason why there is none. `domain` is how the file names the domain."""
+    entry = problem_entry(problem, domain or reference(problem.domain))
     match result:
         case Found(plan):
-            return {"plan": plan_entry(plan, problem)}
+            return {"plan": {"problem": entry, **plan_entry(plan)}}
         case Infeasible(reason):
-            return {"reason": reason}
+            return {"problem": entry, "reason": reason}
         case GaveUp(reason, limit):
-            return {"reason": reason, "limit": limit}
+            return {"problem": entry, "reason": reason, "limit": limit}
 
 
 def statistics(figures: Statistics) -> dict[str, Any]:
@@ -71,10 +72,9 @@ def statistics(figures: Statistics) -> dict[str, Any]:
     }
 
 
-def plan_entry(plan: Plan, problem: Problem) -> dict[str, Any]:
-    """A plan with its problem, as `cellwright validate` reads it."""
+def plan_entry(plan: Plan) -> dict[str, Any]:
+    """A plan as `cellwright validate` reads it beside its problem."""
     return {
-        "problem": problem_entry(problem),
         "cost": plan.cost,
         "steps": [
             {
@@ -94,14 +94,14 @@ def plan_entry(plan: Plan, problem: Problem) -> dict[str, Any]:
     }
 
 
-def problem_entry(problem: Problem) -> dict[str, Any]:
+def problem_entry(problem: Problem, domain: str) -> dict[str, Any]:
     """A problem in the shape of a problem file, workflow and goals written out."""
     objects: dict[str, list[str]] = {}
     for name, type_ in problem.objects.items():
         objects.setdefault(type_, []).append(name)
     entry: dict[str, Any] = {
         "problem": problem.name,
-        "domain": reference(problem.domain),
+        "domain": domain,
         "objects": objects,
         "statics": list(map(str, problem.statics)),
         "initial": list(map(str, problem.initial)),

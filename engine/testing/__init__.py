@@ -1,0 +1,1 @@
+"""Golden plans: a domain's problems are planned again and compared with the answers that were once accepted."""
