@@ -13,7 +13,7 @@ from kb.loader.names import Names
 from kb.loader.operators import read_deductive_operators, read_defaults, read_operators
 from kb.loader.reader import Findings, Reader, require, validate_shape
 from kb.loader.tree import File, read_file
-from kb.model.domain import AspText, Domain, Kind, Phrase, Rule
+from kb.model.domain import NUMERIC_TYPES, AspText, Domain, Kind, Phrase, Rule
 from kb.schema import DomainFile
 from kb.syntax import ExpressionError, parse, unit_seconds
 
@@ -167,8 +167,14 @@ def _check_names(statement: Statement, where: Source, defined: set[Signature | N
             names.findings.add(where, "K102", f"{name} takes {len(predicate.arguments)} arguments")
         elif predicate and predicate.kind in (Kind.FLUENT, Kind.EVENT):
             names.findings.add(where, "K108", f"'{name}' is {predicate.kind.value}: rules cannot define it")
-        elif name in names.types:
+        elif name in names.types and not _counted(name, names):
             names.findings.add(where, "K108", f"'{name}' is a type: list its objects under `objects:`")
+
+
+def _counted(type_: str, names: Names) -> bool:
+    """Whether terms of this type are built from numbers, which have no extension: rules say which there are."""
+    built = (function for function in names.functions.values() if function.result == type_)
+    return any(argument in NUMERIC_TYPES for function in built for argument in function.arguments)
 
 
 def _rule(statement: Statement, where: Source, names: Names) -> list[Rule]:
