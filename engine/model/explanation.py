@@ -1,0 +1,66 @@
+"""Why there is no plan, and what would have to be different: the answer of `cellwright explain`."""
+
+from dataclasses import dataclass
+
+from kb.model.plan import CausalLink, Step
+from kb.terms import Atom
+
+
+@dataclass(frozen=True, slots=True)
+class Change:
+    """A difference to a problem. `kind`: add static, remove static, add initial, remove initial, or drop goal.
+
+    `proof` is the number of steps of a checked plan for the changed problem.
+    """
+
+    kind: str
+    facts: tuple[Atom, ...] = ()
+    goal: str = ""
+    proof: int = 0
+    missing: tuple[str, ...] = ()  # from the goal down to what is missing
+
+    def __str__(self) -> str:
+        what = self.goal or ", ".join(map(str, self.facts))
+        return f"{self.kind} {what}"
+
+
+@dataclass(frozen=True, slots=True)
+class Explanation:
+    """`status` is feasible, infeasible or unknown.
+
+    `goals` is a minimal set of goals that cannot be reached (together, if several); `exclusions` are pairs among
+    them that are never true at once; `changes` are smallest ones, each proved by planning with it.
+    """
+
+    status: str
+    goals: tuple[str, ...] = ()
+    exclusions: tuple[str, ...] = ()
+    changes: tuple[Change, ...] = ()
+    reason: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Purpose:
+    """A step achieves `condition` for `consumer` (None: it is a goal), which by way of `links` serves a goal."""
+
+    condition: Atom
+    consumer: Step | None
+    links: tuple[CausalLink, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class OrderReason:
+    """Why one step comes before another."""
+
+    earlier: Step
+    later: Step
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
+class StepReason:
+    """Why a step is in a plan, and why it stands where it does."""
+
+    step: Step
+    purposes: tuple[Purpose, ...]
+    orders: tuple[OrderReason, ...]

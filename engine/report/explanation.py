@@ -1,0 +1,100 @@
+"""Explanations as text and as data."""
+
+from typing import Any
+
+from rich.text import Text
+
+from engine.model.explanation import Change, Explanation, Purpose, StepReason
+
+_SAID = {
+    "add static": "if it were a fact that {}",
+    "add initial": "if at the start {}",
+    "remove initial": "if it were not so at the start that {}",
+    "drop goal": "without the goal {}",
+}
+
+
+def explanation(found: Explanation) -> Text:
+    """Why there is no plan, for people."""
+    if found.status != "infeasible":
+        return Text(
+            f"{'There is nothing to explain' if found.status == 'feasible' else 'Unknown'}: {found.reason}."
+        )
+    lines = ["No plan exists."]
+    if len(found.goals) == 1:
+        lines.append(f"This goal cannot be reached: {found.goals[0]}")
+    else:
+        lines += ["These goals cannot be reached together, though any fewer of them can:"]
+        lines += [f"  {goal}" for goal in found.goals]
+    lines += [f"  because {exclusion}" for exclusion in found.exclusions]
+    if not found.changes:
+        lines.append("No change of up to three facts was found that would help.")
+    for change in found.changes:
+        lines.append(f"There is a plan of {change.proof} steps {said(change)}")
+        lines += [f"    {line}" for line in change.missing]
+    return Text("\n".join(lines))
+
+
+def said(change: Change) -> str:
+    """A change in words."""
+    return _SAID[change.kind].format(change.goal or " and ".join(map(str, change.facts)))
+
+
+def explanation_entry(found: Explanation) -> dict[str, Any]:
+    """Why there is no plan, for programs."""
+    return {
+        "goals": list(found.goals),
+        "exclusions": list(found.exclusions),
+        "reason": found.reason,
+        "changes": [
+            {
+                "kind": change.kind,
+                "facts": list(map(str, change.facts)),
+                "goal": change.goal,
+                "steps": change.proof,
+                "missing": list(change.missing),
+            }
+            for change in found.changes
+        ],
+    }
+
+
+def step_reason(found: StepReason) -> Text:
+    """Why a step is there, for people."""
+    step = found.step
+    lines = [f"{step.id} {step.operator}", "is there for"]
+    lines += [f"  {_purpose(purpose)}" for purpose in found.purposes] or [
+        "  nothing: no causal link names it"
+    ]
+    after = [order for order in found.orders if order.later.id == step.id]
+    before = [order for order in found.orders if order.earlier.id == step.id]
+    lines += [f"comes after {o.earlier.id} {o.earlier.operator}: {o.reason}" for o in after]
+    lines += [f"comes before {o.later.id} {o.later.operator}: {o.reason}" for o in before]
+    return Text("\n".join(lines))
+
+
+def _purpose(purpose: Purpose) -> str:
+    if purpose.consumer is None:
+        return f"the goal {purpose.condition}"
+    said = f"{purpose.condition}, which {purpose.consumer.id} {purpose.consumer.operator} needs"
+    if purpose.links:
+        way = " then ".join(str(link.consumer) for link in purpose.links[:-1])
+        said += f"{f' for {way}' if way else ''} for the goal {purpose.links[-1].condition}"
+    return said
+
+
+def step_entry(found: StepReason) -> dict[str, Any]:
+    """Why a step is there, for programs."""
+    return {
+        "step": found.step.id,
+        "operator": str(found.step.operator),
+        "purposes": [
+            {
+                "condition": str(purpose.condition),
+                "consumer": -1 if purpose.consumer is None else purpose.consumer.id,
+                "path": [link.consumer for link in purpose.links],
+            }
+            for purpose in found.purposes
+        ],
+        "orders": [{"before": o.earlier.id, "after": o.later.id, "reason": o.reason} for o in found.orders],
+    }
