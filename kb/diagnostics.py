@@ -45,6 +45,10 @@ CODES = {
     "K504": "a claimed causal link does not hold",
     "K505": "the plan's orderings have a cycle",
     "K506": "the plan does not follow the workflow",
+    "K601": "not a phrase pattern",
+    "K602": "a command that is not understood",
+    "K603": "a command names what is not there, or not one thing",
+    "K604": "a command gives an order to what cannot be a stage",
 }
 
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 from engine.grounding.universe import Universe
 from engine.model.task import Bits, indices
-from kb.model.problem import Chain
+from kb.model.problem import Chain, superseded
 from kb.terms import Atom, Function, Number, Text
 
 STAGE = "_stage"
@@ -47,6 +47,7 @@ class Workflow:
         self._event_stages: dict[Atom, list[Advance]] = {}
         self._fluent_stages: dict[int, list[Advance]] = {}
         self._finished: dict[str, Bits] = {}
+        self._passing = superseded(chains)
         for chain in chains:
             self._add(chain, universe, first)
 
@@ -69,7 +70,7 @@ class Workflow:
                 self._event_stages.setdefault(stage, []).append(advance)
             elif stage in universe.index:
                 self._fluent_stages.setdefault(universe.index[stage], []).append(advance)
-                if reached + 1 == len(chain.stages):
+                if reached + 1 == len(chain.stages) and chain.name not in self._passing:
                     self.goal |= 1 << universe.index[stage]
 
     def advances(self, events: Sequence[Atom], added: Bits) -> Iterator[Advance]:

@@ -5,7 +5,7 @@ from collections.abc import Iterator, Sequence
 
 from kb.model.domain import Domain, Kind
 from kb.model.plan import StepId
-from kb.model.problem import Chain
+from kb.model.problem import Chain, superseded
 from kb.terms import Atom
 
 Counters = tuple[int, ...]
@@ -70,7 +70,7 @@ class Stages:
             for chain, n in zip(self.chains, best, strict=True)
             if n < len(chain.stages)
         ]
-        for chain in self.chains:
+        for chain in (each for each in self.chains if each.name not in superseded(self.chains)):
             last = chain.stages[-1]
             if self.kinds[last.name] is Kind.FLUENT and last not in state:
                 found.append(f"{last} at the end")

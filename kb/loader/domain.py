@@ -7,6 +7,7 @@ import networkx as nx
 
 from kb.asp import AspError
 from kb.asp.statements import Refused, Signature, Statement, statements
+from kb.commands import check_phrases
 from kb.diagnostics import Source, nearest
 from kb.loader.declarations import read_declarations
 from kb.loader.names import Names
@@ -43,6 +44,7 @@ def read_domain(path: Path, findings: Findings) -> tuple[Domain, Names]:
         phrases=tuple(_phrases(reader)),
         path=str(path),
     )
+    findings.diagnostics.extend(check_phrases(domain, reader.place_under("commands")))
     return domain, names
 
 

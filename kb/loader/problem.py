@@ -6,6 +6,7 @@ from dataclasses import replace
 
 from kb.asp import AspError, ground_term
 from kb.diagnostics import unknown_name
+from kb.loader.command import commanded
 from kb.loader.declarations import read_objects
 from kb.loader.names import Names, Typing
 from kb.loader.operators import READABLE
@@ -29,7 +30,7 @@ def read_problem(reader: Reader, domain: Domain, domain_names: Names, findings: 
         dict(domain.predicates),
     )
     objects = read_objects(reader, names)
-    return Problem(
+    problem = Problem(
         str(reader.root.descend(("problem",)).value),
         domain,
         objects,
@@ -41,6 +42,7 @@ def read_problem(reader: Reader, domain: Domain, domain_names: Names, findings: 
         path=reader.root.file.path,
         where=reader.root.where,
     )
+    return commanded(problem, reader)
 
 
 def _facts(reader: Reader, names: Names, section: str, kinds: tuple[Kind, ...]) -> Iterator[Atom]:
@@ -144,5 +146,7 @@ def _subject(reader: Reader, names: Names, index: int) -> Function | None:
     expression = reader.expression("atom", "workflow", index, "subject")
     if expression and expression.value.name not in names.objects:
         known = names.objects
-        names.findings.diagnostics.append(unknown_name("object", expression.value.name, known, expression.place()))
+        names.findings.diagnostics.append(
+            unknown_name("object", expression.value.name, known, expression.place())
+        )
     return expression.value if expression else None

@@ -1,7 +1,7 @@
 """Reads one YAML file into its schema and the expressions inside it, collecting every finding with its place."""
 
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -88,6 +88,15 @@ class Reader:
         """The nodes of the sequence at `path`, if it is one."""
         node = self.root.descend(path)
         return node.value if isinstance(node.value, list) and self._reached(path) else []
+
+    def place_under(self, section: str) -> Callable[[tuple[str | int, ...], int], Source]:
+        """A function from a path under `section` and a character there to its place."""
+
+        def place(path: tuple[str | int, ...], offset: int) -> Source:
+            node = self.root.descend((section, *path))
+            return node.place(offset) if isinstance(node.value, str) else node.where
+
+        return place
 
     def _reached(self, path: tuple[str | int, ...]) -> bool:
         node = self.root

@@ -1,7 +1,7 @@
 """The problem: what one task adds to its domain. `replace` gives the same problem from another initial state."""
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 from kb.diagnostics import Source
@@ -12,7 +12,10 @@ from kb.terms import Atom, Term
 
 @dataclass(frozen=True, slots=True)
 class Chain:
-    """The ordered stages of one object (or group of bindings); `after` names chains that must be finished first."""
+    """The ordered stages of one object (or group of bindings); `after` names chains that must be finished first.
+
+    What the last stage adds must still hold at the end, unless a chain of the same subject comes after this one.
+    """
 
     name: str
     stages: tuple[Atom, ...]
@@ -39,3 +42,15 @@ class Problem:
     def replace(self, initial: tuple[Atom, ...]) -> "Problem":
         """The same problem from an observed state, taken as it is."""
         return dataclasses.replace(self, initial=initial, complete=True)
+
+
+def superseded(chains: Sequence[Chain]) -> frozenset[str]:
+    """The chains after which another one of the same subject comes: what they end with need not last."""
+    behind: dict[str, frozenset[str]] = {}
+    found: set[str] = set()
+    subjects = {chain.name: chain.subject for chain in chains}
+    for chain in chains:
+        behind[chain.name] = frozenset(chain.after).union(*(behind.get(name, ()) for name in chain.after))
+        if chain.subject is not None:
+            found.update(name for name in behind[chain.name] if subjects.get(name) == chain.subject)
+    return frozenset(found)

@@ -1,0 +1,152 @@
+"""The small language of `say`: words, `{P:probe}` slots, `(a|b)` alternatives and `[optional]` parts."""
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+ARTICLES = frozenset({"the", "a", "an", "please"})  # mean nothing, in phrases and in sentences
+
+
+@dataclass(frozen=True, slots=True)
+class Word:
+    """One word, in lower case."""
+
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class Slot:
+    """A place for objects, a number or a time; `offset` is where it stands in the pattern."""
+
+    variable: str
+    type: str
+    offset: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class Sequence:
+    """Parts one after another."""
+
+    parts: tuple["Pattern", ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Choice:
+    """Any one of the options; an optional part has an empty one."""
+
+    options: tuple["Pattern", ...]
+
+
+Pattern = Word | Slot | Sequence | Choice
+
+
+class PatternError(Exception):
+    """The text is not a pattern; `offset` is the first character that does not fit."""
+
+    def __init__(self, offset: int, message: str, hint: str = "") -> None:
+        super().__init__(message)
+        self.offset, self.message, self.hint = offset, message, hint
+
+
+_TOKEN = re.compile(
+    r"\s*(?:(?P<slot>\{\s*(?P<variable>[A-Z]\w*)\s*:\s*(?P<type>[a-z]\w*)\s*\})"
+    r"|(?P<mark>[()\[\]|])|(?P<word>[A-Za-z][\w'-]*))"
+)
+_CLOSES = {"(": ")", "[": "]"}
+
+
+def read_pattern(text: str) -> Pattern:
+    """The pattern that `text` describes. Raises `PatternError`."""
+    return _PatternReader(text).whole()
+
+
+class _PatternReader:
+    """Recursive descent, one method per construct."""
+
+    def __init__(self, text: str) -> None:
+        self.text = text
+        self.tokens = list(self._tokens())
+        self.next = 0
+
+    def _tokens(self) -> Iterator[re.Match[str]]:
+        position, end = 0, len(self.text.rstrip())
+        while position < end:
+            found = _TOKEN.match(self.text, position)
+            if found is None:
+                position += len(self.text[position:]) - len(self.text[position:].lstrip())
+                message = f"unexpected '{self.text[position]}'"
+                raise PatternError(
+                    position, message, "use words, {P:type} slots, (a|b) alternatives and [optional] parts"
+                )
+            yield found
+            position = found.end()
+
+    def whole(self) -> Pattern:
+        pattern = self._options()
+        if self.next < len(self.tokens):
+            raise PatternError(self._offset(), f"'{self._mark()}' closes nothing")
+        if () in expansions(pattern):
+            raise PatternError(0, "every part of this phrase is optional", "give it at least one word")
+        return pattern
+
+    def _mark(self) -> str:
+        return self.tokens[self.next]["mark"] or "" if self.next < len(self.tokens) else ""
+
+    def _offset(self) -> int:
+        found = self.tokens[self.next]
+        return found.start(found.lastgroup if found.lastgroup in ("mark", "word") else "slot")
+
+    def _options(self) -> Pattern:
+        options = [self._sequence()]
+        while self._mark() == "|":
+            self.next += 1
+            options.append(self._sequence())
+        return options[0] if len(options) == 1 else Choice(tuple(options))
+
+    def _sequence(self) -> Pattern:
+        parts: list[Pattern] = []
+        while self.next < len(self.tokens) and self._mark() not in (")", "]", "|"):
+            parts.extend(self._part())
+        return Sequence(tuple(parts))
+
+    def _part(self) -> Iterator[Pattern]:
+        found, offset, opening = self.tokens[self.next], self._offset(), self._mark()
+        self.next += 1
+        if found["slot"]:
+            yield Slot(found["variable"], found["type"], offset)
+        elif found["word"]:
+            if found["word"].lower() not in ARTICLES:
+                yield Word(found["word"].lower())
+        else:
+            inner = self._options()
+            if self._mark() != _CLOSES[opening]:
+                raise PatternError(offset, f"this '{opening}' is never closed")
+            self.next += 1
+            yield Choice((inner, Sequence())) if opening == "[" else inner
+
+
+MAX_EXPANSIONS = 1000
+
+
+def expansions(pattern: Pattern) -> list[tuple[Word | Slot, ...]]:
+    """Every sequence of words and slots that the pattern allows, each once. Raises `PatternError` beyond a thousand."""
+    match pattern:
+        case Word() | Slot():
+            return [(pattern,)]
+        case Choice(options):
+            found = [each for option in options for each in expansions(option)]
+        case Sequence(parts):
+            found = [()]
+            for part in parts:
+                following = expansions(part)
+                if len(found) * len(following) > MAX_EXPANSIONS:
+                    raise PatternError(
+                        0, "too many alternatives in one phrase", "split it into several phrases"
+                    )
+                found = [(*before, *after) for before in found for after in following]
+    return list(dict.fromkeys(found))
+
+
+def readable(say: str) -> str:
+    """A pattern as people are shown it: slots by their types."""
+    return re.sub(r"\{\s*\w+\s*:\s*(\w+)\s*\}", r"<\1>", say)

@@ -1,0 +1,221 @@
+"""What phrases stand for: goals and stages with slots in them, checked against the domain's signatures."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+from kb.commands.patterns import Pattern, PatternError, Slot, Word, expansions, read_pattern
+from kb.diagnostics import Diagnostic, Source, nearest, unknown_name
+from kb.model.conditions import Condition, Exists, Literal, Not, Parameter
+from kb.model.domain import BUILT_IN_TYPES, NUMERIC_TYPES, OBJECT, Domain, Kind, Phrase
+from kb.syntax import ExpressionError, Parsed, parse
+from kb.terms import ANYTHING, Atom, Function, Number, Term, Text, Variable
+
+Place = Callable[[tuple[str | int, ...], int], Source]
+"""Where character n of what stands at a path under `commands:` is, such as `("phrases", 3, "say")`."""
+
+ALLOWED = {"stage": (Kind.EVENT, Kind.FLUENT), "goal": (Kind.FLUENT, Kind.DERIVED)}
+
+
+@dataclass(frozen=True, slots=True)
+class Meaning:
+    """A phrase ready for use: its pattern, its slots by variable, and the conditions they go into."""
+
+    phrase: Phrase
+    pattern: Pattern
+    slots: tuple[Slot, ...]
+    conditions: tuple[Literal, ...]
+    is_stage: bool
+
+
+def meanings(domain: Domain) -> list[Meaning]:
+    """The phrases of a domain whose phrases have been checked."""
+    return [_meaning(phrase, domain) for phrase in domain.phrases]
+
+
+def _meaning(phrase: Phrase, domain: Domain) -> Meaning:
+    pattern = read_pattern(phrase.say)
+    field = "stage" if phrase.stage else "goal"
+    parsed = _parsed(phrase, field, domain)
+    return Meaning(phrase, pattern, slots_of(pattern), parsed.value, field == "stage")
+
+
+def _parsed(phrase: Phrase, field: str, domain: Domain) -> Parsed:
+    parsed = parse("conditions", getattr(phrase, field), domain.time_unit)
+    for part in parsed.value:
+        if not isinstance(part, Literal) or (field == "stage" and not part.positive):
+            raise ExpressionError(0, f"a {field} is made of atoms alone")
+    return parsed
+
+
+def slots_of(pattern: Pattern) -> tuple[Slot, ...]:
+    """The slots of a pattern, each variable once, in order of occurrence."""
+    found: dict[str, Slot] = {}
+    for expansion in expansions(pattern):
+        for part in expansion:
+            if isinstance(part, Slot):
+                found.setdefault(part.variable, part)
+    return tuple(sorted(found.values(), key=lambda slot: slot.offset))
+
+
+def condition(literal: Literal, domain: Domain) -> Condition:
+    """The literal as a goal, each `_` being some value."""
+    fresh: list[Parameter] = []
+    expected = domain.predicates[literal.atom.name].arguments
+    arguments = tuple(
+        _fresh(a, t, fresh, domain) for a, t in zip(literal.atom.arguments, expected, strict=True)
+    )
+    if not fresh:
+        return literal
+    some = Exists(tuple(fresh), Literal(Function(literal.atom.name, arguments)))
+    return some if literal.positive else Not(some)
+
+
+def _fresh(term: Term, type_: str, fresh: list[Parameter], domain: Domain) -> Term:
+    if term == ANYTHING:
+        fresh.append(Parameter(Variable(f"_Any{len(fresh) + 1}"), type_))
+        return fresh[-1].variable
+    if isinstance(term, Function) and term.arguments:
+        inner = zip(term.arguments, domain.functions[term.name].arguments, strict=True)
+        return Function(term.name, tuple(_fresh(a, t, fresh, domain) for a, t in inner))
+    return term
+
+
+def check_phrases(domain: Domain, place: Place | None = None) -> list[Diagnostic]:
+    """Everything that is wrong with the words and phrases of a domain."""
+    known = [*domain.types, *domain.objects]
+    found = [
+        unknown_name("type or object", key, known, place(("words", key), 0) if place else Source(domain.path))
+        for key in domain.words
+        if key not in known
+    ]
+    for index, phrase in enumerate(domain.phrases):
+        if not phrase.goal and not phrase.stage:
+            continue  # its shape is wrong, which the loader reports
+        found.extend(_PhraseCheck(domain, index, phrase, place).run())
+    return found
+
+
+class _PhraseCheck:
+    """One phrase against the signatures of its domain."""
+
+    def __init__(self, domain: Domain, index: int, phrase: Phrase, place: Place | None) -> None:
+        self.domain, self.index, self.phrase, self.place = domain, index, phrase, place
+        self.found: list[Diagnostic] = []
+        self.parsed = Parsed(())
+        self.field = "stage" if phrase.stage else "goal"
+
+    def run(self) -> list[Diagnostic]:
+        try:
+            pattern = read_pattern(self.phrase.say)
+        except PatternError as error:
+            self._report("say", error.offset, "K601", error.message, error.hint)
+            return self.found
+        self._slots(pattern)
+        try:
+            self.parsed = _parsed(self.phrase, self.field, self.domain)
+        except ExpressionError as error:
+            self._report(self.field, error.offset, error.code, error.message, error.hint)
+            return self.found
+        self.types = {Variable(slot.variable): slot.type for slot in slots_of(pattern)}
+        for literal in self.parsed.value:
+            self._atom(literal.atom)
+        return self.found
+
+    def _report(self, field: str, offset: int, code: str, message: str, hint: str = "") -> None:
+        where = self.place(("phrases", self.index, field), offset) if self.place else self.phrase.where
+        self.found.append(Diagnostic(where, code, message, hint))
+
+    def _slots(self, pattern: Pattern) -> None:
+        known = [*self.domain.types, *BUILT_IN_TYPES]
+        bound = expansions(pattern)
+        for slot in slots_of(pattern):
+            if slot.type not in known:
+                hint = nearest(slot.type, known)
+                self._report("say", slot.offset, "K101", f"unknown type '{slot.type}'", hint)
+            for each in bound:
+                times = [part.variable for part in each if isinstance(part, Slot)].count(slot.variable)
+                if times != 1:
+                    said = " ".join(
+                        part.text if isinstance(part, Word) else f"{{{part.variable}}}" for part in each
+                    )
+                    message = f"slot {slot.variable} stands {times} times in '{said}'"
+                    self._report("say", slot.offset, "K601", message, "every alternative needs it once")
+                    break
+
+    def _atom(self, atom: Atom) -> None:
+        predicate = self.domain.predicates.get(atom.name)
+        if predicate is None:
+            hint = nearest(atom.name, list(self.domain.predicates))
+            self._wrong(atom, "K101", f"unknown predicate '{atom.name}'", hint)
+        elif predicate.kind not in ALLOWED[self.field]:
+            allowed = " or ".join(kind.value for kind in ALLOWED[self.field])
+            self._wrong(atom, "K108", f"'{atom.name}' is {predicate.kind.value}; a {self.field} is {allowed}")
+        elif len(predicate.arguments) != len(atom.arguments):
+            self._wrong(atom, "K102", f"{atom.name} takes {len(predicate.arguments)} arguments")
+        else:
+            self._arguments(atom, predicate.arguments)
+
+    def _arguments(self, term: Function, expected: tuple[str, ...]) -> None:
+        for argument, type_ in zip(term.arguments, expected, strict=True):
+            for actual in self._actual(argument, type_):
+                if not self._fits(actual, type_):
+                    self._wrong(
+                        argument, "K103", f"{argument} is {actual}, but {term.name} takes {type_} here"
+                    )
+
+    def _fits(self, actual: str, expected: str) -> bool:
+        if expected in NUMERIC_TYPES:
+            return actual in NUMERIC_TYPES
+        return self.domain.is_subtype(actual, expected)
+
+    def _actual(self, term: Term, expected: str) -> Iterator[str]:
+        """The type of a term, when it has one; what is wrong with it is reported."""
+        match term:
+            case Variable():
+                yield from self._variable(term)
+            case Number():
+                yield "int"
+            case Text():
+                yield "text"
+            case Function(name, ()) if name not in self.domain.functions:
+                yield from self._object(term, expected)
+            case Function():
+                yield from self._compound(term)
+
+    def _variable(self, variable: Variable) -> Iterator[str]:
+        if variable in self.types:
+            yield self.types[variable]
+        elif variable != ANYTHING:
+            known = ", ".join(map(str, self.types)) or "none"
+            message = f"variable {variable} is no slot of the phrase"
+            self._wrong(variable, "K105", message, f"its slots: {known}")
+        elif self.field == "stage":
+            self._wrong(variable, "K105", "a stage leaves nothing open", "give '_' a slot, or write a goal")
+
+    def _object(self, term: Function, expected: str) -> Iterator[str]:
+        if term.name in self.domain.objects:
+            yield self.domain.objects[term.name]
+        else:
+            hint = nearest(term.name, self._names(expected))
+            self._wrong(term, "K101", f"unknown object '{term.name}'", hint)
+
+    def _compound(self, term: Function) -> Iterator[str]:
+        signature = self.domain.functions.get(term.name)
+        if signature is None:
+            hint = nearest(term.name, list(self.domain.functions))
+            self._wrong(term, "K101", f"unknown function '{term.name}'", hint)
+        elif len(term.arguments) != len(signature.arguments):
+            self._wrong(term, "K102", f"{term.name} takes {len(signature.arguments)} arguments")
+        else:
+            self._arguments(term, signature.arguments)
+            yield signature.result
+
+    def _names(self, type_: str) -> list[str]:
+        return [
+            name for name, own in self.domain.objects.items() if type_ == OBJECT or self._fits(own, type_)
+        ]
+
+    def _wrong(self, term: Term, code: str, message: str, hint: str = "") -> None:
+        inner = term if isinstance(term, Function | Variable) else None
+        offset = self.parsed.places.get(inner, 0) if inner is not None else 0
+        self._report(self.field, offset, code, message, hint)

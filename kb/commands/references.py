@@ -1,0 +1,169 @@
+"""Which objects a sentence means: numbers, names, ranges, "all", and pronouns that look back."""
+
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from fractions import Fraction
+
+from kb.commands.grammar import Mention, Words
+from kb.commands.tokens import Piece
+from kb.diagnostics import nearest
+from kb.model.domain import Domain
+from kb.terms import Function, natural_key
+
+ENDING = re.compile(r"(.*?)(\d+)")
+
+
+class Unclear(Exception):
+    """A part of a sentence names nothing, or not one thing; `offset` is where."""
+
+    def __init__(self, offset: int, message: str, hint: str = "") -> None:
+        super().__init__(message)
+        self.offset, self.message, self.hint = offset, message, hint
+
+
+class References:
+    """What has been named so far, and what a slot of a type may mean. `objects` maps names to types."""
+
+    def __init__(self, domain: Domain, objects: Mapping[str, str]) -> None:
+        self.domain, self.objects = domain, objects
+        self.named: list[tuple[str, ...]] = []
+
+    def resolve(self, words: Words, type_: str) -> tuple[Function, ...]:
+        """The objects meant, each once, in natural order. Raises `Unclear`."""
+        found = self._meant(words, type_)
+        unique = tuple(sorted(set(found), key=lambda name: natural_key(Function(name))))
+        for name in unique:
+            if not self._is(name, type_):
+                said = f"{name} is {self._article(self.objects[name])}, not {self._article(type_)}"
+                raise Unclear(words.pieces[0].offset, said)
+        if words.how != "pronoun":
+            self.named.append(unique)
+        return tuple(map(Function, unique))
+
+    def _meant(self, words: Words, type_: str) -> Sequence[str]:
+        offset = words.pieces[0].offset
+        if words.how == "pronoun":
+            return self._earlier([piece.text.lower() for piece in words.pieces], offset, type_)
+        if words.how in ("all", "both"):
+            return self._all(words, type_, offset)
+        owner = type_
+        found: list[str] = []
+        for mention in words.mentions:
+            owner = mention.owner or owner  # "probes 1 and 2": the noun goes on
+            found.extend(self._mention(mention, owner if owner in self.domain.types else type_))
+        return found
+
+    def _all(self, words: Words, type_: str, offset: int) -> list[str]:
+        owner = words.mentions[0].owner or type_
+        found = self._of(owner)
+        if words.how == "both" and len(found) != 2:
+            last = self.named[-1] if self.named else ()
+            if len(last) != 2 or not all(self._is(name, owner) for name in last):
+                raise Unclear(offset, f"'both' means two, but there are {len(found)}", self._range(owner))
+            found = list(last)
+        if not found:
+            raise Unclear(offset, f"there is no {_plain(owner)}")
+        return found
+
+    def _earlier(self, said: Sequence[str], offset: int, type_: str) -> Sequence[str]:
+        """What a pronoun means: the last list of this type; "them" after single objects means all of them."""
+        fitting = [names for names in self.named if all(self._is(name, type_) for name in names)]
+        if not fitting:
+            hint = f"name it: {self._range(type_)}"
+            raise Unclear(offset, f"nothing before '{said[-1]}' is {self._article(type_)}", hint)
+        last = fitting[-1]
+        if said[-1] == "it":
+            if len(last) > 1:
+                message = f"'it' is one, but last named were {', '.join(last)}"
+                raise Unclear(offset, message, "did you mean 'them'?")
+            return last
+        meant = last if len(last) > 1 else tuple(dict.fromkeys(name for names in fitting for name in names))
+        if "both" in said and len(meant) != 2:
+            raise Unclear(
+                offset, f"'both' means two, but named were {', '.join(meant)}", "did you mean 'them'?"
+            )
+        return meant
+
+    def _mention(self, mention: Mention, type_: str) -> list[str]:
+        match mention.how, mention.ends:
+            case "called", _:
+                return [mention.owner]
+            case "sole", _:
+                return self._sole(mention, type_)
+            case "numbered", (end,):
+                return [self._numbered(end, type_)]
+            case "named", (end,):
+                return [self._named(end)]
+            case "numbers", (first, last):
+                return list(self._range_of(first, last, type_))
+            case _, (first, last):
+                return list(self._names(first, last))
+            case how, ends:
+                raise AssertionError(f"a mention that no rule makes: {how} {ends}")
+
+    def _sole(self, mention: Mention, type_: str) -> list[str]:
+        found = self._of(type_)
+        if len(found) != 1:
+            said = mention.pieces[-1]
+            message = f"which {said.text}? there are {len(found)}" if found else f"there is no {said.text}"
+            raise Unclear(said.offset, message, self._range(type_))
+        return found
+
+    def _numbered(self, end: Piece, type_: str) -> str:
+        found = [name for name in self._of(type_) if _number(name) == end.value]
+        if len(found) != 1:
+            several = f"{' and '.join(found)} both have the number {end.text}"
+            message = several if found else f"there is no {_plain(type_)} {end.text}"
+            raise Unclear(end.offset, message, self._range(type_))
+        return found[0]
+
+    def _named(self, end: Piece) -> str:
+        name = end.text if end.text in self.objects else end.text.lower()
+        if name not in self.objects:
+            raise Unclear(end.offset, f"there is no '{end.text}'", nearest(end.text, list(self.objects)))
+        return name
+
+    def _range_of(self, first: Piece, last: Piece, type_: str) -> Iterator[str]:
+        low, high = int(first.value or 0), int(last.value or 0)
+        if low > high:
+            raise Unclear(first.offset, f"from {low} to {high} there is nothing", f"say {high} to {low}")
+        self._numbered(last, type_)  # a wrong end is reported where it stands
+        for number in range(low, high + 1):
+            yield self._numbered(Piece(first.kind, str(number), first.offset, Fraction(number)), type_)
+
+    def _names(self, first: Piece, last: Piece) -> Iterator[str]:
+        low = ENDING.fullmatch(self._named(first))
+        high = ENDING.fullmatch(
+            f"{low[1]}{last.text}" if low and last.value is not None else self._named(last)
+        )
+        if low is None or high is None or low[1] != high[1]:
+            raise Unclear(
+                first.offset, f"{first.text} to {last.text} is no range", "a range counts, as m1 to m12"
+            )
+        if int(low[2]) > int(high[2]):
+            raise Unclear(first.offset, f"from {first.text} to {last.text} there is nothing", "turn it round")
+        for number in range(int(low[2]), int(high[2]) + 1):
+            yield self._named(Piece(last.kind, f"{low[1]}{number:0{len(low[2])}}", last.offset))
+
+    def _is(self, name: str, type_: str) -> bool:
+        return self.domain.is_subtype(self.objects[name], type_)
+
+    def _of(self, type_: str) -> list[str]:
+        found = [name for name in self.objects if self._is(name, type_)]
+        return sorted(found, key=lambda name: natural_key(Function(name)))
+
+    def _range(self, type_: str) -> str:
+        names = self._of(type_)
+        return f"there is {', '.join(names)}" if len(names) <= 6 else f"there are {names[0]} to {names[-1]}"
+
+    def _article(self, type_: str) -> str:
+        return f"{'an' if type_[0] in 'aeiou' else 'a'} {_plain(type_)}"
+
+
+def _plain(type_: str) -> str:
+    return type_.replace("_", " ")
+
+
+def _number(name: str) -> int | None:
+    found = re.search(r"\d+$", name)
+    return int(found[0]) if found else None
