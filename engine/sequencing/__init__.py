@@ -1,0 +1,1 @@
+"""Sequencing: the order of visits at least travel cost."""
