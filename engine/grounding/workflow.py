@@ -10,9 +10,9 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from engine.grounding.universe import Universe
-from engine.model.task import Bits, indices
+from engine.model.task import Bits, bitset, indices
 from kb.model.problem import Chain, superseded
-from kb.terms import Atom, Function, Number, Text
+from kb.terms import Atom, Function, Number, Text, is_ground, match
 
 STAGE = "_stage"
 
@@ -20,6 +20,13 @@ STAGE = "_stage"
 def stage_atom(chain: Chain, reached: int) -> Atom:
     """The fluent that says how many stages of a chain are reached."""
     return Function(STAGE, (Text(chain.name), Number(reached)))
+
+
+def _matching(stage: Atom, universe: Universe) -> list[int]:
+    """The atoms that reach a fluent stage; `_` in it stands for anything."""
+    if is_ground(stage):
+        return [universe.index[stage]] if stage in universe.index else []
+    return [number for atom, number in universe.index.items() if match(stage, atom, {}) is not None]
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,10 +75,12 @@ class Workflow:
             )
             if stage.name in self.events:
                 self._event_stages.setdefault(stage, []).append(advance)
-            elif stage in universe.index:
-                self._fluent_stages.setdefault(universe.index[stage], []).append(advance)
-                if reached + 1 == len(chain.stages) and chain.name not in self._passing:
-                    self.goal |= 1 << universe.index[stage]
+            else:
+                reaching = _matching(stage, universe)
+                for atom in reaching:
+                    self._fluent_stages.setdefault(atom, []).append(advance)
+                if reached + 1 == len(chain.stages) and chain.name not in self._passing and is_ground(stage):
+                    self.goal |= bitset(reaching)
 
     def advances(self, events: Sequence[Atom], added: Bits) -> Iterator[Advance]:
         """The ways in which an operator with these events and adds can move the counters; none if an event has no stage."""

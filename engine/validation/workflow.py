@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from kb.model.domain import Domain, Kind
 from kb.model.plan import StepId
 from kb.model.problem import Chain, superseded
-from kb.terms import Atom
+from kb.terms import Atom, is_ground, match
 
 Counters = tuple[int, ...]
 
@@ -46,7 +46,7 @@ class Stages:
         for index, chain in enumerate(self.chains):
             if (
                 reading[index] == before[index]
-                and self._next(before, index) in adds
+                and _reached(self._next(before, index), adds)
                 and self._may_start(before, chain, index)
             ):
                 reading = _advanced(reading, index)
@@ -72,7 +72,7 @@ class Stages:
         ]
         for chain in (each for each in self.chains if each.name not in superseded(self.chains)):
             last = chain.stages[-1]
-            if self.kinds[last.name] is Kind.FLUENT and last not in state:
+            if self.kinds[last.name] is Kind.FLUENT and is_ground(last) and last not in state:
                 found.append(f"{last} at the end")
         return found
 
@@ -86,6 +86,11 @@ class Stages:
             for name in chain.after:
                 if steps[name] and steps[chain.name]:
                     yield steps[name][-1], steps[chain.name][0], f"{chain.name} comes after {name}"
+
+
+def _reached(stage: Atom | None, adds: frozenset[Atom]) -> bool:
+    """Whether what a step adds reaches a fluent stage; `_` in it stands for anything."""
+    return stage is not None and any(match(stage, atom, {}) is not None for atom in adds)
 
 
 def _extended(trail: Trail, before: Counters, after: Counters, step: StepId) -> Trail:

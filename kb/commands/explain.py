@@ -1,7 +1,7 @@
 """Why a sentence is not understood: the word, the words that would do there, and the nearest phrase."""
 
 import difflib
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 
 from kb.commands.grammar import NotUnderstood
 from kb.commands.patterns import Slot, Word, expansions, read_pattern, readable
@@ -17,15 +17,17 @@ HIDDEN = ("DOTS", "DASH", "AMPERSAND", "SEMICOLON", "afterwards", "finally", "ne
 MOST = 12
 
 
-def explain(error: NotUnderstood, text: str, domain: Domain, place: Callable[[int], Source]) -> Diagnostic:
-    """The diagnostic for a sentence that stops making sense."""
+def explain(
+    error: NotUnderstood, text: str, domain: Domain, names: Collection[str], place: Callable[[int], Source]
+) -> Diagnostic:
+    """The diagnostic for a sentence that stops making sense; `names` are the objects there are."""
     said, index = error.said, error.index
     near = ""
     if index < len(said):
         piece = said[index]
         message = f"'{piece.text}' is not understood here"
         offset = piece.offset
-        near = _similar(piece, error.expected)
+        near = _similar(piece, error.expected, names)
     else:
         message = "the command ends too early" if said else "the command is empty"
         offset = len(text.rstrip())
@@ -33,10 +35,12 @@ def explain(error: NotUnderstood, text: str, domain: Domain, place: Callable[[in
     return Diagnostic(place(offset), "K602", message, "; ".join(filter(None, hints)))
 
 
-def _similar(piece: Piece, expected: frozenset[str]) -> str:
+def _similar(piece: Piece, expected: frozenset[str], names: Collection[str]) -> str:
     if piece.kind == NUMBER and TIME in expected:
         return f"did you mean '{piece.text} min' or '{piece.text} s'?"
     words = sorted(word for word in expected if word.isalpha() and word.islower())
+    if NAME in expected:
+        words += sorted(names)
     near = difflib.get_close_matches(piece.text.lower(), words, n=1, cutoff=0.7)
     return f"did you mean '{near[0]}'?" if near else ""
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 
 from kb.model.conditions import And, Condition
 from kb.model.problem import Chain
-from kb.terms import Atom, Term
+from kb.terms import Atom, Term, is_ground
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,7 +45,10 @@ def arrange(acts: Sequence[Act]) -> tuple[Condition, tuple[Chain, ...]]:
     chains = _Chains()
     for group in groups:
         chains.add([act for act in group if act in placed])
-    goals = dict.fromkeys(act.condition for act in acts if act not in placed)
+    lasting = {act.subject: act for act in placed}.values()  # the last of each subject
+    goals = dict.fromkeys(
+        act.condition for act in acts if act not in placed or (act in lasting and _is_open(act))
+    )
     return And(tuple(goals)), chains.finished()
 
 
@@ -70,6 +73,11 @@ def _has_place(act: Act, acts: Sequence[Act], groups: Sequence[Sequence[Act]]) -
     """Whether an act is a stage: one by its phrase, one of several of its subject, or one beside a barrier."""
     several = sum(other.subject == act.subject for other in acts) > 1
     return act.must or several or len(groups) > 1
+
+
+def _is_open(act: Act) -> bool:
+    """Whether the act's last stage leaves something open (`_`): then it is a goal as well, since a chain cannot keep it."""
+    return act.stages is not None and not is_ground(act.stages[-1])
 
 
 class _Chains:

@@ -149,4 +149,7 @@ def expansions(pattern: Pattern) -> list[tuple[Word | Slot, ...]]:
 
 def readable(say: str) -> str:
     """A pattern as people are shown it: slots by their types."""
-    return re.sub(r"\{\s*\w+\s*:\s*(\w+)\s*\}", r"<\1>", say)
+    return re.sub(r"\{\s*\w+\s*:\s*(\w+)\s*\}", lambda found: f"<{SHOWN_TYPES.get(found[1], found[1])}>", say)
+
+
+SHOWN_TYPES = {"int": "number"}

@@ -126,7 +126,7 @@ class _PhraseCheck:
         self.found.append(Diagnostic(where, code, message, hint))
 
     def _slots(self, pattern: Pattern) -> None:
-        known = [*self.domain.types, *BUILT_IN_TYPES]
+        known = self._known_types()
         bound = expansions(pattern)
         for slot in slots_of(pattern):
             if slot.type not in known:
@@ -141,6 +141,9 @@ class _PhraseCheck:
                     message = f"slot {slot.variable} stands {times} times in '{said}'"
                     self._report("say", slot.offset, "K601", message, "every alternative needs it once")
                     break
+
+    def _known_types(self) -> list[str]:
+        return [*self.domain.types, *BUILT_IN_TYPES]
 
     def _atom(self, atom: Atom) -> None:
         predicate = self.domain.predicates.get(atom.name)
@@ -184,7 +187,8 @@ class _PhraseCheck:
 
     def _variable(self, variable: Variable) -> Iterator[str]:
         if variable in self.types:
-            yield self.types[variable]
+            if self.types[variable] in self._known_types():
+                yield self.types[variable]
         elif variable != ANYTHING:
             known = ", ".join(map(str, self.types)) or "none"
             message = f"variable {variable} is no slot of the phrase"

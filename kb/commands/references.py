@@ -154,7 +154,8 @@ class References:
 
     def _range(self, type_: str) -> str:
         names = self._of(type_)
-        return f"there is {', '.join(names)}" if len(names) <= 6 else f"there are {names[0]} to {names[-1]}"
+        shown = ", ".join(names) if len(names) <= 6 else f"{names[0]} to {names[-1]}"
+        return f"there {'is' if len(names) == 1 else 'are'} {shown or 'none'}"
 
     def _article(self, type_: str) -> str:
         return f"{'an' if type_[0] in 'aeiou' else 'a'} {_plain(type_)}"

@@ -14,7 +14,7 @@ from kb.model.conditions import And, Condition, Literal
 from kb.model.domain import NUMERIC_TYPES, Domain, Kind
 from kb.model.problem import Chain, Problem
 from kb.syntax import unit_seconds
-from kb.terms import ANYTHING, Function, Number, Term, Variable, substitute_atom, variables
+from kb.terms import Function, Number, Term, Variable, substitute_atom
 
 MAX_LENGTH = 10_000
 MAX_ACTS = 100_000
@@ -38,7 +38,7 @@ def read_sentence(
     try:
         clauses = grammar.parse(text)
     except NotUnderstood as error:
-        raise InvalidInput([explain(error, text, domain, place)]) from None
+        raise InvalidInput([explain(error, text, domain, objects, place)]) from None
     return _Sentence(domain, known, References(domain, objects), place).arranged(clauses)
 
 
@@ -113,9 +113,9 @@ class _Sentence:
         return Act(number, named, whole, stages, meaning.is_stage, subject is None, clause.then)
 
     def _can_be_stage(self, literal: Literal) -> bool:
-        kind = self.domain.predicates[literal.atom.name].kind
-        return (
-            literal.positive and kind in (Kind.FLUENT, Kind.EVENT) and ANYTHING not in variables(literal.atom)
+        return literal.positive and self.domain.predicates[literal.atom.name].kind in (
+            Kind.FLUENT,
+            Kind.EVENT,
         )
 
     def _about(self, literal: Literal) -> Term:

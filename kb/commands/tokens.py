@@ -25,7 +25,7 @@ COUNTS = {
 }  # fmt: skip
 _UNIT = r"(?:ms|h|hrs?|hours?|mins?|minutes?|secs?|seconds?|s)(?!\w)"
 _AMOUNT = rf"(?:\d+(?:\.\d+)?\s*|(?:{'|'.join(COUNTS)}|an?)\s+)"
-_PIECE = rf"{_AMOUNT}{_UNIT}(?:\.(?=\s*(?-i:[,;a-z])))?"
+_PIECE = rf"{_AMOUNT}{_UNIT}(?:\.(?=\s*(?:[,;]|(?:and|then)\b)))?"
 _PART = r"(?:half\s+an?|an?\s+half|(?:an?\s+|three\s+)?quarters?(?:\s+of)?\s+an)\s+(?:hour|minute)(?!\w)"
 _TOKEN = re.compile(
     rf"(?P<time>{_PART}|{_PIECE}(?:\s*(?:and\s+)?{_PIECE})*)"

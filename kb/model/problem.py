@@ -15,6 +15,7 @@ class Chain:
     """The ordered stages of one object (or group of bindings); `after` names chains that must be finished first.
 
     What the last stage adds must still hold at the end, unless a chain of the same subject comes after this one.
+    A fluent stage with `_` is reached by any atom that fits; what must last of it is a goal of its own.
     """
 
     name: str
