@@ -10,6 +10,7 @@ from engine.planning import Limits
 from engine.planning import plan as plan_task
 from engine.validation import validate
 from kb.check import check_domain
+from kb.commands import understand
 from kb.diagnostics import Diagnostic, InvalidInput, Source
 from kb.loader import Loaded, find, load, problem_files, with_goals
 from kb.model.plan import Plan
@@ -23,14 +24,24 @@ class InternalError(Exception):
         super().__init__("the checker refuses the plan:\n" + "\n".join(map(str, diagnostics)))
 
 
-def problem_of(target: str, goals: str = "") -> Problem:
-    """The problem that a target names, with other goals if some are given. Raises `InvalidInput`."""
+def problem_of(target: str, goals: str = "", command: str = "") -> Problem:
+    """The problem that a target names, with other goals if some are given, or with those of a command in words.
+
+    Raises `InvalidInput`.
+    """
     loaded = load(find(target))
+    if goals and command:
+        raise InvalidInput(
+            [Diagnostic(Source("--command"), "K401", "goals are given already", "give one of the two")]
+        )
     if goals:
         return with_goals(loaded.domain, goals, loaded.problem)
+    if command:
+        return understand(loaded.problem or loaded.domain, command)
     if loaded.problem is None:
-        problems = sorted(path.stem for path in Path(loaded.domain.path).parent.glob("problems/*.yaml"))
-        hint = f"give --goals, or one of its problems: {', '.join(problems)}" if problems else "give --goals"
+        problems = sorted(path.stem for path in problem_files(find(target)))
+        ways = "give --goals or --command"
+        hint = f"{ways}, or one of its problems: {', '.join(problems)}" if problems else ways
         raise InvalidInput([Diagnostic(Source(target), "K401", "this is a domain, not a problem", hint)])
     return loaded.problem
 

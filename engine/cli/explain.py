@@ -7,24 +7,25 @@ import typer
 
 from engine.cli.answers import Answer, Form, give
 from engine.cli.exits import GAVE_UP, INTERRUPTED
-from engine.cli.options import Expansions, Format, Goals, TimeLimit
+from engine.cli.options import Command, Expansions, Format, Goals, TimeLimit
 
 
 def explain(
     target: Annotated[str, typer.Argument(help="a problem; or, with STEP, a plan in JSON")],
     step: Annotated[int | None, typer.Argument(help="the number of a step of the plan")] = None,
     goals: Goals = "",
+    command: Command = "",
     format: Format = Form.TEXT,
     time_limit: TimeLimit = None,
     expansions: Expansions = 200_000,
 ) -> None:
     """Say why TARGET has no plan and what would have to be different; or why STEP is in the plan TARGET."""
     if step is None:
-        give(lambda: _problem(target, goals, time_limit, expansions), format)
+        give(lambda: _problem(target, goals, command, time_limit, expansions), format)
     give(lambda: _step(Path(target), step), format)
 
 
-def _problem(target: str, goals: str, time_limit: float | None, expansions: int) -> Answer:
+def _problem(target: str, goals: str, command: str, time_limit: float | None, expansions: int) -> Answer:
     from engine import explanation, pipeline
     from engine.cli.interruption import Interruption
     from engine.planning import Limits
@@ -32,7 +33,7 @@ def _problem(target: str, goals: str, time_limit: float | None, expansions: int)
     from engine.report.explanation import explanation_entry
 
     with Interruption(time_limit) as interrupted:
-        problem = pipeline.problem_of(target, goals)
+        problem = pipeline.problem_of(target, goals, command)
         found = explanation.explain(problem, Limits(expansions=expansions, interrupted=interrupted))
     code = INTERRUPTED if interrupted.heard else GAVE_UP if found.status == "unknown" else 0
     return Answer(found.status, explanation_entry(found), lambda: text(found), code)

@@ -11,6 +11,7 @@ Target = Annotated[
 ]
 Format = Annotated[Form, typer.Option("--format", help="how the answer is written")]
 Goals = Annotated[str, typer.Option(help="goals, written as in a problem file")]
+Command = Annotated[str, typer.Option(help="what is wanted, in the words of the domain")]
 Stats = Annotated[bool, typer.Option("--stats", help="print what a researcher wants: counts and times")]
 TimeLimit = Annotated[
     float | None, typer.Option(min=0, help="seconds after which the search ends with the best it has")

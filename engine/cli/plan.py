@@ -1,5 +1,6 @@
 """`cellwright plan` and `cellwright validate`."""
 
+from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -8,7 +9,7 @@ import typer
 
 from engine.cli.answers import Answer, Form, give
 from engine.cli.exits import FINDINGS, INTERRUPTED, exit_code
-from engine.cli.options import Expansions, Format, Goals, Seed, Stats, Target, TimeLimit
+from engine.cli.options import Command, Expansions, Format, Goals, Seed, Stats, Target, TimeLimit
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -29,6 +30,7 @@ class PlanForm(StrEnum):
 def plan(
     target: Target,
     goals: Goals = "",
+    command: Command = "",
     format: Annotated[PlanForm, typer.Option("--format", help="how the plan is written")] = PlanForm.TEXT,
     stats: Stats = False,
     time_limit: TimeLimit = None,
@@ -37,20 +39,38 @@ def plan(
 ) -> None:
     """Print a plan for TARGET."""
     form = Form.JSON if format is PlanForm.JSON else Form.TEXT
-    give(lambda: _plan(target, goals, format, stats, time_limit, expansions, seed), form)
+    give(
+        lambda: _plan(Wanted(target, goals, command), format, stats, Work(time_limit, expansions, seed)), form
+    )
 
 
-def _plan(
-    target: str, goals: str, form: PlanForm, stats: bool, time_limit: float | None, expansions: int, seed: int
-) -> Answer:
+@dataclass(frozen=True, slots=True)
+class Wanted:
+    """What is to be planned: a target, and goals or words in place of its own."""
+
+    target: str
+    goals: str = ""
+    command: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Work:
+    """How long the search may take: seconds, expansions; and its seed."""
+
+    seconds: float | None
+    expansions: int
+    seed: int
+
+
+def _plan(wanted: Wanted, form: PlanForm, stats: bool, work: Work) -> Answer:
     from engine import pipeline
     from engine.cli.interruption import Interruption
     from engine.planning import Limits
     from engine.report import json
 
-    with Interruption(time_limit) as interrupted:
-        problem = pipeline.problem_of(target, goals)
-        outcome = pipeline.plan(problem, Limits(expansions=expansions, interrupted=interrupted))
+    with Interruption(work.seconds) as interrupted:
+        problem = pipeline.problem_of(wanted.target, wanted.goals, wanted.command)
+        outcome = pipeline.plan(problem, Limits(expansions=work.expansions, interrupted=interrupted))
     content = json.outcome(outcome, problem)
     if stats:
         content["statistics"] = json.statistics(outcome.statistics)

@@ -126,3 +126,19 @@ def test_planning_a_small_problem_loads_neither_numba_nor_ortools() -> None:
     code += "; print(sorted({'numba', 'ortools', 'sqlalchemy', 'ruckig'} & set(sys.modules)))"
     result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert result.stdout == "[]\n"
+
+
+def test_a_command_in_words_is_planned_and_checked(tmp_path: Path) -> None:
+    sentence = "process probe 1 in the furnace for 15 min, cool it down in the freezer for 5 min and store it again"
+    code, envelope = answer("plan", "themse", "--command", sentence)
+    assert (code, envelope["status"]) == (0, "found")
+    assert envelope["data"]["plan"]["problem"]["workflow"]
+    file = tmp_path / "plan.json"
+    file.write_text(json.dumps(envelope))
+    assert answer("validate", str(file))[0] == 0
+
+
+def test_words_that_are_not_understood_are_pointed_at() -> None:
+    result = run(app, ["plan", "themse", "--command", "process probe 1 in the oven for 15 min"])
+    assert result.exit_code == 2
+    assert "'oven' is not understood here" in result.stderr
