@@ -5,13 +5,13 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 
 from engine import pipeline
-from engine.explanation.relaxation import INITIAL, assumptions, goal_parts
+from engine.explanation.relaxation import INITIAL, assumptions
 from engine.grounding import ground
 from engine.model.explanation import Change, Explanation
 from engine.model.outcome import Found, Infeasible, Outcome
 from engine.planning import Limits
 from kb.diagnostics import InvalidInput
-from kb.model.conditions import And, Condition
+from kb.model.conditions import And, Condition, goal_parts
 from kb.model.plan import GOAL, Plan, StepId
 from kb.model.problem import Problem
 from kb.terms import Atom, Function

@@ -24,7 +24,7 @@ from engine.grounding.program import (
 from kb.asp import Grounder
 from kb.asp.models import models
 from kb.asp.vocabulary import VIOLATED, guard, static_program
-from kb.model.conditions import And, Condition, literals
+from kb.model.conditions import Condition, goal_parts, literals
 from kb.model.domain import NUMERIC_TYPES, Domain, Kind, Predicate
 from kb.model.problem import Problem
 from kb.terms import Atom, Function, Number, Term, Text, Variable
@@ -89,13 +89,6 @@ def _new_defaults(problem: Problem) -> Iterator[str]:
         yield rule(
             reachable(default.atom), [*bodies[number], f"not {Function(name, default.atom.arguments)}"]
         )
-
-
-def goal_parts(goal: Condition) -> tuple[Condition, ...]:
-    """The conjuncts of a goal."""
-    if not isinstance(goal, And):
-        return (goal,)
-    return tuple(part for inner in goal.parts for part in goal_parts(inner))
 
 
 def _events(schema: Schema, vocabulary: Vocabulary) -> Iterator[str]:

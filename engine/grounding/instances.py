@@ -10,7 +10,7 @@ from engine.grounding.universe import DERIVED, Universe
 from engine.grounding.workflow import Workflow
 from engine.model.task import Bits, ConditionalEffect, GroundOperator, bitset
 from kb.model.domain import Operator
-from kb.terms import Function, Number, Substitution, Term, substitute
+from kb.terms import Function, Number, Substitution, Term, substitute, substitute_atom
 
 
 @dataclass
@@ -82,7 +82,7 @@ class Instances:
         resources = tuple(substitute(resource, bindings) for resource in operator.resources)
         duration, cost = value(operator.duration, bindings, 0), value(operator.cost, bindings, 1)
         events = [
-            substitute(e.atom, bindings) for e in operator.effects if e.atom.name in self.workflow.events
+            substitute_atom(e.atom, bindings) for e in operator.effects if e.atom.name in self.workflow.events
         ]
         conditional = tuple(self._conditional(row, operator, instance))
         for support in self.supports.combinations(row.conditions):

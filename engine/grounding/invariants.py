@@ -42,8 +42,8 @@ class _Search:
             for atom in indices(_all_adds(operator)):
                 self.adders[atom].append(number)
         self.by_predicate: dict[tuple[str, int], list[int]] = defaultdict(list)
-        for number, atom in enumerate(atoms):
-            self.by_predicate[(atom.name, len(atom.arguments))].append(number)
+        for number, each in enumerate(atoms):
+            self.by_predicate[(each.name, len(each.arguments))].append(number)
 
     def run(self) -> Iterator[Bits]:
         queue = [frozenset([part]) for signature in self.by_predicate for part in _parts(*signature)]

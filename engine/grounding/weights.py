@@ -18,7 +18,7 @@ def weights(domain: Domain, atoms: Sequence[Atom], operators: Sequence[GroundOpe
     derived = _derived(atoms, operators)
     by_predicate = {name: _given(domain, name, derived) for name in {_predicate(atom) for atom in atoms}}
     heaviest = 1 + max(by_predicate.values(), default=0)
-    return tuple(heaviest if atom.name == "_stage" else by_predicate[_predicate(atom)] for atom in atoms)
+    return tuple(heaviest if atom.name.startswith("_") else by_predicate[_predicate(atom)] for atom in atoms)
 
 
 def _given(domain: Domain, name: str, derived: dict[str, int]) -> int:

@@ -11,12 +11,35 @@ import networkx as nx
 
 from engine.model.task import Bits, GroundOperator, Task, indices
 from kb.model.plan import GOAL, START, CausalLink, Plan, Step, StepId
+from kb.terms import Function
 
 
 def deorder(task: Task, steps: Sequence[GroundOperator], goals: Bits) -> Plan:
-    """The partially ordered plan of an executable sequence of unconditional operators that ends in `goals`."""
-    links = _links(task, steps, goals)
-    orders = _orders(steps, links)
+    """The partially ordered plan of an executable sequence of unconditional operators that ends in `goals`.
+
+    Internal operators, which come last and only note which goals are met, are left out: what they need is a goal.
+    """
+    made = [operator for operator in steps if not is_internal(operator.instance)]
+    links = [
+        (producer, atom, min(consumer, len(made)))
+        for producer, atom, consumer in _links(task, steps, goals)
+        if producer < len(made) and not is_internal(task.atoms[atom])
+    ]
+    links = list(dict.fromkeys(links))
+    return _ordered(task, made, links, _orders(made, links))
+
+
+def is_internal(name: Function) -> bool:
+    """Whether an atom or operator was made by grounding and means nothing to the domain; stages do."""
+    return name.name.startswith("_") and name.name != "_stage"
+
+
+def _ordered(
+    task: Task,
+    steps: Sequence[GroundOperator],
+    links: list[tuple[int, int, int]],
+    orders: set[tuple[int, int]],
+) -> Plan:
     order: nx.DiGraph[int] = nx.DiGraph()
     order.add_nodes_from(range(len(steps)))
     order.add_edges_from(orders)
@@ -37,11 +60,12 @@ def deorder(task: Task, steps: Sequence[GroundOperator], goals: Bits) -> Plan:
 
 def _links(task: Task, steps: Sequence[GroundOperator], goals: Bits) -> list[tuple[int, int, int]]:
     """(producer, atom, consumer) by position; -1 is the initial state, len(steps) the goal."""
-    links = []
+    links: list[tuple[int, int, int]] = []
     needs = [operator.preconditions for operator in steps] + [goals]
     for consumer, needed in enumerate(needs):
-        for atom in indices(needed):
-            links.append((_producer(task.initial, steps, atom, consumer), atom, consumer))
+        links += [
+            (_producer(task.initial, steps, atom, consumer), atom, consumer) for atom in indices(needed)
+        ]
     return links
 
 

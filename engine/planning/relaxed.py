@@ -39,11 +39,8 @@ class RelaxedPlans:
 def relaxed_plans(initial: Bits, operators: Sequence[GroundOperator], size: int) -> RelaxedPlans:
     """Relaxed plans from `initial` for every atom below `size` (a Dijkstra over additive costs)."""
     costs = tuple(max(operator.cost, 1) for operator in operators)
-    consumers: list[list[int]] = [[] for _ in range(size)]
     missing = [operator.preconditions.bit_count() for operator in operators]
-    for number, operator in enumerate(operators):
-        for atom in indices(operator.preconditions):
-            consumers[atom].append(number)
+    consumers = _consumers(operators, size)
     plans: list[Bits | None] = [None] * size
     best = [0 if initial >> atom & 1 else -1 for atom in range(size)]
     spent = list(costs)
@@ -66,6 +63,15 @@ def relaxed_plans(initial: Bits, operators: Sequence[GroundOperator], size: int)
                         best[added] = spent[number]
                         heapq.heappush(queue, (spent[number], added, number))
     return RelaxedPlans(tuple(plans), costs, all(cost == 1 for cost in costs))
+
+
+def _consumers(operators: Sequence[GroundOperator], size: int) -> list[list[int]]:
+    """For each atom the operators that need it."""
+    consumers: list[list[int]] = [[] for _ in range(size)]
+    for number, operator in enumerate(operators):
+        for atom in indices(operator.preconditions):
+            consumers[atom].append(number)
+    return consumers
 
 
 def _joined(plans: Sequence[Bits | None], operator: GroundOperator, number: int) -> Bits:

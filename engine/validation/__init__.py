@@ -214,9 +214,9 @@ class _Check:
             for other in steps[:position]:
                 if other.step.id in self.before[one.step.id]:
                     continue
-                for first, second in ((one, other), (other, one)):
-                    if second.step.id not in reads:
-                        reads[second.step.id] = self._reads(second)
+                for each in (one, other):
+                    if each.step.id not in reads:
+                        reads[each.step.id] = self._reads(each)
                 problem = self._conflict(one, other, reads) or self._conflict(other, one, reads)
                 if problem:
                     self._report(

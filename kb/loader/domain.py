@@ -114,7 +114,7 @@ def _line(file: File, line: int, column: int) -> Source:
 
 def _sort_rules(read: list[tuple[Statement, Source]], names: Names) -> tuple[list[AspText], list[Rule]]:
     """Statics for clingo as they stand; rules that depend on fluents parsed, for planning and checking."""
-    defined = {statement.signature for statement, _ in read if statement.signature}
+    defined: set[Signature | None] = {statement.signature for statement, _ in read}
     fluent = _depending_on_fluents(read, names)
     for predicate in list(names.predicates.values()):
         if predicate.kind is Kind.DERIVED and (predicate.name, len(predicate.arguments)) not in fluent:

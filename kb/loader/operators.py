@@ -3,7 +3,7 @@
 from collections.abc import Iterable
 from typing import Any
 
-from kb.diagnostics import unknown_name
+from kb.diagnostics import Source, unknown_name
 from kb.loader.names import Names, Typing
 from kb.loader.reader import Expression, Reader
 from kb.model.conditions import TRUE, And, Body, Condition, Parameter, free_variables
@@ -61,19 +61,16 @@ class _OperatorReader:
 
     def _infer(self) -> None:
         narrowed(self.reader, self.names, self.typing, self.path)
-        if expression := self.fields["where"]:
-            for part in expression.value:
-                self.typing.condition(part, expression, (Kind.STATIC,))
-        if expression := self.fields["preconditions"]:
-            self.typing.condition(And(expression.value), expression, READABLE)
-        for name in ("adds", "deletes"):
+        for name, kinds in _CONDITIONS.items():
+            if expression := self.fields[name]:
+                self.typing.condition(And(expression.value), expression, kinds)
+        for name, kinds in _CHANGES.items():
             if expression := self.fields[name]:
                 for atom in expression.value:
-                    self.typing.atom(atom, expression, CHANGEABLE if name == "adds" else (Kind.FLUENT,))
-        if expression := self.fields["duration"]:
-            self.typing.term(expression.value, "time", expression, self.header.value)
-        if expression := self.fields["cost"]:
-            self.typing.term(expression.value, "int", expression, self.header.value)
+                    self.typing.atom(atom, expression, kinds)
+        for name, type_ in _NUMBERS.items():
+            if expression := self.fields[name]:
+                self.typing.term(expression.value, type_, expression, self.header.value)
 
     def _refuse_strangers(self, parameters: tuple[Parameter, ...]) -> None:
         """Variables that stand outside `where:` but not in the header."""
@@ -111,9 +108,9 @@ class _OperatorReader:
             name: self.reader.expression("atoms", *self.path, "effects", index, name)
             for name in ("adds", "deletes")
         }
-        for expression in filter(None, changes.values()):
-            for atom in expression.value:
-                typing.atom(atom, expression, (Kind.FLUENT,))
+        for changed in filter(None, changes.values()):
+            for atom in changed.value:
+                typing.atom(atom, changed, (Kind.FLUENT,))
         condition = typing.quantified(And(when.value), when)
         known = {parameter.variable for parameter in parameters}
         for name, expression in changes.items():
@@ -145,6 +142,11 @@ _FIELDS = {
     "where": "body", "preconditions": "conditions", "adds": "atoms", "deletes": "atoms",
     "resources": "terms", "duration": "term", "cost": "term",
 }  # fmt: skip
+
+
+_CONDITIONS: dict[str, tuple[Kind, ...]] = {"where": (Kind.STATIC,), "preconditions": READABLE}
+_CHANGES: dict[str, tuple[Kind, ...]] = {"adds": CHANGEABLE, "deletes": (Kind.FLUENT,)}
+_NUMBERS = {"duration": "time", "cost": "int"}
 
 
 def _variables_of(value: Any) -> Iterable[Variable]:
@@ -186,37 +188,47 @@ def _deductive(reader: Reader, names: Names, index: int) -> DeductiveOperator | 
     if where:
         for part in body:
             typing.condition(part, where, (Kind.STATIC,))
-    consequences: list[Consequence] = []
-    outer = typing.nested()
-    for name in ("implies", "denies"):
-        expression = reader.expression("clauses", *path, name)
-        for atom, guard in expression.value if expression else ():
-            scope = outer.nested()
-            scope.atom(atom, expression, (Kind.FLUENT,))
-            for part in guard:
-                scope.condition(part, expression, (Kind.STATIC,))
-            used = dict.fromkeys(
-                [*variables(when.value.atom), *variables(atom), *free_variables(And((*body, *guard)))]
-            )
-            wanted = [variable for variable in used if scope.type_of(variable) is not None]
-            parameters = scope.parameters(wanted, expression)
-            consequences.append(Consequence(atom, name == "implies", guard, parameters))
+    consequences = [
+        consequence
+        for name in ("implies", "denies")
+        if (expression := reader.expression("clauses", *path, name))
+        for consequence in _consequences(typing, when.value.atom, body, expression, name == "implies")
+    ]
     trigger_types = typing.parameters(
         dict.fromkeys(v for v in variables(when.value.atom) if v != ANYTHING), when
     )
     return DeductiveOperator(when.value, trigger_types, body, tuple(consequences), when.node.where)
 
 
+def _consequences(
+    outer: Typing, trigger: Function, body: Body, expression: Expression, implied: bool
+) -> Iterable[Consequence]:
+    for atom, guard in expression.value:
+        scope = outer.nested()
+        scope.atom(atom, expression, (Kind.FLUENT,))
+        for part in guard:
+            scope.condition(part, expression, (Kind.STATIC,))
+        used = dict.fromkeys([*variables(trigger), *variables(atom), *free_variables(And((*body, *guard)))])
+        wanted = [variable for variable in used if scope.type_of(variable) is not None]
+        yield Consequence(atom, implied, guard, scope.parameters(wanted, expression))
+
+
 def read_defaults(reader: Reader, names: Names) -> tuple[Default, ...]:
     """The defaults in their order; `atom, guard` instantiates over the guard and the types."""
-    found = []
-    for node in reader.items("defaults"):
-        expression = reader.parse("clauses", node)
-        for atom, guard in expression.value if expression else ():
-            typing = Typing(names)
-            typing.atom(atom, expression, (Kind.FLUENT,))
-            for part in guard:
-                typing.condition(part, expression, (Kind.STATIC,))
-            used = dict.fromkeys(variable for variable in variables(atom) if variable != ANYTHING)
-            found.append(Default(atom, typing.parameters(used, expression), guard, node.where))
-    return tuple(found)
+    read = ((node, reader.parse("clauses", node)) for node in reader.items("defaults"))
+    return tuple(
+        default
+        for node, expression in read
+        if expression is not None
+        for default in _defaults(names, expression, node.where)
+    )
+
+
+def _defaults(names: Names, expression: Expression, where: Source) -> Iterable[Default]:
+    for atom, guard in expression.value:
+        typing = Typing(names)
+        typing.atom(atom, expression, (Kind.FLUENT,))
+        for part in guard:
+            typing.condition(part, expression, (Kind.STATIC,))
+        used = dict.fromkeys(variable for variable in variables(atom) if variable != ANYTHING)
+        yield Default(atom, typing.parameters(used, expression), guard, where)

@@ -152,8 +152,8 @@ class _Composer:
         for event in yaml.parse(self.file.text, Loader=yaml.CSafeLoader):
             if isinstance(event, yaml.AliasEvent) or getattr(event, "anchor", None):
                 self._refuse(event, "anchors and aliases", "write the value out")
-            elif getattr(event, "tag", None) and event.tag != "!":
-                self._refuse(event, f"the tag '{event.tag}'", "quote the value if it starts with '!'")
+            elif (tag := getattr(event, "tag", None)) and tag != "!":
+                self._refuse(event, f"the tag '{tag}'", "quote the value if it starts with '!'")
             if not isinstance(event, yaml.AliasEvent):
                 yield event
 
@@ -163,13 +163,13 @@ class _Composer:
             if what.endswith("s")
             else f"{what} is not part of the language"
         )
-        self.found.append(Diagnostic(self.file.at(event.start_mark.index), "K004", message, hint))
+        self.found.append(Diagnostic(self.file.at(_start(event)), "K004", message, hint))
         if len(self.found) > 100:
             raise InvalidInput(self.found)
 
     def _bound(self, event: yaml.Event, depth: int) -> None:
         if depth > MAX_DEPTH:
-            where = self.file.at(event.start_mark.index)
+            where = self.file.at(_start(event))
             raise InvalidInput(
                 [*self.found, Diagnostic(where, "K007", f"nested deeper than {MAX_DEPTH} levels")]
             )
@@ -177,8 +177,8 @@ class _Composer:
     def _node(self, value: Any, opened: yaml.Event, closed: yaml.Event) -> Node:
         self.count += 1
         if self.count > MAX_NODES:
-            raise InvalidInput([Diagnostic(self.file.at(opened.start_mark.index), "K007", "too many values")])
-        return Node(value, self.file, opened.start_mark.index, closed.end_mark.index)
+            raise InvalidInput([Diagnostic(self.file.at(_start(opened)), "K007", "too many values")])
+        return Node(value, self.file, _start(opened), _end(closed))
 
     def _mapping(self, items: list[Node], opened: yaml.Event, closed: yaml.Event) -> Node:
         pairs: dict[str, tuple[Node, Node]] = {}
@@ -193,6 +193,14 @@ class _Composer:
             else:
                 pairs[key.value] = (key, value)
         return self._node(pairs, opened, closed)
+
+
+def _start(event: yaml.Event) -> int:
+    return event.start_mark.index if event.start_mark else 0
+
+
+def _end(event: yaml.Event) -> int:
+    return event.end_mark.index if event.end_mark else 0
 
 
 _ASP_COMMENT = re.compile(r"\s(#(?:count|sum\+?|min|max|true|false)\b[^\n]*)")

@@ -144,6 +144,13 @@ def literals(condition: Condition) -> Iterator[Literal]:
     return (part for part in conditions(condition) if isinstance(part, Literal))
 
 
+def goal_parts(goal: Condition) -> tuple[Condition, ...]:
+    """The conjuncts of a condition, however nested; none of a true one."""
+    if not isinstance(goal, And):
+        return (goal,)
+    return tuple(part for inner in goal.parts for part in goal_parts(inner))
+
+
 def free_variables(condition: Condition) -> tuple[Variable, ...]:
     """The variables that no quantifier inside binds, each once, in order of occurrence; `_` is none of them."""
     return tuple(dict.fromkeys(variable for variable in _free(condition) if variable != ANYTHING))
@@ -175,16 +182,12 @@ def bind(condition: Condition, bindings: Substitution) -> Condition:
             return Literal(substitute_atom(atom, bindings), positive)
         case Comparison(left, relation, right):
             return Comparison(substitute(left, bindings), relation, substitute(right, bindings))
-        case And(parts):
-            return And(tuple(bind(part, bindings) for part in parts))
-        case Or(parts):
-            return Or(tuple(bind(part, bindings) for part in parts))
+        case And(parts) | Or(parts):
+            return type(condition)(tuple(bind(part, bindings) for part in parts))
         case Not(part):
             return Not(bind(part, bindings))
-        case Exists(parameters, part):
-            return Exists(parameters, bind(part, _outside(bindings, parameters)))
-        case ForAll(parameters, part):
-            return ForAll(parameters, bind(part, _outside(bindings, parameters)))
+        case Exists(parameters, part) | ForAll(parameters, part):
+            return type(condition)(parameters, bind(part, _outside(bindings, parameters)))
         case Aggregate():
             return condition
 
