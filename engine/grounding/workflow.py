@@ -10,16 +10,10 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from engine.grounding.universe import Universe
+from engine.model.schedule import stage_atom
 from engine.model.task import Bits, bitset, indices
 from kb.model.problem import Chain, superseded
-from kb.terms import Atom, Function, Number, Text, is_ground, match
-
-STAGE = "_stage"
-
-
-def stage_atom(chain: Chain, reached: int) -> Atom:
-    """The fluent that says how many stages of a chain are reached."""
-    return Function(STAGE, (Text(chain.name), Number(reached)))
+from kb.terms import Atom, is_ground, match
 
 
 def _matching(stage: Atom, universe: Universe) -> list[int]:

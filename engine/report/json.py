@@ -5,6 +5,7 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 from engine.model.outcome import Found, GaveUp, Infeasible, Outcome, Statistics
+from engine.model.schedule import earliest_starts, histories, makespan
 from kb.diagnostics import Diagnostic
 from kb.loader import reference
 from kb.model.conditions import And
@@ -57,7 +58,7 @@ def outcome(result: Outcome, problem: Problem, domain: str = "") -> dict[str, An
     entry = problem_entry(problem, domain or reference(problem.domain))
     match result:
         case Found(plan):
-            return {"plan": {"problem": entry, **plan_entry(plan)}}
+            return {"plan": {"problem": entry, **plan_entry(plan), **history_entry(plan, problem)}}
         case Infeasible(reason):
             return {"problem": entry, "reason": reason}
         case GaveUp(reason, limit):
@@ -74,14 +75,17 @@ def statistics(figures: Statistics) -> dict[str, Any]:
 
 def plan_entry(plan: Plan) -> dict[str, Any]:
     """A plan as `cellwright validate` reads it beside its problem."""
+    starts = earliest_starts(plan)
     return {
         "cost": plan.cost,
+        "makespan": makespan(plan),
         "steps": [
             {
                 "id": step.id,
                 "operator": str(step.operator),
                 "after": list(step.after),
                 "resources": [str(resource) for resource in step.resources],
+                "start": starts[step.id],
                 "duration": step.duration,
                 "cost": step.cost,
             }
@@ -92,6 +96,23 @@ def plan_entry(plan: Plan) -> dict[str, Any]:
             for link in plan.links
         ],
     }
+
+
+def history_entry(plan: Plan, problem: Problem) -> dict[str, Any]:
+    """What is done to each object of a workflow, in order; nothing without a workflow."""
+    made = [
+        {
+            "subject": str(history.subject or history.chain),
+            "chain": history.chain,
+            "names": dict(history.names),
+            "stages": [
+                {"stage": str(each.stage), "step": each.step, "start": each.start, "duration": each.duration}
+                for each in history.happenings
+            ],
+        }
+        for history in histories(problem, plan)
+    ]
+    return {"histories": made} if made else {}
 
 
 def problem_entry(problem: Problem, domain: str) -> dict[str, Any]:
