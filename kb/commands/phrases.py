@@ -4,6 +4,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 from kb.commands.patterns import Pattern, PatternError, Slot, Word, expansions, read_pattern
+from kb.commands.tokens import is_spoken
 from kb.diagnostics import Diagnostic, Source, nearest, unknown_name
 from kb.model.conditions import Condition, Exists, Literal, Not, Parameter
 from kb.model.domain import BUILT_IN_TYPES, NUMERIC_TYPES, OBJECT, Domain, Kind, Phrase
@@ -82,17 +83,27 @@ def _fresh(term: Term, type_: str, fresh: list[Parameter], domain: Domain) -> Te
 
 def check_phrases(domain: Domain, place: Place | None = None) -> list[Diagnostic]:
     """Everything that is wrong with the words and phrases of a domain."""
-    known = [*domain.types, *domain.objects]
-    found = [
-        unknown_name("type or object", key, known, place(("words", key), 0) if place else Source(domain.path))
-        for key in domain.words
-        if key not in known
-    ]
+    found = list(_check_words(domain, place))
     for index, phrase in enumerate(domain.phrases):
         if not phrase.goal and not phrase.stage:
             continue  # its shape is wrong, which the loader reports
         found.extend(_PhraseCheck(domain, index, phrase, place).run())
     return found
+
+
+def _check_words(domain: Domain, place: Place | None) -> Iterator[Diagnostic]:
+    known = [*domain.types, *domain.objects]
+    for key, nouns in domain.words.items():
+        where = place(("words", key), 0) if place else Source(domain.path)
+        if key not in known:
+            yield unknown_name("type or object", key, known, where)
+        for number, noun in enumerate(nouns):
+            if not noun.split() or not all(map(is_spoken, noun.split())):
+                where = place(("words", key, number), 0) if place else where
+                yield Diagnostic(where, "K601", f"'{noun}' is no word that a sentence can hold", WORDS_HINT)
+
+
+WORDS_HINT = "words are made of letters, and of hyphens between letters"
 
 
 class _PhraseCheck:
@@ -111,6 +122,12 @@ class _PhraseCheck:
             self._report("say", error.offset, "K601", error.message, error.hint)
             return self.found
         self._slots(pattern)
+        for word in sorted({p.text for each in expansions(pattern) for p in each if isinstance(p, Word)}):
+            if not is_spoken(word):
+                offset = self.phrase.say.lower().find(word)
+                self._report(
+                    "say", offset, "K601", f"'{word}' is no word that a sentence can hold", WORDS_HINT
+                )
         try:
             self.parsed = _parsed(self.phrase, self.field, self.domain)
         except ExpressionError as error:

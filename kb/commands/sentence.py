@@ -16,7 +16,7 @@ from kb.model.problem import Chain, Problem
 from kb.syntax import unit_seconds
 from kb.terms import Function, Number, Term, Variable, substitute_atom
 
-MAX_LENGTH = 10_000
+MAX_LENGTH = 5_000
 MAX_ACTS = 100_000
 
 

@@ -24,14 +24,14 @@ COUNTS = {
     "eleven": 11, "twelve": 12,
 }  # fmt: skip
 _UNIT = r"(?:ms|h|hrs?|hours?|mins?|minutes?|secs?|seconds?|s)(?!\w)"
-_AMOUNT = rf"(?:\d+(?:\.\d+)?\s*|(?:{'|'.join(COUNTS)}|an?)\s+)"
+_AMOUNT = rf"(?:\d{{1,9}}(?:\.\d{{1,9}})?\s*|(?:{'|'.join(COUNTS)}|an?)\s+)"
 _PIECE = rf"{_AMOUNT}{_UNIT}(?:\.(?=\s*(?:[,;]|(?:and|then)\b)))?"
 _PART = r"(?:half\s+an?|an?\s+half|(?:an?\s+|three\s+)?quarters?(?:\s+of)?\s+an)\s+(?:hour|minute)(?!\w)"
 _TOKEN = re.compile(
     rf"(?P<time>{_PART}|{_PIECE}(?:\s*(?:and\s+)?{_PIECE})*)"
-    r"|(?P<number>\d+(?![\w.]*\w))"
-    r"|(?P<range>(?P<range_low>[A-Za-z]\w*)(?P<range_dash>-|\.\.)(?P<range_high>[A-Za-z]?\w*\d))"
-    r"|(?P<span>(?P<span_low>\d+)\s*(?P<span_dash>-|\.\.\.?|–)\s*(?P<span_high>\d+)(?!\w))"
+    r"|(?P<number>\d{1,9}(?![\w.]*\w))"
+    r"|(?P<range>(?P<range_low>[A-Za-z]\w*)(?P<range_dash>-|\.\.)(?P<range_high>[A-Za-z]\w*\d|\d{1,9}))"
+    r"|(?P<span>(?P<span_low>\d{1,9})\s*(?P<span_dash>-|\.\.\.?|–)\s*(?P<span_high>\d{1,9})(?!\w))"
     r"|(?P<word>[A-Za-z]+(?:-[A-Za-z]+)+|[A-Za-z_][\w']*)"
     r"|(?P<mark>\.\.\.?|[,;.&–-])"
     r"|(?P<other>\S[\w.]*\w|\S)",
@@ -92,6 +92,12 @@ def _word(text: str, offset: int, words: frozenset[str], names: frozenset[str]) 
     if lower in COUNTS:
         return Piece(NUMBER, text, offset, Fraction(COUNTS[lower]))
     return Piece(UNKNOWN, text, offset)
+
+
+def is_spoken(word: str) -> bool:
+    """Whether a sentence can hold this as one word."""
+    found = list(pieces(word, frozenset({word.lower()}), frozenset()))
+    return word.lower() in ARTICLES or [piece.kind for piece in found] == [word.lower()]
 
 
 def seconds(text: str) -> Fraction:

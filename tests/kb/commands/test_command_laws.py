@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 from kb.commands import understand
 from kb.commands.grammar import CommandGrammar
 from kb.commands.phrases import meanings
+from kb.diagnostics import InvalidInput
 from kb.loader import load_domain
 from kb.model.problem import Problem
 from kb.terms import Number
@@ -148,6 +149,25 @@ def test_every_phrase_of_the_bundled_cells_can_begin_a_sentence() -> None:
         grammar = CommandGrammar(domain, known, domain.objects)
         assert len(known) == len(domain.phrases)
         assert grammar.words
+
+
+WORDS = sorted(CommandGrammar(THEMSE, meanings(THEMSE), THEMSE.objects).words)
+SOUP = st.lists(
+    st.sampled_from([*WORDS, "1", "2", "7", "5 min", ",", ".", "-", "probe_1", "drawer", "xyz", "%"])
+)
+
+
+@settings(max_examples=150)
+@given(st.one_of(st.text(max_size=60), SOUP.map(" ".join)))
+def test_any_text_is_understood_or_explained_at_its_place(text: str) -> None:
+    try:
+        meaning(text)
+    except InvalidInput as error:
+        for found in error.diagnostics:
+            lines = text.split("\n")
+            assert found.message
+            assert 1 <= found.where.line <= len(lines)
+            assert 1 <= found.where.column <= len(lines[found.where.line - 1]) + 1
 
 
 def test_a_long_sentence_is_read_as_a_short_one() -> None:

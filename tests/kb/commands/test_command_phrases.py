@@ -111,6 +111,7 @@ def test_people_are_shown_types_for_slots() -> None:
         ('    - say: "put {B:box}"\n      goal: heavy(B)\n', "K108", 13, "'heavy' is static; a goal is fluent or derived"),
         ('    - say: "put {B:box"\n      goal: on(B, shelf)\n', "K601", 17, "unexpected '{'"),
         ('    - say: "(put {B:box}|put it)"\n      goal: on(B, shelf)\n', "K601", 18, "slot B stands 0 times in 'put it'"),
+        ('    - say: "put {B:box} on r2-d2"\n      goal: on(B, shelf)\n', "K601", 28, "'r2-d2' is no word that a sentence can hold"),
         ('    - say: "put {B:box}"\n      goal: on(B, shelf\n', "K106", 15, "this bracket is never closed"),
         ('    - say: "weigh {B:box}"\n      stage: "not weighed(B, 5)"\n', "K107", 15, "a stage is made of atoms alone"),
     ],
@@ -138,6 +139,17 @@ def test_words_belong_to_types_and_objects(tmp_path: Path) -> None:
         "did you mean 'box'?",
     )
     assert found.where.line == 22
+
+
+def test_nouns_are_words_that_a_sentence_can_hold(tmp_path: Path) -> None:
+    path = tmp_path / "domain.yaml"
+    path.write_text(DOMAIN.replace("[box, boxes]", "[box, heavy box, 'box!', 5 min]"), "utf-8")
+    with pytest.raises(InvalidInput) as raised:
+        load(path)
+    assert [(found.code, found.where.column) for found in raised.value.diagnostics] == [
+        ("K601", 34),
+        ("K601", 41),
+    ]
 
 
 def problem(folder: Path, more: str) -> str:
