@@ -68,6 +68,9 @@ def _check(stages: Expression, names: Names, bound: set[Variable]) -> None:
         for variable in variables(atom):
             if variable != ANYTHING and variable not in bound:
                 names.findings.add(stages.place(variable), "K105", f"variable {variable} is not under `for:`")
+        predicate = names.predicates.get(atom.name)
+        if predicate and predicate.kind is Kind.EVENT and ANYTHING in variables(atom):
+            names.findings.add(stages.place(atom), "K105", "an event as a stage leaves nothing open")
 
 
 def _subject(reader: Reader, names: Names, index: int) -> Function | None:

@@ -180,3 +180,12 @@ def test_a_problem_has_a_command_or_goals(tmp_path: Path) -> None:
     path = problem(tmp_path, "goals:\n  - on(box_1, table)\ncommand: put box 2 on the table\n")
     with pytest.raises(InvalidInput, match="a problem has a command, or goals and a workflow"):
         load_problem(path)
+
+
+def test_an_event_as_a_stage_leaves_nothing_open(tmp_path: Path) -> None:
+    path = problem(tmp_path, "workflow:\n  - stages: on(_, table), weighed(_, 5)\n")
+    with pytest.raises(InvalidInput) as raised:
+        load_problem(path)
+    (found,) = raised.value.diagnostics
+    assert (found.code, found.message) == ("K105", "an event as a stage leaves nothing open")
+    assert found.where.column == 27
