@@ -88,7 +88,22 @@ def check_phrases(domain: Domain, place: Place | None = None) -> list[Diagnostic
         if not phrase.goal and not phrase.stage:
             continue  # its shape is wrong, which the loader reports
         found.extend(_PhraseCheck(domain, index, phrase, place).run())
-    return found
+    return found or list(_check_twins(domain, place))
+
+
+def _check_twins(domain: Domain, place: Place | None) -> Iterator[Diagnostic]:
+    """Warnings about sequences that two phrases share: the first phrase is meant."""
+    owners: dict[tuple[str, ...], int] = {}
+    for index, phrase in enumerate(domain.phrases):
+        for each in expansions(read_pattern(phrase.say)):
+            said = tuple(part.text if isinstance(part, Word) else f"<{part.type}>" for part in each)
+            first = owners.setdefault(said, index)
+            if first != index:
+                where = place(("phrases", index, "say"), 0) if place else phrase.where
+                message = f"'{' '.join(said)}' is said by an earlier phrase already, which is meant"
+                hint = f"the earlier one is: {domain.phrases[first].say}"
+                yield Diagnostic(where, "K601", message, hint, warning=True)
+                break
 
 
 def _check_words(domain: Domain, place: Place | None) -> Iterator[Diagnostic]:

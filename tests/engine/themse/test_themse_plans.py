@@ -24,7 +24,7 @@ SENTENCE = (
 )
 DOORS = ("open_drawer", "close_drawer", "press_switch", "turn_bayonet")
 PROCESSED = [("heated", 900), ("cooled", 300)]
-SOLVABLE = ["one", "two", "four", "in_furnace", "lid_on_stand", "furnace_of_two"]
+SOLVABLE = ["one", "two", "four", "sentence", "in_furnace", "lid_on_stand", "furnace_of_two"]
 
 
 def commanded(sentence: str) -> Problem:

@@ -152,6 +152,15 @@ def test_nouns_are_words_that_a_sentence_can_hold(tmp_path: Path) -> None:
     ]
 
 
+def test_two_phrases_for_one_sentence_are_pointed_at(tmp_path: Path) -> None:
+    path = tmp_path / "domain.yaml"
+    twin = PHRASE + '    - say: "[now] (lay|put) {X:box} on {P:place}"\n      goal: on(X, P)\n'
+    path.write_text(DOMAIN.replace(PHRASE, twin), "utf-8")
+    (found,) = load(path).warnings
+    assert found.message == "'put <box> on <place>' is said by an earlier phrase already, which is meant"
+    assert found.where.line == 26
+
+
 def problem(folder: Path, more: str) -> str:
     (folder / "domain.yaml").write_text(DOMAIN, "utf-8")
     path = folder / "problem.yaml"
