@@ -13,8 +13,7 @@ from kb.loader import load_domain
 from kb.model.problem import Problem
 from kb.terms import Number
 
-settings.register_profile("commands", deadline=None, max_examples=40)
-settings.load_profile("commands")
+unhurried = settings(deadline=None, max_examples=40)
 
 THEMSE = load_domain("themse")
 NUMBERS = st.integers(1, 4)
@@ -37,6 +36,7 @@ def heated_seconds(time_said: str) -> int:
     return stage.arguments[1].value
 
 
+@unhurried
 @given(LISTS.flatmap(lambda numbers: st.tuples(st.just(numbers), st.permutations(numbers))))
 def test_the_order_of_a_list_means_nothing(lists: tuple[list[int], list[int]]) -> None:
     sentence = "process probes {} for 15 min, cool them for 5 min and store them again"
@@ -45,6 +45,7 @@ def test_the_order_of_a_list_means_nothing(lists: tuple[list[int], list[int]]) -
     assert one.goal == other.goal
 
 
+@unhurried
 @given(NUMBERS, NUMBERS, st.sampled_from([" to ", "-", "..", " - ", " ... "]))
 def test_a_range_is_the_list_of_what_it_counts(one: int, other: int, mark: str) -> None:
     low, high = sorted((one, other))
@@ -52,6 +53,7 @@ def test_a_range_is_the_list_of_what_it_counts(one: int, other: int, mark: str) 
     assert meaning(f"heat probes {low}{mark}{high} for 5 min") == written_out
 
 
+@unhurried
 @given(LISTS, st.sampled_from([" and ", ", and ", ", ", " & "]))
 def test_commas_and_conjunctions_join_lists_alike(numbers: list[int], last: str) -> None:
     assert meaning(f"heat probes {listed(numbers, last)} for 5 min") == meaning(
@@ -59,6 +61,7 @@ def test_commas_and_conjunctions_join_lists_alike(numbers: list[int], last: str)
     )
 
 
+@unhurried
 @given(
     LISTS,
     st.sampled_from([", ", " and ", ", and ", " then ", ", then ", " and then ", "; ", ". ", ". Then "]),
@@ -72,6 +75,7 @@ def test_acts_of_the_same_probes_follow_each_other_however_joined(numbers: list[
     }
 
 
+@unhurried
 @given(st.data())
 def test_capitals_and_articles_mean_nothing(data: st.DataObject) -> None:
     sentence = "process probes 1 and 2 in the furnace for 15 min, then store them"
@@ -80,6 +84,7 @@ def test_capitals_and_articles_mean_nothing(data: st.DataObject) -> None:
     assert meaning(said) == meaning(sentence)
 
 
+@unhurried
 @given(st.integers(1, 10_000))
 def test_units_of_time_agree(seconds: int) -> None:
     hours, rest = divmod(seconds, 3600)
@@ -97,6 +102,7 @@ def test_times_in_words() -> None:
     assert heated_seconds("two minutes and ten seconds") == 130
 
 
+@unhurried
 @given(st.lists(st.tuples(NUMBERS, st.sampled_from(["heat", "cool"]), st.booleans()), min_size=1, max_size=6))
 def test_the_order_of_a_sentence_is_honoured(acts: list[tuple[int, str, bool]]) -> None:
     """Acts of one probe in the order said; after "then", another probe waits for all that was said before."""
@@ -157,7 +163,7 @@ SOUP = st.lists(
 )
 
 
-@settings(max_examples=150)
+@settings(deadline=None, max_examples=150)
 @given(st.one_of(st.text(max_size=60), SOUP.map(" ".join)))
 def test_any_text_is_understood_or_explained_at_its_place(text: str) -> None:
     try:
