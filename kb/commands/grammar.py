@@ -7,7 +7,7 @@ objects and clauses; Earley keeps both readings open, and the earlier rule wins 
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Any
 
 from lark import Lark, Token, Tree, UnexpectedEOF, UnexpectedToken
@@ -25,7 +25,7 @@ _FRAME = """
 start: clause (_join clause)* STOP?
 _join: and | then
 and: _more | SEMICOLON | STOP
-then: (_more | SEMICOLON | STOP)? then_
+then: (_more | SEMICOLON | STOP)? then_ COMMA?
 _more: COMMA | and_ | COMMA and_ | COMMA? AMPERSAND
 _until: to_ | DASH | DOTS
 pronoun: pronoun_ | (both_ | all_) of_ pronoun_
@@ -86,6 +86,11 @@ class _Given(Lexer):
         return iter(lexer_state)
 
 
+@lru_cache(maxsize=8)
+def _parser(grammar: str) -> Lark:
+    return Lark(grammar, parser="earley", lexer=_Given, maybe_placeholders=False)
+
+
 class CommandGrammar:
     """The commands of one domain, ready to parse sentences about `objects` (name: type)."""
 
@@ -98,12 +103,7 @@ class CommandGrammar:
         self.names = frozenset(objects) - self.words
         self.said_by = {terminal: word for word, terminal in self.kinds.items()}
         declared = sorted({*self.kinds.values(), *_TERMINALS})
-        self.parser = Lark(
-            f"{text}\n%declare {' '.join(declared)}\n",
-            parser="earley",
-            lexer=_Given,
-            maybe_placeholders=False,
-        )
+        self.parser = _parser(f"{text}\n%declare {' '.join(declared)}\n")
 
     def parse(self, sentence: str) -> list[Clause]:
         """The clauses of a sentence. Raises `NotUnderstood`."""
