@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 
+from engine.grounding.ambiguity import ambiguities
 from engine.grounding.closure import Deduction, deduction
 from engine.grounding.derived import Supports
 from engine.grounding.goals import Goals
@@ -79,6 +80,9 @@ class _Grounding:
         atoms = (*universe.atoms, *workflow.atoms, *goals.atoms, *negated)
         completed = [complemented(operator, numbering) for operator in completed]
         groups = mutex_groups(atoms, completed, start | complements)
+        found = [*ambiguities(self.domain, completed, effects.triggers(), atoms, groups)]
+        if found:
+            raise InvalidInput(found)
         pairs = (1 << atom | 1 << complement for atom, complement in numbering.complements.items())
         return Task(
             atoms,

@@ -20,17 +20,25 @@ class Deduction:
     implied_if_denied: tuple[Bits, ...]
     denied_if_denied: tuple[Bits, ...]
 
-    def close(self, adds: Bits, true_before: Bits) -> Closure:
-        """The least fixpoint of (Add, Del) from `adds`; a denied atom triggers `not` rules only if in `true_before`."""
+    def close(self, adds: Bits, true_before: Bits, deletes: Bits = 0) -> Closure:
+        """The least fixpoint of (Add, Del) from `adds` and explicit `deletes`, which are not part of the Del returned.
+
+        A denied or deleted atom triggers `not` rules only if it is in `true_before`.
+        """
         added, deleted = self._spread(adds)
         fired = 0
-        while triggers := deleted & true_before & ~fired:
+        while triggers := (deleted | deletes) & true_before & ~fired:
             fired |= triggers
             for atom in indices(triggers):
                 deleted |= self.denied_if_denied[atom]
                 more, denied = self._spread(self.implied_if_denied[atom])
                 added, deleted = added | more, deleted | denied
         return added, deleted
+
+    def triggers(self) -> Bits:
+        """The atoms whose denial has consequences."""
+        pairs = zip(self.implied_if_denied, self.denied_if_denied, strict=True)
+        return bitset([atom for atom, (implied, denied) in enumerate(pairs) if implied or denied])
 
     def _spread(self, adds: Bits) -> Closure:
         added = deleted = 0

@@ -72,7 +72,7 @@ class Instances:
     numbering: Numbering
     effects: Mapping[tuple[str, tuple[int, ...]], list[tuple[tuple[int, ...], Bits, Bits]]]
     contradictions: list[Contradiction] = field(default_factory=list)
-    _closed: dict[tuple[Bits, Bits], tuple[Bits, Bits]] = field(default_factory=dict)
+    _closed: dict[tuple[Bits, Bits, Bits], tuple[Bits, Bits]] = field(default_factory=dict)
 
     def operators(self, row: Row) -> Iterator[GroundOperator]:
         """The ground operators of one row: one per support and per choice of stages."""
@@ -104,14 +104,15 @@ class Instances:
     def _close(
         self, row: Row, operator: Operator, instance: Function, true_before: Bits
     ) -> tuple[Bits, Bits]:
-        key = (row.adds, true_before)
+        deletes = row.deletes & ~row.adds  # add after delete: what is added again never ends
+        key = (row.adds, true_before, deletes)
         closed = self._closed.get(key)
         if closed is None:
-            closed = self._closed[key] = self.deduction.close(row.adds, true_before)
+            closed = self._closed[key] = self.deduction.close(row.adds, true_before, deletes)
         added, denied = closed
         if added & denied:
             self.contradictions.append(Contradiction(operator, instance, added & denied, row.adds))
-        return added, (denied | row.deletes) & ~added
+        return added, (denied | deletes) & ~added
 
     def _conditional(self, row: Row, operator: Operator, instance: Function) -> Iterator[ConditionalEffect]:
         if not any(map(is_conditional, operator.effects)):

@@ -57,7 +57,8 @@ class _Search:
                 blame = self._broken_by(group)
                 if blame is None:
                     yield group
-                elif blame >= 0:
+                    blame = self._adding_without_taking(group)
+                if blame >= 0:
                     refinements |= set(self._refined(candidate, group, self.operators[blame]))
             for refined in sorted(refinements - seen, key=sorted):
                 seen.add(refined)
@@ -82,6 +83,14 @@ class _Search:
         for atom in indices(group):
             touched.update(self.adders.get(atom, ()))
         return next((number for number in sorted(touched) if not keeps(group, self.operators[number])), None)
+
+    def _adding_without_taking(self, group: Bits) -> int:
+        """An operator that sets the group whatever held of it before: what it consumes may belong to the group, too."""
+        touched: set[int] = set()
+        for atom in indices(group):
+            touched.update(self.adders.get(atom, ()))
+        operators = self.operators
+        return next((number for number in sorted(touched) if not operators[number].preconditions & group), -1)
 
     def _refined(self, candidate: Candidate, group: Bits, operator: GroundOperator) -> Iterator[Candidate]:
         """Candidates with one more pattern, taken from what the operator consumes."""

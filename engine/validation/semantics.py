@@ -182,7 +182,9 @@ class Semantics:
 
     def change(self, operator: Operator, bindings: Bindings, facts: Facts, state: State) -> Change:
         """What a step does in a state."""
-        added, explicit, events = [], [], []
+        added: list[Atom] = []
+        explicit: list[Atom] = []
+        events: list[Atom] = []
         for effect in operator.effects:
             for found in self._fires(effect, bindings, facts):
                 atom = substitute_atom(effect.atom, found)
@@ -191,8 +193,9 @@ class Semantics:
                 elif effect.adds:
                     added.append(atom)
                 else:
-                    explicit.append(Denial(atom, (), (), deduced=False))
-        return replace(self.deduce(added, tuple(explicit), state), events=tuple(events))
+                    explicit.append(atom)
+        ends = tuple(Denial(atom, (), (), deduced=False) for atom in explicit if atom not in added)
+        return replace(self.deduce(added, ends, state), events=tuple(events))
 
     def _fires(self, effect: Effect, bindings: Bindings, facts: Facts) -> Iterator[Bindings]:
         if effect.condition == TRUE and not effect.parameters:

@@ -15,6 +15,7 @@ import numpy.typing as npt
 from kb.terms import Function, Number, Term, Text
 
 Table = npt.NDArray[np.int64]
+_NUMBERS_ALONE = str.maketrans(";", ",", "()")  # clingo writes a negative number as (-1)
 
 
 class AspError(Exception):
@@ -74,13 +75,15 @@ class Grounder:
 
     def table(self, predicate: str, arity: int) -> Table:
         """The same for a predicate over integers, as an array (n, arity)."""
+        if arity == 0:
+            return np.empty((len(self.atoms(predicate, 0)), 0), dtype=np.int64)
         self._tables += 1
         row = ",".join(f"X{index}" for index in range(arity))
         self.ground(f"&rows({self._tables}) {{ {row} : {predicate}({row}) }}.")
         text = next(
             t for atom in self._control.theory_atoms if (t := str(atom)).startswith(f"&rows({self._tables})")
         )
-        numbers = text[text.index("{") + 1 : -1].replace(";", ",")
+        numbers = text[text.index("{") + 1 : -1].translate(_NUMBERS_ALONE)
         if not numbers.strip():
             return np.empty((0, arity), dtype=np.int64)
         return np.array(numbers.split(","), dtype=np.int64).reshape(-1, arity)
