@@ -37,7 +37,9 @@ class _Picture:
         self.texts: dict[StepId, str] = {START: "start"}
         self.texts |= {step.id: f"{step.id} {step.operator}" for step in made.steps}
         self.texts[GOAL] = "goal"
-        self.widths: dict[int, float] = {step: len(text) * CHARACTER + 2 * BAR + 12 for step, text in self.texts.items()}
+        self.widths: dict[int, float] = {
+            step: len(text) * CHARACTER + 2 * BAR + 12 for step, text in self.texts.items()
+        }
         self.orders = list(orders(made))
         self.placed: Layout = layout(self.widths, self.orders, GAP)
         resources = dict.fromkeys(str(held) for step in made.steps for held in step.resources)

@@ -129,7 +129,9 @@ def test_planning_a_small_problem_loads_neither_numba_nor_ortools() -> None:
 
 
 def test_a_command_in_words_is_planned_and_checked(tmp_path: Path) -> None:
-    sentence = "process probe 1 in the furnace for 15 min, cool it down in the freezer for 5 min and store it again"
+    sentence = (
+        "process probe 1 in the furnace for 15 min, cool it down in the freezer for 5 min and store it again"
+    )
     code, envelope = answer("plan", "themse", "--command", sentence)
     assert (code, envelope["status"]) == (0, "found")
     assert envelope["data"]["plan"]["problem"]["workflow"]
