@@ -98,11 +98,16 @@ class Backward:
         return Node(goals, -1, None, 0, 0)
 
     def successors(self, node: Node) -> Iterator[tuple[tuple[int, int, int], Node]]:
-        """The nodes one step further back, each with (estimate, lightness, operator) to sort by."""
+        """The nodes one step further back, each with (lightness, estimate, operator) to sort by.
+
+        An operator counts for the heaviest unsatisfied condition that it achieves; one that achieves only what holds
+        already comes last.
+        """
         seen: set[int] = set()
         unsatisfied = sorted(indices(node.open & ~self.initial), key=lambda atom: -self.weights[atom])
-        satisfied = list(indices(node.open & self.initial))
-        for atom in itertools.chain(unsatisfied, satisfied):
+        ranked = [(-self.weights[atom], atom) for atom in unsatisfied]
+        ranked += [(1, atom) for atom in indices(node.open & self.initial)]
+        for lightness, atom in ranked:
             for number in self.achievers[atom]:
                 if number in seen:
                     continue
@@ -116,7 +121,7 @@ class Backward:
                     following = Node(
                         conditions, number, node, node.depth + 1, node.cost + self.relaxed.costs[number]
                     )
-                    yield (self.relaxed.cost(plan), -self.weights[atom], number), following
+                    yield (lightness, self.relaxed.cost(plan), number), following
 
     def climb(self, root: Node, effort: Effort) -> Answer:
         """Depth first, best successor first, stepping back when there is none: complete, as no set is met twice."""
@@ -162,7 +167,7 @@ class Backward:
             if node.open & ~self.initial == 0:
                 return Answer(node.steps(), False)
             effort.expanded += 1
-            for (estimate, lightness, _), following in self.successors(node):
+            for (lightness, estimate, _), following in self.successors(node):
                 known = best.get(following.open)
                 if known is None or following.cost < known:
                     best[following.open] = following.cost
