@@ -80,7 +80,7 @@ class _Grounding:
         atoms = (*universe.atoms, *workflow.atoms, *goals.atoms, *negated)
         completed = [complemented(operator, numbering) for operator in completed]
         groups = mutex_groups(atoms, completed, start | complements)
-        found = [*ambiguities(self.domain, completed, effects.triggers(), atoms, groups)]
+        found = [*ambiguities(self.domain, made.doubts, atoms, groups)]
         if found:
             raise InvalidInput(found)
         pairs = (1 << atom | 1 << complement for atom, complement in numbering.complements.items())

@@ -29,6 +29,10 @@ class Numbering:
             return signed
         return self.complements.setdefault(~signed, self.size + len(self.complements))
 
+    def complements_of(self, atoms: Bits) -> Bits:
+        """The complementary atoms of those that have one."""
+        return bitset([complement for atom, complement in self.complements.items() if atoms >> atom & 1])
+
     def kept(self, adds: Bits, deletes: Bits) -> tuple[Bits, Bits]:
         """The effects with those on complementary atoms: what is added is no longer false, and the reverse."""
         more_adds, more_deletes = adds, deletes
@@ -48,6 +52,15 @@ class Contradiction:
     instance: Function
     atoms: Bits
     adds: Bits
+
+
+@dataclass(frozen=True, slots=True)
+class Doubt:
+    """An instance denies `atoms` with consequences; whether they were true its `preconditions` may say or not."""
+
+    instance: Function
+    atoms: Bits
+    preconditions: Bits
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,7 +85,11 @@ class Instances:
     numbering: Numbering
     effects: Mapping[tuple[str, tuple[int, ...]], list[tuple[tuple[int, ...], Bits, Bits]]]
     contradictions: list[Contradiction] = field(default_factory=list)
+    doubts: list[Doubt] = field(default_factory=list)
     _closed: dict[tuple[Bits, Bits, Bits], tuple[Bits, Bits]] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        self.triggers = self.deduction.triggers()
 
     def operators(self, row: Row) -> Iterator[GroundOperator]:
         """The ground operators of one row: one per support and per choice of stages."""
@@ -89,6 +106,7 @@ class Instances:
             true_before = bitset([signed for signed in support if 0 <= signed < DERIVED])
             added, deleted = self._close(row, operator, instance, true_before)
             base = self.numbering.bits(support)
+            self._doubt(row, instance, true_before, base)
             for advance in self.workflow.advances(events, added):
                 yield GroundOperator(
                     instance,
@@ -113,6 +131,14 @@ class Instances:
         if added & denied:
             self.contradictions.append(Contradiction(operator, instance, added & denied, row.adds))
         return added, (denied | deletes) & ~added
+
+    def _doubt(self, row: Row, instance: Function, true_before: Bits, base: Bits) -> None:
+        """Note denied atoms with consequences that the preconditions do not name."""
+        deletes = row.deletes & ~row.adds
+        _, denied = self._closed[(row.adds, true_before, deletes)]
+        doubtful = (denied | deletes) & self.triggers & ~true_before
+        if doubtful:
+            self.doubts.append(Doubt(instance, doubtful, base))
 
     def _conditional(self, row: Row, operator: Operator, instance: Function) -> Iterator[ConditionalEffect]:
         if not any(map(is_conditional, operator.effects)):
@@ -142,8 +168,11 @@ def complemented(operator: GroundOperator, numbering: Numbering) -> GroundOperat
     if not numbering.complements:
         return operator
     adds, deletes = numbering.kept(operator.adds, operator.deletes)
-    conditional = tuple(
-        ConditionalEffect(effect.condition, *numbering.kept(effect.adds, effect.deletes))
-        for effect in operator.conditional
-    )
+    conditional = tuple(_completed(effect, operator.adds, numbering) for effect in operator.conditional)
     return replace(operator, adds=adds, deletes=deletes, conditional=conditional)
+
+
+def _completed(effect: ConditionalEffect, added: Bits, numbering: Numbering) -> ConditionalEffect:
+    """The effect on complementary atoms, too; what the operator adds in any case, the effect cannot delete."""
+    adds, deletes = numbering.kept(effect.adds, effect.deletes & ~added)
+    return ConditionalEffect(effect.condition, adds, deletes, numbering.complements_of(effect.adds))

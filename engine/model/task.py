@@ -10,11 +10,16 @@ Bits = int
 
 @dataclass(frozen=True, slots=True)
 class ConditionalEffect:
-    """`adds` and `deletes` happen if `condition` held before the step."""
+    """`adds` and `deletes` happen if `condition` held before the step.
+
+    `cancels` are complementary atoms of `adds`: other effects of the step, which delete what this one adds, do not
+    make them true.
+    """
 
     condition: Bits
     adds: Bits
     deletes: Bits
+    cancels: Bits = 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,12 +74,13 @@ def bitset(positions: "Iterator[int] | list[int] | tuple[int, ...]") -> Bits:
 
 def progress(state: Bits, operator: GroundOperator) -> Bits:
     """The state after `operator` in `state`: delete, then add."""
-    adds, deletes = operator.adds, operator.deletes
+    adds, deletes, cancels = operator.adds, operator.deletes, 0
     for effect in operator.conditional:
         if effect.condition & ~state == 0:
             adds |= effect.adds
             deletes |= effect.deletes
-    return (state & ~deletes) | adds
+            cancels |= effect.cancels
+    return (state & ~deletes) | (adds & ~cancels)
 
 
 def regress(goals: Bits, operator: GroundOperator) -> Bits | None:

@@ -47,13 +47,14 @@ def _variants(operator: GroundOperator, complements: dict[int, int]) -> Iterator
 def _variant(
     operator: GroundOperator, fires: tuple[bool, ...], complements: dict[int, int]
 ) -> Iterator[GroundOperator]:
-    needed, adds, deletes = operator.preconditions, operator.adds, operator.deletes
+    needed, adds, deletes, cancels = operator.preconditions, operator.adds, operator.deletes, 0
     broken: list[list[Bits]] = []
     for effect, fired in zip(operator.conditional, fires, strict=True):
         if fired:
             needed |= effect.condition
             adds |= effect.adds
             deletes |= effect.deletes
+            cancels |= effect.cancels
         else:
             broken.append(
                 [1 << complements[atom] for atom in indices(effect.condition) if atom in complements]
@@ -64,4 +65,5 @@ def _variant(
             more |= bit
         contradictory = any(more >> complements[atom] & 1 for atom in indices(more) if atom in complements)
         if not contradictory:
-            yield replace(operator, preconditions=more, adds=adds, deletes=deletes & ~adds, conditional=())
+            added = adds & ~cancels
+            yield replace(operator, preconditions=more, adds=added, deletes=deletes & ~added, conditional=())
