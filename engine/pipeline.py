@@ -4,12 +4,13 @@ import time
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from engine.grounding import ground
+from engine.grounding import ground, reachable_operators
 from engine.model.outcome import Found, Outcome, Statistics
+from engine.model.task import Task
 from engine.planning import Limits
 from engine.planning import plan as plan_task
 from engine.validation import validate
-from kb.check import check_domain
+from kb.check import check_domain, unreachable
 from kb.commands import understand
 from kb.diagnostics import Diagnostic, InvalidInput, Source
 from kb.loader import Loaded, find, load, problem_files, with_goals
@@ -94,17 +95,19 @@ def check(target: str) -> CheckReport:
         problems += [each.problem for file in paths[1:] if (each := _loaded(file, found)) and each.problem]
     if loaded is not None and loaded.problem is None:
         found += check_domain(loaded.domain, problems)
-    for problem in problems:
-        found += _ground_findings(problem)
+    tasks = [task for problem in problems if (task := _grounded(problem, found)) is not None]
+    if loaded is not None and loaded.problem is None and len(tasks) == len(problems) > 0:
+        reached = frozenset[str]().union(*map(reachable_operators, tasks))
+        found += unreachable(loaded.domain, reached)
     return CheckReport(tuple(map(str, paths)), tuple(sorted(set(found))))
 
 
-def _ground_findings(problem: Problem) -> tuple[Diagnostic, ...]:
+def _grounded(problem: Problem, found: list[Diagnostic]) -> Task | None:
     try:
-        ground(problem)
+        return ground(problem)
     except InvalidInput as error:
-        return error.diagnostics
-    return ()
+        found += error.diagnostics
+        return None
 
 
 def _loaded(path: Path, found: list[Diagnostic]) -> Loaded | None:

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 from engine.grounding.ambiguity import ambiguities
 from engine.grounding.closure import Deduction, deduction
-from engine.grounding.derived import Supports
+from engine.grounding.derived import MAX_SUPPORTS, Supports, TooManySupports
 from engine.grounding.goals import Goals
 from engine.grounding.initial import initial_state
 from engine.grounding.instances import Instances, Numbering, complemented
@@ -30,16 +30,30 @@ from engine.grounding.weights import weights
 from engine.grounding.workflow import Workflow
 from engine.model.task import Bits, Task, bitset, indices
 from kb.asp import Grounder
-from kb.asp.vocabulary import static_program
+from kb.asp.vocabulary import VIOLATED, static_program
 from kb.diagnostics import Diagnostic, InvalidInput
 from kb.model.conditions import goal_parts
+from kb.model.domain import AspText
 from kb.model.problem import Problem
-from kb.terms import Atom, Function
+from kb.terms import Atom, Function, Number
 
 
 def ground(problem: Problem) -> Task:
-    """The ground task of a problem. Raises `InvalidInput` for contradictions among deductive operators."""
-    return _Grounding(problem).task()
+    """The ground task of a problem.
+
+    Raises `InvalidInput` for violated constraints, contradictions and ambiguities among deductive operators, and
+    derived predicates with too many supports.
+    """
+    grounding = _Grounding(problem)
+    try:
+        return grounding.task()
+    except TooManySupports as error:
+        raise InvalidInput([grounding.too_many(error)]) from None
+
+
+def reachable_operators(task: Task) -> frozenset[str]:
+    """The names of the operators that have an instance."""
+    return frozenset(operator.instance.name for operator in task.operators)
 
 
 class _Grounding:
@@ -59,6 +73,7 @@ class _Grounding:
     def task(self) -> Task:
         initial = initial_state(self.problem, self.vocabulary)
         universe = self._reachable(initial)
+        self.universe = universe
         effects = deduction(self.domain, self.vocabulary, universe)
         supports = Supports(
             range(DERIVED, DERIVED + len(universe.derived)),
@@ -108,6 +123,20 @@ class _Grounding:
         ways = [dict.fromkeys(s for way in part for s in supports.combinations(way)) for part in parts]
         return Goals(list(map(list, ways)), first)
 
+    def too_many(self, error: TooManySupports) -> Diagnostic:
+        """A derived predicate that cannot be compiled, at its first rule; or the goal."""
+        derived = self.universe.derived[error.atom - DERIVED] if error.atom >= DERIVED else None
+        where = next((each.where for each in self.rules if derived and each.head.name == derived.name), None)
+        what = str(derived) if derived else "a condition"
+        message = f"{what} can be made true in more than {MAX_SUPPORTS} ways"
+        hint = "split the predicate, or turn one of its alternatives into a fluent that operators add"
+        return Diagnostic(where or self.problem.where, "K306", message, hint)
+
+    def _violation(self, constraint: AspText) -> Diagnostic:
+        said = constraint.text.removeprefix("#false").strip()
+        hint = f"a fact of {self.problem.name} or of its domain breaks it"
+        return Diagnostic(constraint.where, "K204", f"the problem {self.problem.name} violates {said}", hint)
+
     def _reachable(self, initial: tuple[Atom, ...]) -> Universe:
         grounder = Grounder()
         text = [static_program(self.problem), *(f"{reachable(atom)}." for atom in initial)]
@@ -123,6 +152,9 @@ class _Grounding:
         text += [derived_rule(each, self.vocabulary) for each in self.rules]
         text += [r for operator in self.domain.deductive_operators for r in deduction_rules(operator)]
         grounder.ground("\n".join(text))
+        violated = [number for (number,) in grounder.atoms(VIOLATED, 1) if isinstance(number, Number)]
+        if violated:
+            raise InvalidInput(self._violation(self.domain.asp[number.value]) for number in violated)
         universe = Universe(grounder, self.vocabulary, self.invented)
         universe.name_terms(
             rule(f"_arg({v})", [instance(s)]) for s in self.schemas for v in s.operator.variables

@@ -4,13 +4,24 @@ from collections.abc import Collection, Iterator
 
 from kb.diagnostics import Diagnostic
 from kb.model.conditions import Literal, literals
-from kb.model.domain import Domain, Kind
+from kb.model.domain import Domain, Effect, Kind, Operator
 from kb.model.problem import Problem
+from kb.terms import Atom, is_ground
 
 
 def check_domain(domain: Domain, problems: Collection[Problem] = ()) -> list[Diagnostic]:
     """Warnings about a domain, seen together with its problems."""
-    return [*_unused(domain, problems), *_never_added(domain, problems)]
+    return [*_unused(domain, problems), *_never_added(domain, problems), *_not_held(domain)]
+
+
+def unreachable(domain: Domain, reached: Collection[str]) -> list[Diagnostic]:
+    """Warnings about operators that no problem can ever apply; those that wait for a workflow stage are not meant."""
+    hint = "look at its types, its constraints, and at what adds its preconditions"
+    return [
+        Diagnostic(each.where, "K304", f"no problem can ever apply {each.header}", hint, warning=True)
+        for each in domain.operators
+        if each.name not in reached and not any(_is_event(domain, effect) for effect in each.effects)
+    ]
 
 
 def _unused(domain: Domain, problems: Collection[Problem]) -> Iterator[Diagnostic]:
@@ -31,6 +42,26 @@ def _never_added(domain: Domain, problems: Collection[Problem]) -> Iterator[Diag
             hint = "an operator, a deductive operator or a default must add it"
             message = f"'{name}' is a condition, but nothing makes it true"
             yield Diagnostic(predicate.where, "K310", message, hint, warning=True)
+
+
+def _is_event(domain: Domain, effect: Effect) -> bool:
+    return domain.predicates[effect.atom.name].kind is Kind.EVENT
+
+
+def _not_held(domain: Domain) -> Iterator[Diagnostic]:
+    """Operators that read an atom such as `free(gripper)` without holding what all others that read it hold."""
+    readers: dict[Atom, list[Operator]] = {}
+    for operator in domain.operators:
+        for literal in literals(operator.precondition):
+            if literal.positive and is_ground(literal.atom):
+                readers.setdefault(literal.atom, []).append(operator)
+    for atom, operators in readers.items():
+        for resource in atom.arguments:
+            without = [each for each in operators if resource not in each.resources]
+            if len(without) == 1 and len(operators) > 2:
+                message = f"{without[0].header} reads {atom} but does not hold {resource}, as all others do that read it"
+                hint = f"add `{resource}` to its resources, or two such steps may run at the same moment"
+                yield Diagnostic(without[0].where, "K305", message, hint, warning=True)
 
 
 def _read(domain: Domain) -> Iterator[str]:
