@@ -50,6 +50,10 @@ class Supports:
 
     def combinations(self, condition: Iterable[int]) -> list[Support]:
         """The minimal ways to make all of `condition` hold."""
+        condition = tuple(condition)
+        if not any(_atom(signed) in self._supports for signed in condition):
+            support = frozenset(condition)
+            return [] if any(~signed in support for signed in support) else [support]
         return self._product([self.of(signed) for signed in condition], -1)
 
     def _close(self, component: list[int], rules: Rules) -> None:

@@ -47,7 +47,8 @@ class Universe:
     def tables(self, rules: dict[str, tuple[str, int]]) -> dict[str, Table]:
         """Ground rules given as predicate: (text, arity) and return the rows of each predicate."""
         self._grounder.ground("\n".join(text for text, _ in rules.values()))
-        return {name: unique_rows(self._grounder.table(name, arity)) for name, (_, arity) in rules.items()}
+        found = self._grounder.tables({name: arity for name, (_, arity) in rules.items()})
+        return {name: unique_rows(found[name]) for name in rules}
 
 
 def numbered_fact(atom: Atom, number: int) -> str:

@@ -51,6 +51,7 @@ class Workflow:
         self._passing = superseded(chains)
         for chain in chains:
             self._add(chain, universe, first)
+        self._reaching = bitset(list(self._fluent_stages))
 
     def _add(self, chain: Chain, universe: Universe, first: int) -> None:
         start = first + len(self.atoms)
@@ -78,6 +79,9 @@ class Workflow:
 
     def advances(self, events: Sequence[Atom], added: Bits) -> Iterator[Advance]:
         """The ways in which an operator with these events and adds can move the counters; none if an event has no stage."""
+        if not events and not added & self._reaching:
+            yield Advance()
+            return
         choices: list[list[Advance]] = [self._event_stages.get(event, []) for event in events]
         reachable = [advance for atom in indices(added) for advance in self._fluent_stages.get(atom, ())]
         choices.extend([Advance(), advance] for advance in reachable)

@@ -6,7 +6,7 @@ symbols one by one.
 """
 
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 
 import clingo
 import numpy as np
@@ -73,20 +73,35 @@ class Grounder:
             if isinstance(found, Function):
                 yield found
 
-    def table(self, predicate: str, arity: int) -> Table:
-        """The same for a predicate over integers, as an array (n, arity)."""
-        if arity == 0:
-            return np.empty((len(self.atoms(predicate, 0)), 0), dtype=np.int64)
-        self._tables += 1
-        row = ",".join(f"X{index}" for index in range(arity))
-        self.ground(f"&rows({self._tables}) {{ {row} : {predicate}({row}) }}.")
-        text = next(
-            t for atom in self._control.theory_atoms if (t := str(atom)).startswith(f"&rows({self._tables})")
-        )
-        numbers = text[text.index("{") + 1 : -1].translate(_NUMBERS_ALONE)
-        if not numbers.strip():
-            return np.empty((0, arity), dtype=np.int64)
-        return np.array(numbers.split(","), dtype=np.int64).reshape(-1, arity)
+    def tables(self, arities: Mapping[str, int]) -> dict[str, Table]:
+        """For each predicate over integers its true atoms as an array (n, arity)."""
+        first = self._tables
+        columns = {name: arity for name, arity in arities.items() if arity}
+        statements = []
+        for number, (name, arity) in enumerate(columns.items(), first):
+            row = ",".join(f"X{index}" for index in range(arity))
+            statements.append(f"&rows({number}) {{ {row} : {name}({row}) }}.")
+        self._tables += len(columns)
+        self.ground("\n".join(statements))
+        found = {
+            name: np.empty((len(self.atoms(name, 0)), 0), dtype=np.int64)
+            for name in arities
+            if name not in columns
+        }
+        names = list(columns)
+        for atom in self._control.theory_atoms:
+            number = atom.term.arguments[0].number - first
+            if number >= 0:
+                found[names[number]] = _numbers(str(atom), columns[names[number]])
+        return found
+
+
+def _numbers(text: str, arity: int) -> Table:
+    """The integers between the braces of a printed theory atom, row by row."""
+    numbers = text[text.index("{") + 1 : -1].translate(_NUMBERS_ALONE)
+    if not numbers.strip():
+        return np.empty((0, arity), dtype=np.int64)
+    return np.array(numbers.split(","), dtype=np.int64).reshape(-1, arity)
 
 
 def term(symbol: clingo.Symbol) -> Term:
