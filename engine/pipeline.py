@@ -14,7 +14,7 @@ from kb.check import check_domain, unreachable
 from kb.commands import understand
 from kb.diagnostics import Diagnostic, InvalidInput, Source
 from kb.loader import Loaded, find, load, problem_files, with_goals
-from kb.model.plan import Plan
+from kb.model.plan import Plan, in_sequence
 from kb.model.problem import Problem
 
 
@@ -55,9 +55,7 @@ def plan(problem: Problem, limits: Limits = Limits()) -> Outcome:
     outcome = plan_task(task, limits)
     finished = time.perf_counter()
     if isinstance(outcome, Found):
-        wrong = check_plan(problem, outcome.plan)
-        if wrong:
-            raise InternalError(wrong)
+        outcome = replace(outcome, plan=_checked(problem, outcome.plan))
     checked = time.perf_counter()
     counts = {
         "operators": len(task.operators),
@@ -67,6 +65,17 @@ def plan(problem: Problem, limits: Limits = Limits()) -> Outcome:
     }
     seconds = {"grounding": grounded - started, "search": finished - grounded, "check": checked - finished}
     return replace(outcome, statistics=Statistics(counts, seconds))
+
+
+def _checked(problem: Problem, made: Plan) -> Plan:
+    """The plan, if the checker accepts it; as a sequence, if only the independence of its steps cannot be shown."""
+    wrong = check_plan(problem, made)
+    if wrong and all(each.code == "K503" for each in wrong):
+        made = in_sequence(made)
+        wrong = check_plan(problem, made)
+    if wrong:
+        raise InternalError(wrong)
+    return made
 
 
 def check_plan(problem: Problem, made: Plan, name: str = "plan") -> list[Diagnostic]:

@@ -5,42 +5,21 @@ cannot disturb each other, so that all other linearisations do the same. It shar
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
-from functools import cached_property
 
-from engine.validation.datalog import Bindings, Facts, holds
+from engine.validation.datalog import Facts, holds
+from engine.validation.interference import Executed, Interference, denies, is_stage, signed
 from engine.validation.semantics import Change, Semantics, State
 from engine.validation.workflow import Stages
 from kb.diagnostics import Diagnostic, Source
-from kb.model.conditions import TRUE, And, Condition, Literal, bind, literals
-from kb.model.domain import Operator
+from kb.model.conditions import And, Condition, Literal, literals
 from kb.model.plan import GOAL, START, CausalLink, Plan, Step, StepId
 from kb.model.problem import Problem
-from kb.terms import ANYTHING, Atom, Function, Substitution, match, substitute, substitute_atom, variables
+from kb.terms import Atom, Substitution, substitute, substitute_atom
 
 
 def validate(problem: Problem, plan: Plan, name: str = "plan") -> list[Diagnostic]:
     """Everything that is wrong with a plan, in the order of its steps; empty if it is valid."""
     return _Check(problem, plan, Source(name)).run()
-
-
-@dataclass(frozen=True, slots=True)
-class Executed:
-    """A step with what it did in the canonical order."""
-
-    step: Step
-    operator: Operator
-    bindings: Bindings
-    change: Change
-
-
-@dataclass
-class Reads:
-    """What must not change beside a step: links are one-sided, watched patterns suffer from any change."""
-
-    true: set[Atom] = field(default_factory=set)
-    false: set[Atom] = field(default_factory=set)
-    watched: set[Atom] = field(default_factory=set)
 
 
 class _Check:
@@ -59,7 +38,8 @@ class _Check:
             self._reaches_goals()
             self._check_links()
             self._check_stages()
-            self._check_interference()
+            for conflict in self._interference().conflicts():
+                self._report("K503", conflict)
         return self.found
 
     def _report(self, code: str, message: str, hint: str = "") -> None:
@@ -160,12 +140,12 @@ class _Check:
 
     def _check_links(self) -> None:
         for link in self.plan.links:
-            if not _is_stage(link.condition):
+            if not is_stage(link.condition):
                 self._check_link(link)
 
     def _check_link(self, link: CausalLink) -> None:
         said = f"link {link.producer} to {link.consumer} for {link.condition}"
-        atom, positive = _signed(link.condition)
+        atom, positive = signed(link.condition)
         if (
             link.producer != START
             and link.consumer != GOAL
@@ -201,102 +181,10 @@ class _Check:
     def _destroys(self, executed: Executed, atom: Atom, positive: bool) -> bool:
         if not positive:
             return atom in executed.change.adds
-        return atom not in executed.change.adds and self._denies(executed, atom)
+        return atom not in executed.change.adds and denies(self.semantics, executed, atom)
 
-    def _denies(self, executed: Executed, atom: Atom) -> bool:
-        return any(denial.matches(atom, self.semantics.statics) for denial in executed.change.denials)
-
-    def _check_interference(self) -> None:
-        """No two unordered steps may disturb each other, since they may come in either order or overlap."""
-        steps = list(self.executed.values())
-        reads: dict[StepId, Reads] = {}
-        for position, one in enumerate(steps):
-            for other in steps[:position]:
-                if other.step.id in self.before[one.step.id]:
-                    continue
-                for each in (one, other):
-                    if each.step.id not in reads:
-                        reads[each.step.id] = self._reads(each)
-                problem = self._conflict(one, other, reads) or self._conflict(other, one, reads)
-                if problem:
-                    self._report(
-                        "K503", f"steps {other.step.id} and {one.step.id} are unordered, but {problem}"
-                    )
-
-    def _conflict(self, one: Executed, other: Executed, reads: dict[StepId, Reads]) -> str:
-        """How `one` disturbs `other`, or nothing."""
-        shared = set(one.step.resources) & set(other.step.resources)
-        if shared:
-            return f"both hold {min(map(str, shared))}"
-        needed = reads[other.step.id]
-        name = f"{one.step.operator}"
-        for atom in sorted(needed.true | set(other.change.adds), key=str):
-            if atom not in one.change.adds and self._denies(one, atom):
-                return f"{name} denies {atom}, which {other.step.operator} needs or adds"
-        for atom in sorted(needed.false & one.change.adds, key=str):
-            return f"{name} adds {atom}, which {other.step.operator} needs false"
-        for pattern in sorted(needed.watched, key=str):
-            changed = (*one.change.adds, *one.change.ends)
-            if any(match(pattern, atom, {}) is not None for atom in changed):
-                return f"{name} changes {pattern}, which {other.step.operator} depends on"
-        return ""
-
-    def _reads(self, executed: Executed) -> Reads:
-        """Causal links where they prove the precondition; else everything that it mentions."""
-        reads = Reads(watched=set(executed.change.triggered))
-        for link in self.plan.links:
-            if link.consumer == executed.step.id and not _is_stage(link.condition):
-                atom, positive = _signed(link.condition)
-                (reads.true if positive else reads.false).add(atom)
-        conditions = [executed.operator.precondition]
-        conditions += [e.condition for e in executed.operator.effects if e.condition != TRUE or e.parameters]
-        reads.watched -= reads.true
-        bindings = executed.bindings
-        for condition in conditions:
-            if condition is not executed.operator.precondition or not self._proved(
-                condition, bindings, reads
-            ):
-                reads.watched |= set(self._mentioned(condition, bindings))
-        return reads
-
-    def _proved(self, condition: Condition, bindings: Bindings, reads: Reads) -> bool:
-        """Whether what the links guarantee makes the condition true in every state that agrees with them."""
-        lower, upper = self.semantics.bounds(reads.true, self.everything - reads.false)
-        return holds(condition, lower, bindings, upper)
-
-    @cached_property
-    def everything(self) -> State:
-        """Every atom that is true at some time."""
-        return self.start.union(*(executed.change.adds for executed in self.executed.values()))
-
-    def _mentioned(self, condition: Condition, bindings: Bindings) -> Iterator[Atom]:
-        """The fluent atoms, or patterns of them, on which a condition can depend."""
-        for literal in literals(bind(condition, bindings)):
-            atom = literal.atom
-            fluents = self.semantics.fluents_behind(atom.name)
-            if fluents == {atom.name}:
-                yield substitute_atom(atom, dict.fromkeys(variables(atom), ANYTHING))
-            else:
-                yield from (atom_pattern(self.problem, name) for name in sorted(fluents))
-
-
-def atom_pattern(problem: Problem, name: str) -> Atom:
-    """Any atom of a predicate."""
-    return Function(name, (ANYTHING,) * len(problem.domain.predicates[name].arguments))
-
-
-def _signed(condition: Atom) -> tuple[Atom, bool]:
-    if (
-        condition.name == "not"
-        and len(condition.arguments) == 1
-        and isinstance(condition.arguments[0], Function)
-    ):
-        return condition.arguments[0], False
-    return condition, True
-
-
-def _is_stage(condition: Atom) -> bool:
-    return _signed(condition)[0].name == "_stage"
+    def _interference(self) -> Interference:
+        return Interference(self.problem, self.plan, self.semantics, self.executed, self.before, self.start)
 
 
 def _said(condition: Condition, bindings: Substitution) -> str:

@@ -1,6 +1,6 @@
 """The plan: partially ordered steps with causal links (McAllester & Rosenblitt 1991), as a value that files hold."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NewType
 
 from kb.terms import Atom, Function, Term
@@ -50,3 +50,12 @@ class Plan:
             direct = frozenset(step.after)
             closed[step.id] = direct.union(*(closed.get(before, frozenset()) for before in direct))
         return closed
+
+
+def in_sequence(plan: Plan) -> Plan:
+    """The plan with every step after the one before it in the list."""
+    steps = tuple(
+        replace(step, after=(plan.steps[place - 1].id,) if place else ())
+        for place, step in enumerate(plan.steps)
+    )
+    return Plan(steps, plan.links)

@@ -1,0 +1,159 @@
+"""Whether unordered steps can disturb each other: then a plan does not do the same in every order and overlap."""
+
+import itertools
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+
+from engine.validation.datalog import Bindings, holds
+from engine.validation.semantics import Change, Semantics, State
+from kb.model.conditions import TRUE, Condition, bind, literals
+from kb.model.domain import Operator
+from kb.model.plan import Plan, Step, StepId
+from kb.model.problem import Problem
+from kb.terms import ANYTHING, Atom, Function, match, substitute_atom, variables
+
+MAX_UNCERTAIN = 7  # atoms whose every combination is tried
+
+
+@dataclass(frozen=True, slots=True)
+class Executed:
+    """A step with what it did in the canonical order."""
+
+    step: Step
+    operator: Operator
+    bindings: Bindings
+    change: Change
+
+
+@dataclass
+class Reads:
+    """What must not change beside a step: links are one-sided, watched patterns suffer from any change."""
+
+    true: set[Atom] = field(default_factory=set)
+    false: set[Atom] = field(default_factory=set)
+    watched: set[Atom] = field(default_factory=set)
+
+
+@dataclass
+class Interference:
+    """The executed steps of a plan, in their canonical order, and which come before which."""
+
+    problem: Problem
+    plan: Plan
+    semantics: Semantics
+    executed: Mapping[StepId, Executed]
+    before: Mapping[StepId, frozenset[StepId]]
+    start: State
+
+    def conflicts(self) -> Iterator[str]:
+        """What is wrong with each pair of unordered steps, which may come in either order or overlap."""
+        steps = list(self.executed.values())
+        reads: dict[StepId, Reads] = {}
+        for position, one in enumerate(steps):
+            for other in steps[:position]:
+                if other.step.id in self.before[one.step.id]:
+                    continue
+                for each in (one, other):
+                    if each.step.id not in reads:
+                        reads[each.step.id] = self._reads(each)
+                problem = self._conflict(one, other, reads) or self._conflict(other, one, reads)
+                if problem:
+                    yield f"steps {other.step.id} and {one.step.id} are unordered, but {problem}"
+
+    def _conflict(self, one: Executed, other: Executed, reads: dict[StepId, Reads]) -> str:
+        """How `one` disturbs `other`, or nothing."""
+        shared = set(one.step.resources) & set(other.step.resources)
+        if shared:
+            return f"both hold {min(map(str, shared))}"
+        needed = reads[other.step.id]
+        name = f"{one.step.operator}"
+        for atom in sorted(needed.true | set(other.change.adds), key=str):
+            if atom not in one.change.adds and denies(self.semantics, one, atom):
+                return f"{name} denies {atom}, which {other.step.operator} needs or adds"
+        for atom in sorted(needed.false & one.change.adds, key=str):
+            return f"{name} adds {atom}, which {other.step.operator} needs false"
+        for pattern in sorted(needed.watched, key=str):
+            changed = (*one.change.adds, *one.change.ends)
+            if any(match(pattern, atom, {}) is not None for atom in changed):
+                return f"{name} changes {pattern}, which {other.step.operator} depends on"
+        return ""
+
+    def _reads(self, executed: Executed) -> Reads:
+        """Causal links where they prove the precondition; else everything that it mentions."""
+        reads = Reads(watched=set(executed.change.triggered))
+        for link in self.plan.links:
+            if link.consumer == executed.step.id and not is_stage(link.condition):
+                atom, positive = signed(link.condition)
+                (reads.true if positive else reads.false).add(atom)
+        conditions = [executed.operator.precondition]
+        conditions += [e.condition for e in executed.operator.effects if e.condition != TRUE or e.parameters]
+        reads.watched -= reads.true
+        bindings = executed.bindings
+        for condition in conditions:
+            if condition is not executed.operator.precondition or not self._proved(
+                condition, bindings, reads
+            ):
+                reads.watched |= set(self._mentioned(condition, bindings))
+        return reads
+
+    def _proved(self, condition: Condition, bindings: Bindings, reads: Reads) -> bool:
+        """Whether what the links guarantee makes the condition true in every state that agrees with them.
+
+        Bounds on what is true come first; where they are too coarse and little is open, every such state is tried.
+        """
+        possible = self.everything - reads.false
+        lower, upper = self.semantics.bounds(reads.true, possible)
+        if holds(condition, lower, bindings, upper):
+            return True
+        behind = {
+            name for each in literals(condition) for name in self.semantics.fluents_behind(each.atom.name)
+        }
+        uncertain = sorted((atom for atom in possible - reads.true if atom.name in behind), key=str)
+        if len(uncertain) > MAX_UNCERTAIN:
+            return False
+        states = itertools.chain.from_iterable(
+            itertools.combinations(uncertain, size) for size in range(len(uncertain) + 1)
+        )
+        return all(holds(condition, self.semantics.facts((*reads.true, *more)), bindings) for more in states)
+
+    @cached_property
+    def everything(self) -> State:
+        """Every atom that is true at some time."""
+        return self.start.union(*(executed.change.adds for executed in self.executed.values()))
+
+    def _mentioned(self, condition: Condition, bindings: Bindings) -> Iterator[Atom]:
+        """The fluent atoms, or patterns of them, on which a condition can depend."""
+        for literal in literals(bind(condition, bindings)):
+            atom = literal.atom
+            fluents = self.semantics.fluents_behind(atom.name)
+            if fluents == {atom.name}:
+                yield substitute_atom(atom, dict.fromkeys(variables(atom), ANYTHING))
+            else:
+                yield from (atom_pattern(self.problem, name) for name in sorted(fluents))
+
+
+def atom_pattern(problem: Problem, name: str) -> Atom:
+    """Any atom of a predicate."""
+    return Function(name, (ANYTHING,) * len(problem.domain.predicates[name].arguments))
+
+
+def signed(condition: Atom) -> tuple[Atom, bool]:
+    """An atom and whether it must be true: `not(p)` is a condition that p is false."""
+    if (
+        condition.name == "not"
+        and len(condition.arguments) == 1
+        and isinstance(condition.arguments[0], Function)
+    ):
+        return condition.arguments[0], False
+    return condition, True
+
+
+def is_stage(condition: Atom) -> bool:
+    """Whether a condition counts the stages of a chain, which the workflow check follows by itself."""
+    return signed(condition)[0].name == "_stage"
+
+
+def denies(semantics: Semantics, executed: Executed, atom: Atom) -> bool:
+    """Whether a step denies an atom, true at the moment or not."""
+    return any(denial.matches(atom, semantics.statics) for denial in executed.change.denials)
