@@ -10,7 +10,11 @@ $(VENV)/ready: pyproject.toml constraints.txt
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev]'
 	touch $@
 
+SENTENCE := process probes 1 and 2 in the furnace for 15 min, cool them down in the freezer for 5 min \
+and store them in the drawer again
+
 demo: $(VENV)/ready
+	$(BIN)/cellwright plan themse --command "$(SENTENCE)"
 	$(BIN)/cellwright plan bulkhead/twelve_points --stats
 
 test: $(VENV)/ready
@@ -27,7 +31,7 @@ check: $(VENV)/ready
 	$(BIN)/python -m pytest
 
 golden: $(VENV)/ready
-	$(BIN)/python -m pytest --update-golden tests
+	$(BIN)/python -m pytest --update-golden --update-plans
 
 bench: $(VENV)/ready
 	$(BIN)/python benchmarks/plan.py
