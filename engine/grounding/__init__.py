@@ -9,6 +9,7 @@ from engine.grounding.goals import Goals
 from engine.grounding.initial import initial_state
 from engine.grounding.instances import Instances, Numbering, complemented
 from engine.grounding.invariants import mutex_groups
+from engine.grounding.limits import require_affordable
 from engine.grounding.normalise import Normaliser
 from engine.grounding.program import (
     Schema,
@@ -42,7 +43,7 @@ def ground(problem: Problem) -> Task:
     """The ground task of a problem.
 
     Raises `InvalidInput` for violated constraints, contradictions and ambiguities among deductive operators, and
-    derived predicates with too many supports.
+    derived predicates with too many supports, and grounding beyond its limits.
     """
     grounding = _Grounding(problem)
     try:
@@ -71,6 +72,7 @@ class _Grounding:
         self.invented = {each.head.name: len(each.head.arguments) for each in normaliser.rules}
 
     def task(self) -> Task:
+        require_affordable(self.problem, self.schemas, self.vocabulary)
         initial = initial_state(self.problem, self.vocabulary)
         universe = self._reachable(initial)
         self.universe = universe

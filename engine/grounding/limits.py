@@ -1,0 +1,123 @@
+"""Runaway grounding: what may have too many instances is tried under limits before it is grounded for good."""
+
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from math import prod
+
+from engine.grounding.program import (
+    Schema,
+    Vocabulary,
+    deduction_rules,
+    effect_rules,
+    instance_rule,
+    reachable,
+    rule,
+)
+from kb.asp.trial import affordable
+from kb.asp.vocabulary import guard, static_program
+from kb.diagnostics import Diagnostic, InvalidInput, Source
+from kb.model.domain import NUMERIC_TYPES, OBJECT, Domain
+from kb.model.problem import Problem
+
+SUSPICIOUS = 5_000_000  # instances that an upper bound may promise without a trial
+NUMBERS = 1000  # values assumed for a numeric variable
+
+
+@dataclass(frozen=True, slots=True)
+class Suspect:
+    """Something with an upper bound on its instances; infinite for rules that count."""
+
+    what: str
+    where: Source
+    bound: float
+
+
+def require_affordable(problem: Problem, schemas: list[Schema], vocabulary: Vocabulary) -> None:
+    """Raise `InvalidInput` if grounding would exceed the limits of a trial; without suspects there is no trial."""
+    suspects = [each for each in _suspects(problem) if each.bound > SUSPICIOUS]
+    if not suspects or affordable("\n".join(_program(problem, schemas, vocabulary))):
+        return
+    worst = max(suspects, key=lambda each: each.bound)
+    count = "without end" if worst.bound == float("inf") else f"up to {worst.bound:.0e} instances"
+    message = f"grounding exceeds its limit of time or memory; most likely here: {worst.what} ({count})"
+    raise InvalidInput(
+        [Diagnostic(worst.where, "K307", message, "constrain its variables with types or static facts")]
+    )
+
+
+def _suspects(problem: Problem) -> Iterator[Suspect]:
+    domain = problem.domain
+    sizes = extents(problem)
+    for operator in domain.operators:
+        yield Suspect(
+            str(operator.header),
+            operator.where,
+            prod(sizes.get(p.type, NUMBERS) for p in operator.parameters),
+        )
+    for deductive in domain.deductive_operators:
+        for consequence in deductive.consequences:
+            bound = prod(sizes.get(p.type, NUMBERS) for p in consequence.parameters)
+            yield Suspect(f"what follows from {deductive.trigger}", deductive.where, bound)
+    everything = sum(1 for _ in (*domain.objects, *problem.objects)) + len(problem.statics)
+    for part in domain.asp:
+        head, _, _ = part.text.partition(":-")
+        counts = re.search(r"\.\.|[-+*/\\]", head) is not None
+        names = set(re.findall(r"\b_*[A-Z]\w*", part.text))
+        yield Suspect(
+            part.text, part.where, float("inf") if counts and names else float(everything) ** len(names)
+        )
+
+
+def extents(problem: Problem) -> Mapping[str, float]:
+    """An upper bound on the number of values of each type; terms built from numbers count as `NUMBERS` each."""
+    domain = problem.domain
+    own: dict[str, float] = {name: float(len(type_.constants)) for name, type_ in domain.types.items()}
+    for type_name in (*domain.objects.values(), *problem.objects.values()):
+        own[type_name] = own.get(type_name, 0.0) + 1
+    order = list(domain.types)
+    for _ in order:  # types and functions do not recurse, so as many rounds as types suffice
+        total = {
+            name: sum(size for sub, size in own.items() if domain.is_subtype(sub, name)) for name in order
+        }
+        made = _terms(domain, total)
+        grown = {name: _plain(problem, name) + made.get(name, 0.0) for name in order}
+        if grown == own:
+            break
+        own = grown
+    total = {name: sum(size for sub, size in own.items() if domain.is_subtype(sub, name)) for name in order}
+    return {**total, OBJECT: sum(own.values())}
+
+
+def _plain(problem: Problem, name: str) -> float:
+    objects = {**problem.domain.objects, **problem.objects}
+    return float(
+        len(problem.domain.types[name].constants) + sum(1 for type_ in objects.values() if type_ == name)
+    )
+
+
+def _terms(domain: Domain, total: Mapping[str, float]) -> dict[str, float]:
+    made: dict[str, float] = {}
+    for function in domain.functions.values():
+        size = prod(NUMBERS if a in NUMERIC_TYPES else total.get(a, NUMBERS) for a in function.arguments)
+        made[function.result] = made.get(function.result, 0.0) + size
+    return made
+
+
+def _program(problem: Problem, schemas: list[Schema], vocabulary: Vocabulary) -> Iterator[str]:
+    """Relaxed reachability from the given facts and all defaults, with what follows from them pair by pair."""
+    yield static_program(problem)
+    yield from (f"{reachable(fact)}." for fact in problem.initial)
+    for default in problem.domain.defaults:
+        yield rule(reachable(default.atom), [*guard(default.parameters), *map(str, default.body)])
+    for chain in problem.chains:
+        yield from (f"_v_{stage}." for stage in chain.stages if stage.name in vocabulary.events)
+    for schema in schemas:
+        yield instance_rule(schema, vocabulary)
+        yield from effect_rules(schema, vocabulary)
+    for number, deductive in enumerate(problem.domain.deductive_operators):
+        yield from deduction_rules(deductive)
+        for place, consequence in enumerate(deductive.consequences):
+            atoms = [reachable(deductive.trigger.atom), reachable(consequence.atom)]
+            body = [*atoms, *guard(consequence.parameters), *map(str, (*deductive.body, *consequence.body))]
+            yield rule(f"_pair_{number}_{place}({deductive.trigger.atom}, {consequence.atom})", body)

@@ -1,0 +1,57 @@
+"""Whether a program can be grounded within limits, tried in a process of its own that may be stopped."""
+
+import os
+import resource
+import signal
+
+from kb.asp import AspError, Grounder
+
+SECONDS = 10
+MEGABYTES = 2000
+
+
+def affordable(text: str, seconds: int = SECONDS, megabytes: int = MEGABYTES) -> bool:
+    """Whether clingo grounds `text` within so much processor time and so much more memory than is in use now.
+
+    clingo cannot be interrupted while it grounds, so a forked child does it under limits of the operating system.
+    Errors in the text count as affordable: they are reported when it is grounded for good.
+    """
+    child = os.fork()
+    if child == 0:
+        os._exit(_grounds(text, seconds, megabytes))
+    try:
+        _, status = os.waitpid(child, 0)
+    except BaseException:  # an interrupt must not leave the child at work
+        os.kill(child, signal.SIGKILL)
+        os.waitpid(child, 0)
+        raise
+    return os.waitstatus_to_exitcode(status) == 0
+
+
+def _grounds(text: str, seconds: int, megabytes: int) -> int:
+    """In the child: 0 if the text was grounded; the limits end it otherwise."""
+    silence = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(silence, 1)
+    os.dup2(silence, 2)
+    used = resource.getrusage(resource.RUSAGE_SELF)
+    spent = int(used.ru_utime + used.ru_stime)
+    memory = _address_space() + megabytes * 2**20
+    resource.setrlimit(resource.RLIMIT_CPU, (spent + seconds, spent + seconds + 1))
+    resource.setrlimit(resource.RLIMIT_AS, (memory, memory))
+    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    try:
+        Grounder().ground(text)
+    except AspError as error:
+        return 1 if "bad_alloc" in str(error) else 0
+    except MemoryError:
+        return 1
+    return 0
+
+
+def _address_space() -> int:
+    """Bytes of address space in use; 0 where the system does not tell."""
+    try:
+        with open("/proc/self/statm", encoding="ascii") as file:
+            return int(file.read().split()[0]) * resource.getpagesize()
+    except OSError:
+        return 0
