@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from engine.grounding import ground, reachable_operators
+from engine.grounding.limits import require_affordable_statics
 from engine.model.outcome import Found, Outcome, Statistics
 from engine.model.task import Task
 from engine.planning import Limits
@@ -69,17 +70,18 @@ def plan(problem: Problem, limits: Limits = Limits()) -> Outcome:
 
 def _checked(problem: Problem, made: Plan) -> Plan:
     """The plan, if the checker accepts it; as a sequence, if only the independence of its steps cannot be shown."""
-    wrong = check_plan(problem, made)
+    wrong = validate(problem, made)
     if wrong and all(each.code == "K503" for each in wrong):
         made = in_sequence(made)
-        wrong = check_plan(problem, made)
+        wrong = validate(problem, made)
     if wrong:
         raise InternalError(wrong)
     return made
 
 
 def check_plan(problem: Problem, made: Plan, name: str = "plan") -> list[Diagnostic]:
-    """Everything that the independent checker has against a plan; empty if it is valid."""
+    """Everything that the independent checker has against a plan; empty if it is valid. Raises `InvalidInput`."""
+    require_affordable_statics(problem)
     return validate(problem, made, name)
 
 

@@ -1,7 +1,7 @@
 """Runaway grounding: what may have too many instances is tried under limits before it is grounded for good."""
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from math import prod
 
@@ -35,8 +35,18 @@ class Suspect:
 
 def require_affordable(problem: Problem, schemas: list[Schema], vocabulary: Vocabulary) -> None:
     """Raise `InvalidInput` if grounding would exceed the limits of a trial; without suspects there is no trial."""
-    suspects = [each for each in _suspects(problem) if each.bound > SUSPICIOUS]
-    if not suspects or affordable("\n".join(_program(problem, schemas, vocabulary))):
+    suspects = [*_operators(problem), *_rules(problem)]
+    _require(suspects, lambda: "\n".join(_program(problem, schemas, vocabulary)))
+
+
+def require_affordable_statics(problem: Problem) -> None:
+    """The same for the static facts and rules alone, which the checker needs."""
+    _require(list(_rules(problem)), lambda: static_program(problem))
+
+
+def _require(suspects: Sequence[Suspect], program: Callable[[], str]) -> None:
+    suspects = [each for each in suspects if each.bound > SUSPICIOUS]
+    if not suspects or affordable(program()):
         return
     worst = max(suspects, key=lambda each: each.bound)
     count = "without end" if worst.bound == float("inf") else f"up to {worst.bound:.0e} instances"
@@ -46,7 +56,7 @@ def require_affordable(problem: Problem, schemas: list[Schema], vocabulary: Voca
     )
 
 
-def _suspects(problem: Problem) -> Iterator[Suspect]:
+def _operators(problem: Problem) -> Iterator[Suspect]:
     domain = problem.domain
     sizes = extents(problem)
     for operator in domain.operators:
@@ -59,6 +69,10 @@ def _suspects(problem: Problem) -> Iterator[Suspect]:
         for consequence in deductive.consequences:
             bound = prod(sizes.get(p.type, NUMBERS) for p in consequence.parameters)
             yield Suspect(f"what follows from {deductive.trigger}", deductive.where, bound)
+
+
+def _rules(problem: Problem) -> Iterator[Suspect]:
+    domain = problem.domain
     everything = sum(1 for _ in (*domain.objects, *problem.objects)) + len(problem.statics)
     for part in domain.asp:
         head, _, _ = part.text.partition(":-")
