@@ -14,7 +14,6 @@ from kb.loader.tree import File, Node, read_file
 from kb.model.conditions import TRUE
 from kb.model.domain import Domain
 from kb.model.problem import Problem
-from kb.schema import ProblemFile
 
 __all__ = [
     "DOMAIN_FILE",
@@ -57,7 +56,7 @@ def load(path: Path) -> Loaded:
 
 
 def _load_problem(reader: Reader, findings: Findings) -> Loaded:
-    if not validate_shape(reader, ProblemFile):
+    if not validate_shape(reader, "problem"):
         require(findings)
     domain, names = read_domain(domain_file(reader), findings)
     problem = read_problem(reader, domain, names, findings)

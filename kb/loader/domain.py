@@ -15,16 +15,15 @@ from kb.loader.operators import read_deductive_operators, read_defaults, read_op
 from kb.loader.reader import Findings, Reader, require, validate_shape
 from kb.loader.tree import File, read_file
 from kb.model.domain import NUMERIC_TYPES, AspText, Domain, Kind, Phrase, Rule
-from kb.schema import DomainFile
-from kb.syntax import ExpressionError, parse, unit_seconds
+from kb.syntax import ExpressionError, parse
 
 
 def read_domain(path: Path, findings: Findings) -> tuple[Domain, Names]:
     """The domain in a file and its symbol table. Raises `InvalidInput` when its shape is wrong; the rest is noted."""
     reader = Reader.of(read_file(path), findings)
-    if not validate_shape(reader, DomainFile):
+    if not validate_shape(reader, "domain"):
         require(findings)
-    _read_units(reader)
+    reader.time_unit = reader.text("units", "time") or "s"
     names = Names(findings)
     read_declarations(reader, names)
     asp, rules = _read_asp(reader, names, path.parent)
@@ -46,18 +45,6 @@ def read_domain(path: Path, findings: Findings) -> tuple[Domain, Names]:
     )
     findings.diagnostics.extend(check_phrases(domain, reader.place_under("commands")))
     return domain, names
-
-
-def _read_units(reader: Reader) -> None:
-    for unit, key, node in reader.entries("units"):
-        if unit != "time":
-            reader.findings.add(key.where, "K005", f"unknown unit '{unit}'", "only `time` has a unit")
-        elif node.value not in ("ms", "s", "min", "h") or unit_seconds(str(node.value)) is None:
-            reader.findings.add(
-                node.where, "K005", f"unknown unit of time '{node.value}'", "use ms, s, min or h"
-            )
-        else:
-            reader.time_unit = str(node.value)
 
 
 def _words(reader: Reader) -> dict[str, tuple[str, ...]]:

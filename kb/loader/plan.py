@@ -11,7 +11,6 @@ from kb.loader.references import domain_file
 from kb.loader.tree import Node, read_file
 from kb.model.plan import CausalLink, Plan, Step, StepId
 from kb.model.problem import Problem
-from kb.schema.plan import PlanFile
 from kb.terms import Function
 
 
@@ -20,7 +19,7 @@ def load_plan(path: Path) -> tuple[Problem, Plan]:
     findings = Findings()
     reader = Reader.of(read_file(path), findings)
     _require_plan(reader)
-    if not validate_shape(reader, PlanFile):
+    if not validate_shape(reader, "plan"):
         require(findings)
     entry = reader.root.descend(("data", "plan"))
     inner = Reader(entry.descend(("problem",)), findings)

@@ -5,10 +5,9 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
-from pydantic import BaseModel, ValidationError
-
-from kb.diagnostics import Diagnostic, InvalidInput, Source, nearest
+from kb.diagnostics import Diagnostic, InvalidInput, Source
 from kb.loader.tree import File, Node, read_tree
+from kb.schema import Deviation, deviations
 from kb.syntax import ExpressionError, Parsed, parse
 from kb.terms import Function, Variable
 
@@ -98,6 +97,11 @@ class Reader:
 
         return place
 
+    def text(self, *path: str | int) -> str:
+        """The scalar at `path`; nothing when there is none."""
+        node = self.root.descend(path)
+        return node.value if isinstance(node.value, str) and self._reached(path) else ""
+
     def _reached(self, path: tuple[str | int, ...]) -> bool:
         node = self.root
         for part in path:
@@ -137,55 +141,21 @@ class Reader:
         return [f"{range_[1]}{number:0{width}d}" for number in range(first, last + 1)]
 
 
-def validate_shape(reader: Reader, model: type[BaseModel]) -> bool:
-    """Whether the file has the shape of `model`; every deviation is noted at its place."""
-    try:
-        model.model_validate(reader.root.plain())
-    except ValidationError as error:
-        for problem in error.errors():
-            reader.findings.diagnostics.append(_shape_diagnostic(reader.root, model, problem))
-        return False
-    return True
+def validate_shape(reader: Reader, kind: str) -> bool:
+    """Whether the file has the shape of its kind; every deviation is noted at its place."""
+    found = deviations(kind, reader.root.plain())
+    for each in found:
+        reader.findings.add(_place(reader.root, each), "K005", each.message, each.hint)
+    return not found
 
 
-def _shape_diagnostic(root: Node, model: type[BaseModel], problem: Any) -> Diagnostic:
-    path = tuple(
-        part for part in problem["loc"] if not (isinstance(part, str) and part in ("str", "int", "list[str]"))
-    )
-    parent, node = root.descend(path[:-1]), root.descend(path)
-    if problem["type"] == "extra_forbidden":
-        key = str(path[-1])
-        where = (
-            parent.value[key][0].where
-            if isinstance(parent.value, dict) and key in parent.value
-            else node.where
-        )
-        return Diagnostic(where, "K005", f"unknown key '{key}'", nearest(key, _known_keys(model, path[:-1])))
-    if problem["type"] == "missing":
-        return Diagnostic(node.where, "K005", f"the key '{path[-1]}' is missing")
-    said = problem["msg"].replace("Input should be a valid", "expected a").replace("dictionary", "mapping")
-    return Diagnostic(
-        node.where, "K005", f"{'.'.join(map(str, path)) or 'the file'}: {said[0].lower()}{said[1:]}"
-    )
-
-
-def _known_keys(model: type[BaseModel], path: tuple[Any, ...]) -> list[str]:
-    schema = model.model_json_schema(by_alias=True)
-    node: Any = schema
-    for part in path:
-        node = _resolved(schema, node)
-        if isinstance(part, int):
-            node = node.get("items", {})
-        else:
-            node = node.get("properties", {}).get(part) or node.get("additionalProperties") or {}
-    return list(_resolved(schema, node).get("properties", {}))
-
-
-def _resolved(schema: Any, node: Any) -> Any:
-    for option in [node, *node.get("anyOf", [])]:
-        if "$ref" in option:
-            return schema["$defs"][option["$ref"].rsplit("/", 1)[1]]
-    return node
+def _place(root: Node, deviation: Deviation) -> Source:
+    if deviation.at_key:
+        parent = root.descend(deviation.path[:-1])
+        if isinstance(parent.value, dict) and deviation.path[-1] in parent.value:
+            where: Source = parent.value[deviation.path[-1]][0].where
+            return where
+    return root.descend(deviation.path).where
 
 
 def require(findings: Findings) -> None:

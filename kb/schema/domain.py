@@ -1,0 +1,141 @@
+"""The shape of `domain.yaml`."""
+
+from typing import Literal
+
+from pydantic import Field
+
+from kb.schema.shapes import Expression, Names, Strict, VariableTypes, WholeNumber
+
+
+class StaticEntry(Strict):
+    """A static or derived predicate has no attributes: write `{}`."""
+
+
+class FluentEntry(Strict):
+    """A fluent or an event."""
+
+    weight: WholeNumber | None = Field(
+        None, ge=0, description="criticality: heavier goals are worked on first; derived when left out"
+    )
+
+
+class UnitsEntry(Strict):
+    """The units that numbers count."""
+
+    time: Literal["ms", "s", "min", "h"] = Field("s", description="what a number of type `time` counts")
+
+
+class CommandEntry(Strict):
+    """What the executive sends for a step, and the reply it expects."""
+
+    stream: Expression = Field(
+        description="where the command goes, with what it needs: arm(pick(Item, Place))"
+    )
+    reply: Expression = Field(
+        "done", description="the pattern of a good reply; its variables are bound by it"
+    )
+    result: Expression | None = Field(None, description="the fact that a reply gives: reads(Sensor, Value)")
+
+
+class EffectEntry(Strict):
+    """A conditional effect; variables that are not in the header range over all values."""
+
+    when: Expression = Field(description="what must hold before the step")
+    adds: Expression | None = Field(None, description="what becomes true, if it did")
+    deletes: Expression | None = Field(None, description="what becomes false, if it did; add after delete")
+
+
+class OperatorEntry(Strict):
+    """A static operator: the key is its header, name(Variable, ...)."""
+
+    types: VariableTypes = Field(default_factory=dict)
+    where: Expression | None = Field(
+        None,
+        description="constraints over statics: an ASP body; variables outside the header are existential",
+    )
+    preconditions: Expression | None = Field(None, description="what holds as long as the step lasts")
+    adds: Expression | None = Field(
+        None, description="what becomes true at its end; deductive operators say what follows"
+    )
+    deletes: Expression | None = Field(None, description="explicit deletes; add after delete")
+    effects: list[EffectEntry] = Field(default_factory=list, description="conditional effects")
+    resources: Expression | None = Field(
+        None, description="what the step holds while it lasts: steps that share one never overlap"
+    )
+    duration: str | int | None = Field(
+        None, description="a number with a unit, such as 15 min, or a variable; 0 when left out"
+    )
+    cost: str | int | None = Field(None, description="a number or a variable; 1 when left out")
+    command: CommandEntry | None = Field(None, description="what the executive sends")
+
+
+class DeductiveEntry(Strict):
+    """What a new (or, with `not`, a denied) fact implies and denies."""
+
+    when: Expression = Field(description="one atom that is added; or `not` and an atom that is denied")
+    types: VariableTypes = Field(default_factory=dict)
+    where: Expression | None = Field(None, description="constraints over statics: an ASP body")
+    implies: Expression | None = Field(None, description="what is added too; atom, body; atom, body")
+    denies: Expression | None = Field(
+        None, description="what is denied: every atom that matches; atom, body; atom, body"
+    )
+
+
+class PhraseEntry(Strict):
+    """A sentence pattern, and the goal or workflow stage it stands for."""
+
+    say: str = Field(description="words, {Variable:type}, (either|or), [optional]")
+    goal: Expression | None = Field(None, description="what is wanted, when the order does not matter")
+    stage: Expression | None = Field(None, description="a stage of a workflow")
+
+
+class CommandsEntry(Strict):
+    """The words and phrases of commands in words."""
+
+    words: dict[str, list[str]] = Field(
+        default_factory=dict, description="how people call the objects of a type, or one object"
+    )
+    phrases: list[PhraseEntry] = Field(default_factory=list, description="what sentences mean")
+
+
+class DomainFile(Strict):
+    """A `domain.yaml`: one kind of cell."""
+
+    domain: str = Field(pattern=r"^[a-z][a-z0-9_]*$", description="the domain's name")
+    include: list[str] = Field(default_factory=list, description="ASP files beside this one: facts and rules")
+    units: UnitsEntry = Field(default_factory=lambda: UnitsEntry(time="s"), description="what numbers count")
+    types: dict[str, str | list[str]] = Field(
+        default_factory=dict,
+        description="name: parent; or a closed list of constants; `term` for a type built by functions",
+    )
+    functions: dict[str, str] = Field(
+        default_factory=dict, description="typed compound terms: `meas(measurement): place`; never recursive"
+    )
+    objects: dict[str, Names] = Field(
+        default_factory=dict, description="type: objects that every problem of this domain has"
+    )
+    statics: dict[str, StaticEntry | None] = Field(
+        default_factory=dict, description="predicates that never change: facts of `.lp` files and problems"
+    )
+    derived: dict[str, StaticEntry | None] = Field(
+        default_factory=dict, description="predicates that rules in `.lp` files define"
+    )
+    fluents: dict[str, FluentEntry | None] = Field(
+        default_factory=dict, description="predicates that operators change"
+    )
+    events: dict[str, FluentEntry | None] = Field(
+        default_factory=dict,
+        description="facts that are a history: added once per workflow stage, never denied",
+    )
+    defaults: list[Expression] = Field(
+        default_factory=list, description="true at the start, in this order, unless what is there denies it"
+    )
+    operators: dict[str, OperatorEntry | None] = Field(
+        default_factory=dict, description="what can be done: name(Variable, ...)"
+    )
+    deductive_operators: list[DeductiveEntry] = Field(
+        default_factory=list, description="what a new fact implies and denies, in place of delete lists"
+    )
+    commands: CommandsEntry = Field(
+        default_factory=lambda: CommandsEntry(), description="words and phrases that people use"
+    )

@@ -1,0 +1,39 @@
+"""What the shapes of all files share: strict models, and values with a description that editors show."""
+
+import re
+from typing import Annotated, Any
+
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
+from pydantic_core import PydanticCustomError
+
+LARGEST = 2**31 - 1  # clingo counts in 32 bits
+
+
+class Strict(BaseModel):
+    """A mapping with known keys alone."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+def _whole(value: Any) -> Any:
+    if isinstance(value, str) and not re.fullmatch(r"-?[0-9]{1,10}", value):
+        raise PydanticCustomError("whole_number", "not a whole number")
+    return value
+
+
+def _truth(value: Any) -> Any:
+    if isinstance(value, str) and value not in ("true", "false"):
+        raise PydanticCustomError("truth", "neither true nor false")
+    return value
+
+
+Expression = Annotated[
+    str, Field(description="atoms, terms and constraints, written as in ASP, in one string")
+]
+Facts = Annotated[list[Expression], Field(description="ground atoms, such as at(bolt, table)")]
+Names = Annotated[list[str], Field(description="names, or ranges such as depot_1..4")]
+WholeNumber = Annotated[int, BeforeValidator(_whole), Field(le=LARGEST)]
+Truth = Annotated[bool, BeforeValidator(_truth)]
+VariableTypes = Annotated[
+    dict[str, str], Field(description="variable: type; narrows what the atoms of the entry say about it")
+]

@@ -1,0 +1,174 @@
+"""Compares what a file holds with the shape of its kind; deviations come out as plain values that name no library."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from pydantic import BaseModel, ValidationError
+
+from kb.diagnostics import nearest
+
+Path = tuple[str | int, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Deviation:
+    """What is wrong at `path`, and what to try. `at_key`: the key at the end of the path is meant, not its value."""
+
+    path: Path
+    message: str
+    hint: str = ""
+    at_key: bool = False
+
+
+def deviations(kind: str, content: Any) -> list[Deviation]:
+    """How plain content (strings, lists and dicts; None for an empty scalar) differs from its kind's shape."""
+    model = model_of(kind)
+    try:
+        model.model_validate(content)
+    except ValidationError as error:
+        return list(_merged(error.errors(include_url=False), model, content))
+    return []
+
+
+def model_of(kind: str) -> type[BaseModel]:
+    """The model of a kind of file; only what is asked for is imported. Raises `KeyError`."""
+    match kind:
+        case "domain":
+            from kb.schema.domain import DomainFile
+
+            return DomainFile
+        case "problem":
+            from kb.schema.problem import ProblemFile
+
+            return ProblemFile
+        case "plan":
+            from kb.schema.plan import PlanFile
+
+            return PlanFile
+        case _:
+            raise KeyError(kind)
+
+
+def _merged(errors: Sequence[Any], model: type[BaseModel], content: Any) -> Iterator[Deviation]:
+    """One deviation per place: the alternatives of a union are errors of their own."""
+    places: dict[Path, list[Any]] = {}
+    for error in errors:
+        places.setdefault(_place(error, content), []).append(error)
+    for path, found in places.items():
+        match found[0]["type"]:
+            case "extra_forbidden":
+                yield _unknown_key(path, model)
+            case "missing":
+                yield Deviation(path[:-1], f"the key '{path[-1]}' is missing", f"add `{path[-1]}:`")
+            case _:
+                yield _wrong_value(path, found)
+
+
+def _place(error: Any, content: Any) -> Path:
+    """The location without the names of a union's alternatives, which are no part of the file."""
+    path: list[str | int] = []
+    for number, part in enumerate(error["loc"], 1):
+        inside = isinstance(content, Mapping) and part in content
+        inside = inside or (isinstance(content, list) and isinstance(part, int) and part < len(content))
+        if inside:
+            content = content[part]
+            path.append(part)
+        elif error["type"] == "missing" and number == len(error["loc"]):
+            path.append(part)
+    return tuple(path)
+
+
+def _unknown_key(path: Path, model: type[BaseModel]) -> Deviation:
+    known = known_keys(model, path[:-1])
+    hint = nearest(str(path[-1]), known) or (f"known here: {', '.join(known)}" if known else "leave it out")
+    return Deviation(path, f"unknown key '{path[-1]}'", hint, at_key=True)
+
+
+def _wrong_value(path: Path, errors: Sequence[Any]) -> Deviation:
+    name = ".".join(map(str, path)) or "the file"
+    found = errors[0]["input"]
+    said = [_EXPECTED[error["type"]] for error in errors if error["type"] in _EXPECTED]
+    if said:
+        expected = " or ".join(dict.fromkeys(said))
+        return Deviation(path, f"{name}: expected {expected}, found {_kind(found)}", _advice(said, found))
+    return Deviation(path, f"{name}: {_described(errors[0])}", _HINTS.get(errors[0]["type"], ""))
+
+
+_EXPECTED = {
+    "string_type": "text",
+    "list_type": "a list",
+    "dict_type": "a mapping",
+    "model_type": "a mapping",
+    "model_attributes_type": "a mapping",
+    "int_type": "a whole number",
+    "int_parsing": "a whole number",
+    "whole_number": "a whole number",
+    "bool_type": "true or false",
+    "bool_parsing": "true or false",
+    "truth": "true or false",
+}
+_HINTS = {"string_pattern_mismatch": "a small letter, then small letters, digits and _"}
+
+
+def _described(error: Any) -> str:
+    shown = error["input"] if len(str(error["input"])) <= 60 else f"{str(error['input'])[:60]}..."
+    limits = error.get("ctx", {})
+    match error["type"]:
+        case "string_pattern_mismatch":
+            return f"'{shown}' is no name"
+        case "literal_error":
+            return f"'{shown}' is none of {limits['expected']}".replace(" or ", ", ")
+        case "greater_than_equal" | "greater_than":
+            return f"{shown} is too small: the least is {limits.get('ge', limits.get('gt', -1) + 1)}"
+        case "less_than_equal":
+            return f"{shown} is too large: the most is {limits['le']}"
+        case _:
+            said = str(error["msg"])
+            return f"{said[0].lower()}{said[1:]}"
+
+
+def _kind(value: Any) -> str:
+    match value:
+        case None:
+            return "nothing"
+        case list():
+            return "a list"
+        case Mapping():
+            return "a mapping"
+        case _:
+            return f"'{value}'" if len(str(value)) <= 40 else "a long text"
+
+
+def _advice(expected: Sequence[str], found: Any) -> str:
+    match found:
+        case list() | Mapping() if "text" in expected:
+            return "write it as one string; quotes keep YAML from splitting it"
+        case str() if "a list" in expected:
+            return "put it in [ ], or give each item a line that starts with '- '"
+        case str() | list() if "a mapping" in expected:
+            return "give each entry a line `key: value`"
+        case None:
+            return "fill it in, or leave the key out"
+        case _:
+            return ""
+
+
+def known_keys(model: type[BaseModel], path: Path) -> list[str]:
+    """The keys that a mapping at `path` may have; none where keys are free."""
+    schema = model.model_json_schema(by_alias=True)
+    at: Any = schema
+    for part in path:
+        at = _resolved(schema, at)
+        if isinstance(part, int):
+            at = at.get("items", {})
+        else:
+            at = at.get("properties", {}).get(part) or at.get("additionalProperties") or {}
+    return list(_resolved(schema, at).get("properties", {}))
+
+
+def _resolved(schema: Any, at: Any) -> Any:
+    for option in [at, *at.get("anyOf", [])]:
+        if "$ref" in option:
+            return schema["$defs"][option["$ref"].rsplit("/", 1)[1]]
+    return at

@@ -1,0 +1,28 @@
+"""What tests of every folder share: texts that people read, compared whole with golden files."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from golden_texts import compare_with_golden
+
+Golden = Callable[[str, str], None]
+TOP = Path(__file__).parent
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption("--update-golden", action="store_true", help="accept changed texts as golden files")
+
+
+@pytest.fixture
+def golden(request: pytest.FixtureRequest) -> Golden:
+    """`golden(name, text)` compares a text with `golden/name` beside the test, or under `tests/golden` when there is one.
+
+    `--update-golden` rewrites the file, which is refused in continuous integration.
+    """
+    beside = request.path.parent / "golden"
+    return lambda name, text: compare_with_golden(
+        (beside if beside.is_dir() else TOP / "golden") / name,
+        text,
+        request.config.getoption("--update-golden"),
+    )
