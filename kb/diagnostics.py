@@ -1,6 +1,7 @@
 """Diagnostics: what is wrong with a file, where, and what to try. Codes are stable; `docs/diagnostics.md` lists them."""
 
 import difflib
+import unicodedata
 from collections.abc import Collection, Iterable
 from dataclasses import dataclass, field
 
@@ -21,19 +22,20 @@ CODES = {
     "K107": "syntax error in an expression",
     "K108": "wrong kind of predicate in this place",
     "K109": "recursive type or function",
-    "K110": "singleton variable",
+    "K110": "a variable that stands only once",
+    "K111": "listed twice",
+    "K112": "a name that is reserved, or that is no name",
+    "K113": "a number out of range",
     "K201": "error in an ASP file",
     "K202": "ASP that domain files may not use",
     "K203": "include outside the domain folder or not found",
     "K204": "integrity constraint violated",
     "K301": "contradiction: an atom is both added and denied",
     "K302": "a denied atom triggers a rule, but is no precondition",
-    "K303": "a default contradicts a given fact",
     "K304": "operator can never be applied",
     "K305": "operator reads but does not hold a resource that its kin hold",
     "K306": "too many supports of a derived predicate",
     "K307": "grounding exceeds its limit",
-    "K308": "too many conditional effects",
     "K309": "declared, but nothing uses it",
     "K310": "a condition that nothing makes true",
     "K401": "unknown domain, problem or file",
@@ -54,15 +56,37 @@ CODES = {
 
 @dataclass(frozen=True, slots=True, order=True)
 class Source:
-    """A place in a file; lines and columns count from 1, `column` 0 means the whole line. `text` is that line."""
+    """A place in a file; lines and columns count from 1, `column` 0 means the whole line.
+
+    `text` is that line, or, of a long one, the part around the column that begins after `cut` characters.
+    """
 
     path: str
     line: int = 0
     column: int = 0
     text: str = field(default="", compare=False)
+    cut: int = field(default=0, compare=False)
 
     def __str__(self) -> str:
         return ":".join([self.path, *(str(part) for part in (self.line, self.column) if part)])
+
+    def excerpt(self) -> list[str]:
+        """The line and, under its column, a caret; nothing when the text is not known."""
+        if not self.text.strip():
+            return []
+        before = self.text[: self.column - 1 - self.cut]
+        shown = ("..." if self.cut else "") + self.text
+        if not self.column:
+            return [shown]
+        margin = "".join("\t" if each == "\t" else " " * _width(each) for each in before)
+        return [shown, f"{'   ' if self.cut else ''}{margin}^"]
+
+
+def _width(character: str) -> int:
+    """Cells that a character takes on a terminal."""
+    if unicodedata.combining(character):
+        return 0
+    return 2 if unicodedata.east_asian_width(character) in "WF" else 1
 
 
 @dataclass(frozen=True, slots=True, order=True)
@@ -78,10 +102,7 @@ class Diagnostic:
     def __str__(self) -> str:
         severity = "warning" if self.warning else "error"
         lines = [f"{self.where}: {severity} {self.code}: {self.message}"]
-        if self.where.text:
-            lines.append(f"    {self.where.text}")
-            if self.where.column:
-                lines.append(f"    {' ' * (self.where.column - 1)}^")
+        lines += [f"    {line}" for line in self.where.excerpt()]
         if self.hint:
             lines.append(f"  try: {self.hint}")
         return "\n".join(lines)

@@ -4,37 +4,23 @@ Scalars are never interpreted (`on`, `12:30` and `0755` stay what was written). 
 documents are refused, depth and size are bounded, duplicate keys and comments that swallow ASP are reported.
 """
 
-import bisect
+import functools
 import re
+from bisect import bisect_left
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any
 
 import yaml
 
 from kb.diagnostics import Diagnostic, InvalidInput, Source
+from kb.loader.files import UNPRINTABLE, File, read_file
+
+__all__ = ["File", "Node", "read_file", "read_tree"]
 
 MAX_DEPTH = 50
-MAX_BYTES = 64 * 1024 * 1024
-MAX_NODES = 2_000_000
-
-
-@dataclass(frozen=True, slots=True)
-class File:
-    """The text of a file and its lines, for places inside it."""
-
-    path: str
-    text: str
-    line_starts: tuple[int, ...]
-
-    def at(self, index: int) -> Source:
-        """The place of a character."""
-        line = bisect.bisect_right(self.line_starts, index)
-        start = self.line_starts[line - 1]
-        end = self.text.find("\n", start)
-        text = self.text[start:] if end < 0 else self.text[start:end]
-        return Source(self.path, line, index - start + 1, text.rstrip("\r")[:400])
+MAX_NODES = 1_000_000
+MAX_FOUND = 100  # a file with more faults than this in its YAML alone is not read further
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,15 +42,11 @@ class Node:
 
         Exact for plain, quoted, folded and literal scalars; escapes inside double quotes shift it.
         """
-        raw = self.file.text[self.start : self.end]
-        skip = re.match(r"[|>][-+0-9]*[^\n]*\n|['\"]|", raw).end()  # type: ignore[union-attr]
-        wanted = sum(not character.isspace() for character in self.value[:offset])
-        for index in range(skip, len(raw)):
-            if not raw[index].isspace():
-                if wanted == 0:
-                    return self.file.at(self.start + index)
-                wanted -= 1
-        return self.where
+        visible = _visible(self.file.text[self.start : self.end])
+        wanted = len("".join(self.value[:offset].split()))
+        if wanted >= len(visible):
+            return self.file.at(max(self.start, self.end - 1)) if offset and visible else self.where
+        return self.file.at(self.start + visible[wanted])
 
     def plain(self) -> Any:
         """Strings, lists and dicts alone; an empty scalar is None."""
@@ -89,23 +71,13 @@ class Node:
         return node
 
 
-def read_file(path: Path, name: str | None = None) -> File:
-    """The text of `path` as UTF-8. Raises `InvalidInput` when it cannot be read."""
-    name = name or str(path)
-    try:
-        if path.stat().st_size > MAX_BYTES:
-            raise InvalidInput([Diagnostic(Source(name), "K007", f"larger than {MAX_BYTES // 2**20} MiB")])
-        data = path.read_bytes()
-        text = data.decode("utf-8-sig")
-    except OSError as error:
-        raise InvalidInput([Diagnostic(Source(name), "K001", error.strerror or str(error))]) from None
-    except UnicodeDecodeError as error:
-        line = data.count(b"\n", 0, error.start) + 1
-        raise InvalidInput(
-            [Diagnostic(Source(name, line), "K001", "not UTF-8", "save the file as UTF-8")]
-        ) from None
-    starts = (0, *(found.end() for found in re.finditer("\n", text)))
-    return File(name, text, starts)
+@functools.lru_cache(maxsize=4)
+def _visible(raw: str) -> list[int]:
+    """Where the non-blank characters of a scalar's source stand, after its quote or block indicator."""
+    found = re.match(r"[|>][-+0-9]*[^\n]*\n|['\"]|", raw)
+    skip = found.end() if found else 0
+    places = [each.start() for each in re.finditer(r"\S", raw)]
+    return places[bisect_left(places, skip) :]
 
 
 def read_tree(file: File) -> tuple[Node, list[Diagnostic]]:
@@ -115,7 +87,6 @@ def read_tree(file: File) -> tuple[Node, list[Diagnostic]]:
         root = _Composer(file, found).compose()
     except yaml.YAMLError as error:
         raise InvalidInput([*found, _yaml_error(file, error)]) from None
-    found.extend(_swallowed_comments(file))
     return root, found
 
 
@@ -133,7 +104,7 @@ class _Composer:
             children = stack[-1][1] if stack else roots
             match event:
                 case yaml.ScalarEvent():
-                    children.append(self._node(event.value, event, event))
+                    children.append(self._scalar(event))
                 case yaml.SequenceStartEvent() | yaml.MappingStartEvent():
                     stack.append((event, []))
                     self._bound(event, len(stack))
@@ -143,52 +114,75 @@ class _Composer:
                 case yaml.MappingEndEvent():
                     opened, items = stack.pop()
                     (stack[-1][1] if stack else roots).append(self._mapping(items, opened, event))
-        if len(roots) != 1:
-            what = "the file is empty" if not roots else "more than one document"
-            raise InvalidInput([*self.found, Diagnostic(self.file.at(0), "K002", what)])
-        return roots[0]
+        if len(roots) == 1:
+            return roots[0]
+        if roots:
+            found = Diagnostic(roots[1].where, "K002", "a second document", "keep one, without `---` between")
+        else:
+            found = Diagnostic(
+                Source(self.file.path), "K002", "the file is empty", "it needs `domain:` or `problem:`"
+            )
+        raise InvalidInput([*self.found, found])
 
     def _events(self) -> Iterator[yaml.Event]:
         for event in yaml.parse(self.file.text, Loader=yaml.CSafeLoader):
             if isinstance(event, yaml.AliasEvent) or getattr(event, "anchor", None):
-                self._refuse(event, "anchors and aliases", "write the value out")
+                self._refuse(event, "anchors and aliases are", "write the value out")
             elif (tag := getattr(event, "tag", None)) and tag != "!":
-                self._refuse(event, f"the tag '{tag}'", "quote the value if it starts with '!'")
+                self._refuse(event, f"the tag '{tag}' is", "quote the value if it starts with '!'")
             if not isinstance(event, yaml.AliasEvent):
                 yield event
 
     def _refuse(self, event: yaml.Event, what: str, hint: str) -> None:
-        message = (
-            f"{what} are not part of the language"
-            if what.endswith("s")
-            else f"{what} is not part of the language"
-        )
-        self.found.append(Diagnostic(self.file.at(_start(event)), "K004", message, hint))
-        if len(self.found) > 100:
+        where = self.file.at(_start(event))
+        self._note(Diagnostic(where, "K004", f"{what} not part of the language", hint))
+
+    def _note(self, diagnostic: Diagnostic) -> None:
+        self.found.append(diagnostic)
+        if len(self.found) > MAX_FOUND:
             raise InvalidInput(self.found)
 
     def _bound(self, event: yaml.Event, depth: int) -> None:
         if depth > MAX_DEPTH:
             where = self.file.at(_start(event))
-            raise InvalidInput(
-                [*self.found, Diagnostic(where, "K007", f"nested deeper than {MAX_DEPTH} levels")]
+            found = Diagnostic(
+                where, "K007", f"nested deeper than {MAX_DEPTH} levels", "no file needs so many"
             )
+            raise InvalidInput([*self.found, found])
+
+    def _scalar(self, event: yaml.ScalarEvent) -> Node:
+        start, end = _start(event), _end(event)
+        if found := UNPRINTABLE.search(event.value):
+            message = f"an escape makes the control character U+{ord(found[0]):04X}"
+            self._note(Diagnostic(self.file.at(start), "K004", message, "remove it"))
+        elif (start == end or self.file.text[start] not in "'\"|>") and (
+            comment := _ASP_COMMENT.match(self.file.text, end)
+        ):
+            hint = "put the whole value in quotes"
+            where = self.file.at(comment.start(1))
+            self._note(
+                Diagnostic(where, "K006", f"YAML takes '{comment[1]}' for the start of a comment", hint)
+            )
+        return self._node(event.value, event, event)
 
     def _node(self, value: Any, opened: yaml.Event, closed: yaml.Event) -> Node:
         self.count += 1
         if self.count > MAX_NODES:
-            raise InvalidInput([Diagnostic(self.file.at(_start(opened)), "K007", "too many values")])
+            where = self.file.at(_start(opened))
+            raise InvalidInput([Diagnostic(where, "K007", f"more than {MAX_NODES} values in one file")])
         return Node(value, self.file, _start(opened), _end(closed))
 
     def _mapping(self, items: list[Node], opened: yaml.Event, closed: yaml.Event) -> Node:
         pairs: dict[str, tuple[Node, Node]] = {}
         for key, value in zip(items[::2], items[1::2], strict=False):
             if not isinstance(key.value, str):
-                self.found.append(Diagnostic(key.where, "K005", "a key must be a plain string"))
+                hint = "quote it if it starts with '[' or '{'"
+                self._note(Diagnostic(key.where, "K005", "a key must be a plain string", hint))
             elif key.value in pairs:
                 first = pairs[key.value][0].where
-                self.found.append(
-                    Diagnostic(key.where, "K003", f"key '{key.value}' stands already in line {first.line}")
+                message = f"the key '{key.value[:60]}' stands already in line {first.line}"
+                self._note(
+                    Diagnostic(key.where, "K003", message, "remove one, or put both values under one key")
                 )
             else:
                 pairs[key.value] = (key, value)
@@ -203,36 +197,28 @@ def _end(event: yaml.Event) -> int:
     return event.end_mark.index if event.end_mark else 0
 
 
-_ASP_COMMENT = re.compile(r"\s(#(?:count|sum\+?|min|max|true|false)\b[^\n]*)")
-
-
-def _swallowed_comments(file: File) -> Iterator[Diagnostic]:
-    for number, start in enumerate(file.line_starts, 1):
-        end = file.line_starts[number] if number < len(file.line_starts) else len(file.text)
-        line = file.text[start:end]
-        found = _ASP_COMMENT.search(line)
-        if (
-            found
-            and ":" in line[: found.start()]
-            and '"' not in line
-            and "'" not in line
-            and not line.lstrip().startswith("#")
-        ):
-            yield Diagnostic(
-                file.at(start + found.start(1)),
-                "K006",
-                "YAML reads this as a comment",
-                "put the whole value in quotes",
-            )
+_ASP_COMMENT = re.compile(r"[ \t]+(#(?:count|sum\+?|min|max|true|false|inf|sup)\b)")
 
 
 def _yaml_error(file: File, error: yaml.YAMLError) -> Diagnostic:
     mark = getattr(error, "problem_mark", None)
     where = file.at(mark.index) if mark else Source(file.path)
     problem = getattr(error, "problem", None) or str(error)
-    hint = (
-        "a value with ': ' or starting with '!', '%', '{' or '[' needs quotes"
-        if "mapping values" in problem
-        else ""
-    )
-    return Diagnostic(where, "K002", problem, hint)
+    hint = next((hint for part, hint in _YAML_HINTS.items() if part in problem), "")
+    return Diagnostic(where, "K002", f"not YAML: {problem}", hint)
+
+
+_INDENT = "indent it like its neighbours, and look for a quote or bracket that an earlier line leaves open"
+_YAML_HINTS = {
+    "mapping values": "a value with ': ' or starting with '!', '%', '{' or '[' needs quotes",
+    "cannot start any token": "indent with spaces, not tabs; a value starting with '%', '@' or '`' needs quotes",
+    "expected ':'": "a key needs ': ' after it",
+    "expected ','": "close the bracket, or put the whole value in quotes",
+    "expected key": _INDENT,
+    "expected <block end>": _INDENT,
+    "expected '-' indicator": _INDENT,
+    "unexpected end of stream": "close the quote",
+    "unexpected document indicator": "close the quote",
+    "undefined tag handle": "quote the value if it starts with '!'",
+    "unknown escape": "use single quotes, which know no escapes",
+}

@@ -34,6 +34,10 @@ from kb.model.conditions import (
 from kb.terms import Function, Number, Operation, Term, Text, Variable, variables
 
 STARTS = ["header", "trigger", "conditions", "body", "clauses", "atoms", "atom", "term", "terms", "signature"]
+MAX_LENGTH = 65_536  # characters of one expression
+MAX_NESTING = 50  # brackets in brackets
+MAX_OPERATIONS = 100  # arithmetic signs in one expression
+LARGEST = 2**31 - 1  # clingo counts in 32 bits, and does not say when it cannot
 SECONDS = {"ms": Fraction(1, 1000), "s": Fraction(1), "min": Fraction(60), "h": Fraction(3600)}
 
 
@@ -75,7 +79,13 @@ class _Reader(Transformer[Token, Any]):
         self.places: dict[Function | Variable, int] = {}
 
     def _place(self, function: Function, token: Token) -> Function:
-        self.places.setdefault(function, token.start_pos or 0)
+        offset = token.start_pos or 0
+        if function.name == "not":
+            raise ExpressionError(offset, "'not' is no name", "write `not p(X)`: a space and an atom", "K112")
+        if function.name.startswith("_"):
+            hint = "names that begin with '_' belong to the engine"
+            raise ExpressionError(offset, f"'{function.name}' is reserved", hint, "K112")
+        self.places.setdefault(function, offset)
         return function
 
     def variable(self, token: Token) -> Variable:
@@ -84,16 +94,24 @@ class _Reader(Transformer[Token, Any]):
         return found
 
     def number(self, token: Token) -> Number:
-        return Number(int(token))
+        return self._number(Fraction(_digits(token)), token)
+
+    def _number(self, value: Fraction, token: Token) -> Number:
+        offset = token.start_pos or 0
+        if value.denominator != 1:
+            hint = "choose a smaller unit under `units:`"
+            message = f"'{token}' is not a whole number of the domain's unit of time"
+            raise ExpressionError(offset, message, hint, "K113")
+        if abs(value) > LARGEST:
+            raise ExpressionError(offset, "this number is too large", f"the largest is {LARGEST}", "K113")
+        return Number(int(value))
 
     def duration(self, token: Token) -> Number:
-        amount, unit = re.fullmatch(r"([\d.]+)\s*(\w+)", token).groups()  # type: ignore[union-attr]
-        value = Fraction(amount) * (unit_seconds(unit) or 1) / self.unit
-        if value.denominator != 1:
-            raise ExpressionError(
-                token.start_pos or 0, f"'{token}' is not a whole number of the domain's unit of time"
-            )
-        return Number(int(value))
+        amount = re.match(r"[0-9.]+", token)
+        unit = token[amount.end() :].strip() if amount else ""
+        return self._number(
+            Fraction(_digits(amount[0] if amount else "")) * (unit_seconds(unit) or 1) / self.unit, token
+        )
 
     def decimal(self, token: Token) -> Function:
         return Function(str(token))  # only in result patterns, which clingo never sees
@@ -154,6 +172,11 @@ class _Reader(Transformer[Token, Any]):
         return clauses
 
 
+def _digits(text: str) -> str:
+    """The digits of a number; of too many, as many as show that it is too large."""
+    return text if len(text) <= 20 else "9" * 20
+
+
 @functools.cache
 def _grammar() -> Lark:
     text = resources.files("kb.syntax").joinpath("expressions.lark").read_text("utf-8")
@@ -162,6 +185,7 @@ def _grammar() -> Lark:
 
 def parse(start: str, text: str, time_unit: str = "s") -> Parsed:
     """Read `text` as one of `STARTS`; durations become numbers in `time_unit`. Raises `ExpressionError`."""
+    _check_size(text)
     _check_brackets(text)
     reader = _Reader(time_unit)
     try:
@@ -172,47 +196,81 @@ def parse(start: str, text: str, time_unit: str = "s") -> Parsed:
         raise
     except UnexpectedInput as error:
         raise _explained(error, text) from None
-    except RecursionError:
-        raise ExpressionError(0, "nested too deeply", code="K007") from None
     return Parsed(value, reader.places)
+
+
+def _check_size(text: str) -> None:
+    if len(text) > MAX_LENGTH:
+        hint = "split it, or generate facts with rules"
+        raise ExpressionError(0, f"longer than {MAX_LENGTH} characters", hint, "K007")
+    for number, found in enumerate(re.finditer(r"[-+*/\\]", without_texts(text)), 1):
+        if number > MAX_OPERATIONS:
+            hint = "compute it beforehand"
+            raise ExpressionError(found.start(), f"more than {MAX_OPERATIONS} operations", hint, "K007")
+
+
+def without_texts(text: str) -> str:
+    """The same characters with every quoted text blanked out."""
+    return _TEXT.sub(lambda found: " " * len(found[0]), text)
+
+
+_TEXT = re.compile(r'"(?:\\.|[^"\\\n])*"')
 
 
 _READABLE = {
     "RPAR": "')'", "LPAR": "'('", "COMMA": "','", "NAME": "a name", "VARIABLE": "a variable", "SEMICOLON": "';'",
-    "RELATION": "a comparison", "COLON": "':'", "VBAR": "'|'", "SIGNED_INT": "a number", "STRING": "a string",
+    "RELATION": "a comparison", "VBAR": "'|'", "SIGNED_INT": "a number", "STRING": "a string",
 }  # fmt: skip
 
 
 def _explained(error: UnexpectedInput, text: str) -> ExpressionError:
     match error:
         case UnexpectedCharacters(pos_in_stream=position):
-            return ExpressionError(position or 0, f"unexpected character '{text[position or 0]}'")
+            found = text[position or 0]
+            return ExpressionError(position or 0, f"unexpected '{found}'", _CHARACTER_HINTS.get(found, ""))
         case UnexpectedToken(token=token) if token.type != "$END":
-            found, offset = f"unexpected '{token}'", token.start_pos or 0
+            said, offset = f"unexpected '{token}'", token.start_pos or 0
         case UnexpectedToken() | UnexpectedEOF() | _:
-            found, offset = "the expression ends too early", len(text.rstrip())
+            said, offset = "the expression ends too early", len(text.rstrip())
     expected = getattr(error, "accepts", None) or getattr(error, "expected", None) or ()
     readable = sorted(_READABLE[name] for name in expected if name in _READABLE)
-    return ExpressionError(offset, found, f"expected {' or '.join(readable)}" if readable else "")
+    hint = _TOKEN_HINTS.get(text[offset : offset + 1], "")
+    return ExpressionError(offset, said, hint or (f"expected {' or '.join(readable)}" if readable else ""))
 
 
+_CHARACTER_HINTS = {
+    ".": "no full stop ends an expression; ranges such as p_1..4 stand in lists of objects",
+    "&": "write ',' for and, '|' for or",
+    "!": "write `not` before the atom",
+    "-": "write `not` before the atom",
+    "'": "texts stand in double quotes",
+    "@": "there are no external functions",
+    "#": "only #count, #sum, #min and #max are known, each with { }",
+    "{": "a set stands behind #count, #sum, #min or #max",
+}
+_TOKEN_HINTS = {
+    ";": "';' separates alternatives of `implies` and `denies`; elsewhere ',' means and",
+    ":": "rules stand in .lp files; `p(X) : q(X)` is a condition",
+    "|": "write `a(X) | b(X)` between atoms of a condition",
+}
 _CLOSING = {"(": ")", "{": "}", "[": "]"}
 
 
 def _check_brackets(text: str) -> None:
     open_at: list[tuple[str, int]] = []
-    quoted = False
-    for offset, character in enumerate(text):
-        if character == '"' and text[max(offset - 1, 0) : offset] != "\\":
-            quoted = not quoted
-        elif quoted:
-            continue
-        elif character in _CLOSING:
+    for found in re.finditer(r'[](){}["]', without_texts(text)):
+        character, offset = found[0], found.start()
+        if character == '"':
+            raise ExpressionError(offset, "this text is never closed", 'end it with "', "K106")
+        if character in _CLOSING:
             open_at.append((_CLOSING[character], offset))
-        elif character in _CLOSING.values() and (not open_at or open_at.pop()[0] != character):
+        elif not open_at or open_at.pop()[0] != character:
             raise ExpressionError(offset, f"'{character}' closes nothing", _SPLIT_HINT, "K106")
+        if len(open_at) > MAX_NESTING:
+            raise ExpressionError(offset, f"nested deeper than {MAX_NESTING} brackets", _DEPTH_HINT, "K007")
     if open_at:
         raise ExpressionError(open_at[-1][1], "this bracket is never closed", _SPLIT_HINT, "K106")
 
 
+_DEPTH_HINT = "no term needs so many"
 _SPLIT_HINT = "write the whole expression as one string: YAML splits [a(X, Y)] at its comma and cuts at ' #'"

@@ -1,0 +1,100 @@
+"""The text of a file, read with suspicion: regular files of bounded size, UTF-8, no control characters."""
+
+import bisect
+import re
+import stat
+from dataclasses import dataclass
+from pathlib import Path
+
+from kb.diagnostics import Diagnostic, InvalidInput, Source
+
+MAX_BYTES = 16 * 2**20
+EXCERPT = 160  # characters of a line shown in a message
+UNPRINTABLE = re.compile("[^\t\n\r\x20-\x7e\x85\xa0-\ud7ff\ue000-\ufefe\uff00-\ufffd\U00010000-\U0010ffff]")
+
+
+@dataclass(frozen=True, slots=True)
+class File:
+    """The text of a file and its lines, for places inside it."""
+
+    path: str
+    text: str
+    line_starts: tuple[int, ...]
+
+    @classmethod
+    def of(cls, path: str, text: str) -> "File":
+        """A file with this text."""
+        return cls(path, text, (0, *(found.end() for found in re.finditer("\n", text))))
+
+    def at(self, index: int) -> Source:
+        """The place of a character; costs the same however long its line is."""
+        line = bisect.bisect_right(self.line_starts, index)
+        start = self.line_starts[line - 1]
+        end = self.text.find("\n", index, index + EXCERPT)
+        end = end if end >= 0 else min(index + EXCERPT, len(self.text))
+        first = max(start, index - EXCERPT) if end - start > EXCERPT else start
+        return Source(self.path, line, index - start + 1, self.text[first:end].rstrip("\r"), first - start)
+
+    def line(self, number: int, column: int) -> Source:
+        """The place of a column of a line, both counted from 1; the file alone when there is no such line."""
+        if not 1 <= number <= len(self.line_starts):
+            return Source(self.path)
+        return self.at(min(self.line_starts[number - 1] + max(column - 1, 0), len(self.text)))
+
+
+def read_file(path: Path, name: str | None = None) -> File:
+    """The text of `path`. Raises `InvalidInput` when it cannot be read as a text."""
+    name = name or str(path)
+    data = _bytes(path, name)
+    try:
+        file = File.of(name, data.decode("utf-8-sig"))
+    except UnicodeDecodeError as error:
+        readable = File.of(name, data[: error.start].decode("utf-8", "replace"))
+        where = readable.at(len(readable.text))
+        hint = "save the file as UTF-8"
+        if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
+            hint += "; this looks like UTF-16"
+        raise InvalidInput(
+            [Diagnostic(where, "K001", f"not UTF-8: byte {data[error.start]:#04x}", hint)]
+        ) from None
+    if found := UNPRINTABLE.search(file.text):
+        message = f"the control character U+{ord(found[0]):04X} has no place in a text"
+        raise InvalidInput([Diagnostic(file.at(found.start()), "K001", message, "remove it")])
+    return file
+
+
+def _bytes(path: Path, name: str) -> bytes:
+    try:
+        status = path.stat()
+        if stat.S_ISREG(status.st_mode) and status.st_size <= MAX_BYTES:
+            with path.open("rb") as file:
+                data = file.read(MAX_BYTES + 1)  # what lies under /proc claims to be empty
+            if len(data) <= MAX_BYTES:
+                return data
+    except (OSError, ValueError) as error:
+        said = getattr(error, "strerror", None) or str(error)
+        raise InvalidInput([Diagnostic(Source(name), "K001", f"cannot be read: {said.lower()}")]) from None
+    if stat.S_ISDIR(status.st_mode):
+        found = Diagnostic(Source(name), "K001", "this is a folder, not a file", "name a file in it")
+    elif not stat.S_ISREG(status.st_mode):
+        found = Diagnostic(Source(name), "K001", "not a regular file", "pipes and devices are not read")
+    else:
+        hint = "split the problem, or generate facts with rules"
+        found = Diagnostic(Source(name), "K007", f"larger than {MAX_BYTES // 2**20} MiB", hint)
+    raise InvalidInput([found])
+
+
+def is_file(path: Path) -> bool:
+    """Whether there is a regular file of this name; a name that no file can have names none."""
+    try:
+        return path.is_file()
+    except (OSError, ValueError):
+        return False
+
+
+def is_folder(path: Path) -> bool:
+    """Whether there is a folder of this name."""
+    try:
+        return path.is_dir()
+    except (OSError, ValueError):
+        return False
