@@ -6,7 +6,7 @@ assumptions are enumerated by size; whether one really gives a plan is for the p
 
 from collections.abc import Iterator, Sequence
 
-from engine.grounding.normalise import Normaliser
+from kb.model.normalise import Normaliser
 from engine.grounding.program import (
     Schema,
     Vocabulary,

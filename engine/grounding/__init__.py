@@ -10,7 +10,7 @@ from engine.grounding.initial import initial_state
 from engine.grounding.instances import Instances, Numbering, complemented
 from engine.grounding.invariants import mutex_groups
 from engine.grounding.limits import require_affordable
-from engine.grounding.normalise import Normaliser
+from kb.model.normalise import Normaliser
 from engine.grounding.program import (
     Schema,
     Vocabulary,

@@ -7,7 +7,7 @@ schema k, `_v_p` the events that some workflow stage names. Negative conditions 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
-from engine.grounding.normalise import Normaliser
+from kb.model.normalise import Normaliser
 from kb.asp.vocabulary import guard
 from kb.model.conditions import TRUE, Body, BodyPart, Literal, Parameter, free_variables
 from kb.model.domain import Consequence, DeductiveOperator, Domain, Effect, Kind, Operator, Rule

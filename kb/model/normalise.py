@@ -34,6 +34,7 @@ class Normaliser:
     """Turns conditions into disjuncts and collects the rules of the predicates it invents."""
 
     rules: list[Rule] = field(default_factory=list)
+    prefix: str = "_violated"
     _counter: Iterator[int] = field(default_factory=itertools.count)
 
     def disjuncts(self, condition: Condition, types: dict[Variable, str]) -> list[Disjunct]:
@@ -90,7 +91,7 @@ class Normaliser:
             Parameter(variable, types.get(variable, OBJECT)) for variable in free_variables(condition)
         ]
         head = Function(
-            f"_violated_{len(self.rules)}_{len(parameters)}", tuple(p.variable for p in parameters)
+            f"{self.prefix}_{len(self.rules)}_{len(parameters)}", tuple(p.variable for p in parameters)
         )
         guards = tuple(
             type_literal(p) for p in parameters if p.type not in BUILT_IN_TYPES or p.type == OBJECT

@@ -1,0 +1,1 @@
+"""Other formats and systems: PDDL in and out."""

@@ -1,0 +1,107 @@
+"""PDDL text as nested lists with places."""
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from kb.diagnostics import Diagnostic, InvalidInput, Source
+from kb.loader.files import File, read_file
+
+_TOKEN = re.compile(r";[^\n]*|[()]|[^\s();]+")
+MAX_DEPTH = 200
+
+
+@dataclass(frozen=True, slots=True)
+class Word:
+    """A name, variable or number in small letters; PDDL does not distinguish case."""
+
+    text: str
+    offset: int
+
+
+@dataclass(frozen=True, slots=True)
+class Group:
+    """What stands between parentheses."""
+
+    parts: tuple["Word | Group", ...]
+    offset: int
+
+    @property
+    def head(self) -> str:
+        """The first word, or nothing."""
+        first = self.parts[0] if self.parts else None
+        return first.text if isinstance(first, Word) else ""
+
+    @property
+    def rest(self) -> tuple["Word | Group", ...]:
+        """All but the first part."""
+        return self.parts[1:]
+
+
+Expression = Word | Group
+
+
+@dataclass
+class Document:
+    """One file: its only expression, and the findings about it."""
+
+    file: File
+    root: Group
+    found: list[Diagnostic]
+
+    def add(self, at: Expression, code: str, message: str, hint: str = "") -> None:
+        """Note a finding at an expression."""
+        self.found.append(Diagnostic(self.where(at), code, message, hint))
+
+    def where(self, at: Expression) -> Source:
+        """The place of an expression."""
+        return self.file.at(at.offset)
+
+
+def read_document(path: Path) -> Document:
+    """The expression in a PDDL file. Raises `InvalidInput` when parentheses do not match."""
+    file = read_file(path)
+    return Document(file, _root(file), [])
+
+
+def _root(file: File) -> Group:
+    roots = list(_groups(file))
+    if len(roots) != 1:
+        what = "no expression" if not roots else "more than one expression"
+        hint = "a PDDL file is one (define ...)"
+        raise InvalidInput([Diagnostic(Source(file.path), "K701", f"{what} in this file", hint)])
+    return roots[0]
+
+
+def _groups(file: File) -> Iterator[Group]:
+    """The outermost groups; the stack is our own, so depth is bounded by us."""
+    stack: list[tuple[int, list[Expression]]] = []
+    for token, offset in _tokens(file.text):
+        if token == "(" and len(stack) >= MAX_DEPTH:
+            raise InvalidInput(
+                [Diagnostic(file.at(offset), "K007", f"nested deeper than {MAX_DEPTH} levels")]
+            )
+        if token == "(":
+            stack.append((offset, []))
+        elif not stack:
+            raise InvalidInput(
+                [Diagnostic(file.at(offset), "K106", f"'{token}' stands outside any parentheses")]
+            )
+        elif token != ")":
+            stack[-1][1].append(Word(token.lower(), offset))
+        else:
+            start, parts = stack.pop()
+            group = Group(tuple(parts), start)
+            if stack:
+                stack[-1][1].append(group)
+            else:
+                yield group
+    if stack:
+        raise InvalidInput([Diagnostic(file.at(stack[-1][0]), "K106", "this parenthesis is never closed")])
+
+
+def _tokens(text: str) -> Iterator[tuple[str, int]]:
+    for found in _TOKEN.finditer(text):
+        if not found[0].startswith(";"):
+            yield found[0], found.start()
