@@ -26,6 +26,7 @@ CODES = {
     "K111": "listed twice",
     "K112": "a name that is reserved, or that is no name",
     "K113": "a number out of range",
+    "K114": "an entry that does nothing",
     "K201": "error in an ASP file",
     "K202": "ASP that domain files may not use",
     "K203": "include outside the domain folder or not found",

@@ -1,15 +1,21 @@
 """Reads an ASP file statement by statement: what each defines and uses, and what domain files may not contain."""
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any
+from math import prod
 
-from clingo import ast
+from clingo import Control, SymbolType, ast
 
 from kb.asp import AspError, Messages
 
 Signature = tuple[str, int]
+MAX_LENGTH = 2 * 2**20  # characters of one file
+MAX_NESTING = 50
+MAX_OPERATIONS = 100
+MAX_ALTERNATIVES = 10_000
+MAX_RANGE = 1_000_000
+LARGEST = 2**31 - 1
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,6 +32,10 @@ class Statement:
     line: int
     column: int
     constraint: bool = False
+    constants: tuple[
+        tuple[Signature, int, str], ...
+    ] = ()  # predicate, argument number, constant standing there
+    defines: str = ""  # the constant that `#const` gives a value
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,13 +46,14 @@ class Refused:
     column: int
     message: str
     hint: str = ""
+    code: str = "K202"
 
 
 def statements(text: str) -> Iterator[Statement | Refused]:
     """The statements of an ASP file in order. Raises `AspError` for what is not ASP."""
-    inclusion = _inclusion(text)
-    if inclusion is not None:
-        yield inclusion
+    refused = _beforehand(text)
+    if refused is not None:
+        yield refused
         return
     messages, nodes = Messages(), list[ast.AST]()
     try:
@@ -53,22 +64,41 @@ def statements(text: str) -> Iterator[Statement | Refused]:
         yield from _statement(node)
 
 
-def _inclusion(text: str) -> Refused | None:
-    """clingo would follow `#include` while parsing, so it is found before."""
-    bare = re.sub(
-        r'%\*.*?\*%|%[^\n]*|"(?:\\.|[^"\\\n])*"',
-        lambda found: re.sub(r"[^\n]", " ", found[0]),
-        text,
-        flags=re.DOTALL,
-    )
-    found = re.search(r"#\s*include\b", bare)
-    if not found:
-        return None
-    line = bare.count("\n", 0, found.start()) + 1
-    column = found.start() - (bare.rfind("\n", 0, found.start()) + 1) + 1
-    return Refused(
-        line, column, "#include is not part of the language", "list the file under `include:` in domain.yaml"
-    )
+def _beforehand(text: str) -> Refused | None:
+    """What must not reach clingo: it follows `#include`, and neither its stack nor its integers are guarded."""
+    if len(text) > MAX_LENGTH:
+        hint = "give long lists of facts in problems"
+        return Refused(1, 1, f"longer than {MAX_LENGTH} characters", hint, "K007")
+    bare = _BLANKED.sub(lambda found: re.sub(r"[^\n]", " ", found[0]), text)
+    depth = run = 0
+    for found in _SUSPICIOUS.finditer(bare):
+        sign = found[0]
+        depth += (sign in "([{") - (sign in ")]}")
+        run = 0 if sign in ",;" or sign == "." else run + (sign in "-+*/\\~^?&|")
+        refused = _refusal(sign, depth, run)
+        if refused:
+            line = bare.count("\n", 0, found.start()) + 1
+            column = found.start() - bare.rfind("\n", 0, found.start())
+            return Refused(line, column, *refused)
+    return None
+
+
+_BLANKED = re.compile(r'%\*.*?\*%|%[^\n]*|"(?:\\.|[^"\\\n])*"', re.DOTALL)
+_SUSPICIOUS = re.compile(r"#\s*(?:include|script)\b|[0-9]{10,}|[][(){},;.~^?&|*/\\+-]")
+
+
+def _refusal(sign: str, depth: int, run: int) -> tuple[str, str, str] | None:
+    if sign.endswith("script"):
+        return _REFUSED[ast.ASTType.Script] + ("K202",)
+    if sign.startswith("#"):
+        return "#include is not part of the language", "list the file under `include:` in domain.yaml", "K203"
+    if sign.isdigit() and int(sign[:20]) > LARGEST:
+        return "this number is too large", f"the largest is {LARGEST}", "K113"
+    if depth > MAX_NESTING:
+        return f"nested deeper than {MAX_NESTING} brackets", "no term needs so many", "K007"
+    if run > MAX_OPERATIONS:
+        return f"more than {MAX_OPERATIONS} operations in one term", "compute it beforehand", "K007"
+    return None
 
 
 _SILENT = (
@@ -78,7 +108,11 @@ _REFUSED = {
     ast.ASTType.Script: ("#script is not allowed: domain files are data", "express it as rules"),
     ast.ASTType.External: ("#external is not part of the language", "declare a fluent"),
     ast.ASTType.Minimize: ("optimisation is not part of the language", "use costs on operators"),
+    ast.ASTType.ShowSignature: ("#show is not part of the language", "remove it: nothing is printed"),
+    ast.ASTType.ShowTerm: ("#show is not part of the language", "remove it: nothing is printed"),
+    ast.ASTType.Defined: ("#defined is not part of the language", "declare the predicate in domain.yaml"),
 }
+_ALONE = "facts, rules, constraints and #const alone"
 
 
 def _statement(node: ast.AST) -> Iterator[Statement | Refused]:
@@ -86,14 +120,66 @@ def _statement(node: ast.AST) -> Iterator[Statement | Refused]:
     if node.ast_type in _SILENT:
         return
     if node.ast_type == ast.ASTType.Definition:
-        yield Statement(str(node), None, None, (), (), begin.line, begin.column)
+        yield Statement(str(node), None, None, (), (), begin.line, begin.column, defines=node.name)
     elif node.ast_type != ast.ASTType.Rule:
         message, hint = _REFUSED.get(
-            node.ast_type, (f"{node.ast_type.name} statements are not part of the language", "")
+            node.ast_type, (f"{node.ast_type.name} statements are not part of the language", _ALONE)
         )
         yield Refused(begin.line, begin.column, message, hint)
+    elif strange := _strange(node):
+        yield Refused(begin.line, begin.column, *strange)
     else:
         yield from (_rule(rule) for rule in node.unpool())
+
+
+def _strange(rule: ast.AST) -> tuple[str, str, str] | None:
+    """What a rule may not contain, wherever in it: runaway pools and ranges, external functions, classical negation."""
+    if _alternatives(rule) > MAX_ALTERNATIVES:
+        return f"pools make more than {MAX_ALTERNATIVES} rules of this one", "use variables", "K007"
+    for part in _parts(rule):
+        if part.ast_type == ast.ASTType.Function and part.external:
+            return "external functions are not part of the language", "express it as rules", "K202"
+        if part.ast_type == ast.ASTType.SymbolicAtom and part.symbol.ast_type == ast.ASTType.UnaryOperation:
+            return "classical negation is not part of the language", "write `not`", "K202"
+        if part.ast_type == ast.ASTType.TheoryAtom:
+            return "theory atoms are not part of the language", _ALONE, "K202"
+        if part.ast_type == ast.ASTType.Interval and _span(part) > MAX_RANGE:
+            return (
+                f"a range of more than {MAX_RANGE} numbers",
+                "count less, or bind the number by a fact",
+                "K007",
+            )
+    return None
+
+
+def _span(interval: ast.AST) -> int:
+    """How many numbers a range has; 0 when its ends are not plain numbers."""
+    ends = []
+    for end in (interval.left, interval.right):
+        if end.ast_type != ast.ASTType.SymbolicTerm or end.symbol.type != SymbolType.Number:
+            return 0
+        ends.append(end.symbol.number)
+    return int(ends[1] - ends[0] + 1)
+
+
+def _alternatives(node: ast.AST) -> int:
+    """An upper bound on the rules that pools make of one."""
+    inside = [_alternatives(child) for child in _children(node)]
+    return sum(inside) if node.ast_type == ast.ASTType.Pool else prod(inside)
+
+
+def _parts(node: ast.AST) -> Iterator[ast.AST]:
+    yield node
+    for child in _children(node):
+        yield from _parts(child)
+
+
+def _children(node: ast.AST) -> Iterator[ast.AST]:
+    for key in node.child_keys:
+        child = getattr(node, key)
+        for part in child if isinstance(child, (ast.ASTSequence, list)) else [child]:
+            if isinstance(part, ast.AST):
+                yield part
 
 
 def _rule(rule: ast.AST) -> Statement | Refused:
@@ -103,7 +189,14 @@ def _rule(rule: ast.AST) -> Statement | Refused:
     plain = head.ast_type == ast.ASTType.Literal and head.sign == ast.Sign.NoSign
     if plain and head.atom.ast_type == ast.ASTType.SymbolicAtom:
         return Statement(
-            str(rule), str(head), _signature(head.atom.symbol), body, uses, begin.line, begin.column
+            str(rule),
+            str(head),
+            _signature(head.atom.symbol),
+            body,
+            uses,
+            begin.line,
+            begin.column,
+            constants=tuple(_constants(rule)),
         )
     if plain and head.atom.ast_type == ast.ASTType.BooleanConstant and not head.atom.value:
         return Statement(str(rule), None, None, body, uses, begin.line, begin.column, constraint=True)
@@ -115,16 +208,24 @@ def _rule(rule: ast.AST) -> Statement | Refused:
     )
 
 
+def _constants(rule: ast.AST) -> Iterator[tuple[Signature, int, str]]:
+    """Which constant stands where as an argument of which predicate."""
+    for part in _parts(rule):
+        if part.ast_type == ast.ASTType.SymbolicAtom and part.symbol.ast_type == ast.ASTType.Function:
+            for number, argument in enumerate(part.symbol.arguments):
+                plain = argument.ast_type == ast.ASTType.SymbolicTerm
+                if plain and argument.symbol.type == SymbolType.Function and not argument.symbol.arguments:
+                    yield _signature(part.symbol), number, argument.symbol.name
+
+
 def _signature(symbol: ast.AST) -> Signature:
     if symbol.ast_type == ast.ASTType.Function:
         return (symbol.name, len(symbol.arguments))
     return (str(symbol), 0)
 
 
-def _uses(node: Any, negated: bool) -> Iterator[tuple[Signature, bool]]:
+def _uses(node: ast.AST, negated: bool) -> Iterator[tuple[Signature, bool]]:
     """Predicates read by a part of a body; everything inside an aggregate counts as negated (it needs a lower stratum)."""
-    if not isinstance(node, ast.AST):
-        return
     if node.ast_type == ast.ASTType.SymbolicAtom:
         yield _signature(node.symbol), negated
         return
@@ -134,7 +235,33 @@ def _uses(node: Any, negated: bool) -> Iterator[tuple[Signature, bool]]:
         ast.ASTType.ConditionalLiteral,
     )
     inside = inside or (node.ast_type == ast.ASTType.Literal and node.sign != ast.Sign.NoSign)
-    for key in node.child_keys:
-        child = getattr(node, key)
-        for part in child if isinstance(child, (ast.ASTSequence, list)) else [child]:
-            yield from _uses(part, inside)
+    for child in _children(node):
+        yield from _uses(child, inside)
+
+
+def unsafe(rules: Sequence[Statement]) -> Iterator[tuple[Statement, str]]:
+    """The rules that have unsafe variables, with these variables; nothing is grounded.
+
+    An atom that nothing makes true joins each body, so clingo checks the rules and finds no instance of them.
+    """
+    heard: list[str] = []
+    control = Control(["--warn=none"], logger=lambda _, text: heard.append(text), message_limit=1000)
+    try:
+        control.add(
+            "base", [], "\n".join(f"{_headless(each)}{', '.join((*each.body, NEVER))}." for each in rules)
+        )
+        control.ground([("base", [])])
+    except RuntimeError:
+        pass  # what was heard says why
+    for message in heard:
+        found = re.match(r"<?[\w-]*>?:([0-9]+):", message)
+        if found and "error" in message and int(found[1]) <= len(rules):
+            variables = dict.fromkeys(re.findall(r"'([^']+)' is unsafe", message))
+            yield rules[int(found[1]) - 1], ", ".join(variables)
+
+
+NEVER = "_never"
+
+
+def _headless(statement: Statement) -> str:
+    return f"{statement.head or ''} :- "

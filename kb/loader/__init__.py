@@ -5,12 +5,13 @@ from pathlib import Path
 
 from kb.diagnostics import Diagnostic, InvalidInput, Source
 from kb.loader.domain import read_domain
+from kb.loader.files import File, read_file
 from kb.loader.names import Names
 from kb.loader.plan import load_plan
 from kb.loader.problem import goal_condition, read_problem
 from kb.loader.reader import Findings, Reader, require, validate_shape
 from kb.loader.references import DOMAIN_FILE, bundled, domain_file, find, reference
-from kb.loader.tree import File, Node, read_file
+from kb.loader.tree import Node
 from kb.model.conditions import TRUE
 from kb.model.domain import Domain
 from kb.model.problem import Problem
@@ -52,7 +53,7 @@ def load(path: Path) -> Loaded:
         return _load_problem(reader, findings)
     domain, _ = read_domain(path, findings)
     require(findings)
-    return Loaded(domain, None, tuple(findings.diagnostics))
+    return Loaded(domain, None, findings.warnings())
 
 
 def _load_problem(reader: Reader, findings: Findings) -> Loaded:
@@ -61,7 +62,7 @@ def _load_problem(reader: Reader, findings: Findings) -> Loaded:
     domain, names = read_domain(domain_file(reader), findings)
     problem = read_problem(reader, domain, names, findings)
     require(findings)
-    return Loaded(domain, problem, tuple(findings.diagnostics))
+    return Loaded(domain, problem, findings.warnings())
 
 
 def load_problem(target: str) -> Problem:
@@ -82,7 +83,7 @@ def load_domain(target: str) -> Domain:
 def with_goals(domain: Domain, goals: str, problem: Problem | None = None) -> Problem:
     """A problem of `domain` (or `problem` itself) with goals written as in a problem file. Raises `InvalidInput`."""
     findings = Findings()
-    node = Node(goals, File("--goals", goals, (0,)), 0, len(goals))
+    node = Node(goals, File.of("--goals", goals), 0, len(goals))
     base = problem or Problem("goals", domain)
     objects = {**domain.objects, **base.objects}
     names = Names(findings, dict(domain.types), dict(domain.functions), objects, dict(domain.predicates))

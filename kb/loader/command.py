@@ -9,7 +9,7 @@ from kb.model.problem import Problem
 def commanded(problem: Problem, reader: Reader) -> Problem:
     """The problem with the goal and chains of its `command:`, if it has one; what is wrong with it is noted."""
     node = reader.root.value.get("command", (None, None))[1]
-    if node is None or not node.value:
+    if node is None or not isinstance(node.value, str) or not node.value:
         return problem
     if reader.items("goals") or reader.items("workflow"):
         hint = "say it in words, or write goals and workflow"
@@ -19,5 +19,6 @@ def commanded(problem: Problem, reader: Reader) -> Problem:
     try:
         return understand(problem, node.value, node.place)
     except InvalidInput as error:
-        reader.findings.diagnostics.extend(error.diagnostics)
+        for found in error.diagnostics:
+            reader.findings.note(found)
         return problem

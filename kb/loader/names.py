@@ -1,27 +1,13 @@
-"""What every name means: types, functions, objects and predicates; and the types of variables, inferred from atoms.
+"""What every name means: types, functions, objects and predicates of a domain, or of a problem on top of it."""
 
-Only positive occurrences narrow a variable: `not part_of(Place, drawer)` holds for a place that is no depot at all.
-"""
-
-from collections.abc import Collection, Iterable
+import dataclasses
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 
 from kb.diagnostics import Source, unknown_name
 from kb.loader.reader import Expression, Findings
-from kb.model.conditions import (
-    Aggregate,
-    And,
-    Comparison,
-    Condition,
-    Exists,
-    ForAll,
-    Literal,
-    Not,
-    Or,
-    Parameter,
-)
 from kb.model.domain import BUILT_IN_TYPES, NUMERIC_TYPES, OBJECT, FunctionSignature, Kind, Predicate, Type
-from kb.terms import ANYTHING, Atom, Function, Number, Operation, Term, Text, Variable, variables
+from kb.terms import Atom, Function
 
 
 @dataclass
@@ -33,6 +19,13 @@ class Names:
     functions: dict[str, FunctionSignature] = field(default_factory=dict)
     objects: dict[str, str] = field(default_factory=dict)
     predicates: dict[str, Predicate] = field(default_factory=dict)
+    term_types: set[str] = field(default_factory=set)  # declared with the parent `term`
+    closed_lists: set[str] = field(default_factory=set)
+    derived: list[str] = field(default_factory=list)  # as declared; those over statics alone become static
+
+    def extended(self, objects: Mapping[str, str]) -> "Names":
+        """A table of its own for a problem of this domain, with these objects."""
+        return dataclasses.replace(self, objects=dict(objects))
 
     def known_type(self, name: str) -> bool:
         """Whether a type has this name."""
@@ -50,201 +43,70 @@ class Names:
         return True
 
     def add_object(self, name: str, type_: str, where: Source) -> None:
-        """Declare an object; names are unique among objects, types and predicates' constants."""
+        """Declare an object; no other object and no function has its name."""
         if name in self.objects:
-            self.findings.add(where, "K104", f"object '{name}' is declared already, as {self.objects[name]}")
+            message = f"the object '{name}' is declared already, as {self.objects[name]}"
+            self.findings.add(where, "K104", message, "leave one out, or choose another name")
+        elif name in self.functions:
+            hint = "give one of them another name"
+            self.findings.add(where, "K104", f"'{name}' is a function already", hint)
         else:
             self.objects[name] = type_
 
-    def predicate(self, atom: Atom, place: Source, kinds: Collection[Kind] = tuple(Kind)) -> Predicate | None:
+    def is_term_type(self, name: str) -> bool:
+        """Whether compound terms alone are of this type."""
+        return any(self.is_subtype(name, each) for each in self.term_types)
+
+    def predicate(
+        self, atom: Atom, expression: Expression, kinds: Collection[Kind] = tuple(Kind)
+    ) -> Predicate | None:
         """The predicate of an atom, checked for arity and kind; types serve as unary static predicates."""
         predicate = self.predicates.get(atom.name)
-        if predicate is None and self.known_type(atom.name):
+        if predicate is None and self.known_type(atom.name) and atom.name not in UNLISTED:
             predicate = Predicate(atom.name, (OBJECT,), Kind.STATIC)
         if predicate is None:
-            self.findings.diagnostics.append(
-                unknown_name("predicate", atom.name, [*self.predicates, *self.types], place)
-            )
-            return None
-        if len(atom.arguments) != len(predicate.arguments):
+            known = [*self.predicates, *self.types]
+            self.findings.note(unknown_name("predicate", atom.name, known, expression.place(atom)))
+        elif len(atom.arguments) != len(predicate.arguments):
             signature = f"{predicate.name}({', '.join(predicate.arguments)})"
+            hint = f"it is {signature}" if predicate.arguments else "write it without brackets"
             self.findings.add(
-                place, "K102", f"{atom.name} takes {len(predicate.arguments)} arguments", f"it is {signature}"
+                expression.place(atom), "K102", miscounted(atom, len(predicate.arguments)), hint
             )
-            return None
-        if predicate.kind not in kinds:
-            allowed = " or ".join(kind.value for kind in kinds)
-            self.findings.add(
-                place, "K108", f"'{atom.name}' is {predicate.kind.value}; here stands a {allowed} predicate"
-            )
-            return None
-        return predicate
-
-
-class Typing:
-    """The types of the variables of one operator, rule or goal, narrowed atom by atom."""
-
-    def __init__(self, names: Names, types: dict[Variable, str] | None = None) -> None:
-        self.names = names
-        self.types: dict[Variable, str] = dict(types or {})
-        self.weak: dict[Variable, str] = {}  # from negative occurrences
-
-    def nested(self) -> "Typing":
-        """A scope inside this one: what it narrows is not seen outside."""
-        inner = Typing(self.names, self.types)
-        inner.weak = dict(self.weak)
-        return inner
-
-    def type_of(self, variable: Variable) -> str | None:
-        """The type found for a variable, or None when no atom gives one."""
-        return self.types.get(variable, self.weak.get(variable))
-
-    def atom(
-        self, atom: Atom, expression: Expression, kinds: Collection[Kind] = tuple(Kind), positive: bool = True
-    ) -> None:
-        """Check an atom's name, arity, kind and arguments, and narrow its variables."""
-        predicate = self.names.predicate(atom, expression.place(atom), kinds)
-        if predicate is None:
-            return
-        if atom.name in self.names.types and atom.name not in self.names.predicates:
-            expected: tuple[str, ...] = (atom.name,) if positive else (OBJECT,)
+        elif predicate.kind not in kinds:
+            message = f"'{atom.name}' is {_article(predicate.kind)}; here stands {_listed(kinds)}"
+            self.findings.add(expression.place(atom), "K108", message, _KIND_HINTS[predicate.kind])
         else:
-            expected = predicate.arguments
-        for argument, type_ in zip(atom.arguments, expected, strict=True):
-            self.term(argument, type_, expression, atom, positive)
+            return predicate
+        return None
 
-    def term(
-        self, term: Term, expected: str, expression: Expression, atom: Atom, positive: bool = True
-    ) -> None:
-        """Check that a term can be of the expected type."""
-        match term:
-            case Variable():
-                self._narrow(term, expected, expression, atom, positive)
-            case Number() | Operation():
-                if expected not in NUMERIC_TYPES:
-                    self._mismatch(str(term), "a number", expected, expression, atom)
-            case Text():
-                if expected != "text":
-                    self._mismatch(str(term), "a text", expected, expression, atom)
-            case Function(name, arguments) if arguments or name in self.names.functions:
-                self._compound(term, expected, expression, atom, positive)
-            case Function(name):
-                self._constant(term, name, expected, expression, atom)
 
-    def _constant(self, term: Function, name: str, expected: str, expression: Expression, atom: Atom) -> None:
-        actual = self.names.objects.get(name)
-        if actual is None:
-            known = [
-                each for each, type_ in self.names.objects.items() if self.names.is_subtype(type_, expected)
-            ]
-            where = expression.place(term)
-            self.names.findings.diagnostics.append(
-                unknown_name("object", name, known or self.names.objects, where)
-            )
-        elif not self.names.is_subtype(actual, expected):
-            self._mismatch(name, actual, expected, expression, atom)
+UNLISTED = (*NUMERIC_TYPES, "text")  # types whose values cannot be enumerated
 
-    def _compound(
-        self, term: Function, expected: str, expression: Expression, atom: Atom, positive: bool
-    ) -> None:
-        function = self.names.functions.get(term.name)
-        if function is None:
-            where = expression.place(term)
-            self.names.findings.diagnostics.append(
-                unknown_name("function", term.name, self.names.functions, where)
-            )
-            return
-        if len(term.arguments) != len(function.arguments):
-            message = f"{term.name} takes {len(function.arguments)} arguments"
-            self.names.findings.add(expression.place(term), "K102", message)
-            return
-        if not self.names.is_subtype(function.result, expected):
-            self._mismatch(str(term), function.result, expected, expression, atom)
-        for argument, type_ in zip(term.arguments, function.arguments, strict=True):
-            self.term(argument, type_, expression, atom, positive)
 
-    def _narrow(
-        self, variable: Variable, expected: str, expression: Expression, atom: Atom, positive: bool
-    ) -> None:
-        if variable == ANYTHING:
-            return
-        if not positive:
-            self.weak.setdefault(variable, expected)
-            return
-        known = self.types.get(variable, expected)
-        if self.names.is_subtype(expected, known):
-            self.types[variable] = expected
-        elif not self.names.is_subtype(known, expected):
-            self._mismatch(str(variable), known, expected, expression, atom)
+def miscounted(term: Function, expected: int) -> str:
+    """What is said of a term with the wrong number of arguments."""
+    noun = "argument" if expected == 1 else "arguments"
+    return f"{term.name} takes {expected} {noun}, not {len(term.arguments)}"
 
-    def _mismatch(self, term: str, actual: str, expected: str, expression: Expression, atom: Atom) -> None:
-        place = expression.place(atom)
-        self.names.findings.add(place, "K103", f"{term} is {actual}, but {atom.name} takes {expected} here")
 
-    def condition(
-        self, condition: Condition, expression: Expression, kinds: Collection[Kind], positive: bool = True
-    ) -> None:
-        """Check every atom of a condition and narrow variables by the positive ones."""
-        match condition:
-            case Literal(atom, sign):
-                self.atom(atom, expression, kinds, positive and sign)
-            case And(parts) | Or(parts):
-                for part in parts:
-                    self.condition(part, expression, kinds, positive)
-            case Not(part):
-                self.condition(part, expression, kinds, not positive)
-            case Exists(_, part) | ForAll(_, part):
-                self.condition(part, expression, kinds, positive)
-            case Comparison() | Aggregate():
-                return
+def _article(kind: Kind) -> str:
+    return f"a{'n' if kind is Kind.EVENT else ''} {_KIND_NAMES[kind]}"
 
-    def parameters(
-        self, wanted: Iterable[Variable], expression: Expression, code: str = "K105"
-    ) -> tuple[Parameter, ...]:
-        """Typed parameters; a variable without a type is unsafe."""
-        found = []
-        for variable in wanted:
-            type_ = self.type_of(variable)
-            if type_ is None:
-                hint = "use it in an atom that binds it, or name its type under `types:`"
-                self.names.findings.add(
-                    expression.place(variable), code, f"nothing gives variable {variable} a type", hint
-                )
-            found.append(Parameter(variable, type_ or OBJECT))
-        return tuple(found)
 
-    def quantified(self, condition: Condition, expression: Expression) -> Condition:
-        """The condition with typed quantifiers, each `_` of a positive or negative literal being some value."""
-        match condition:
-            case Literal(atom, positive) if ANYTHING in variables(atom):
-                return self._some(atom, positive)
-            case And(parts):
-                return And(tuple(self.quantified(part, expression) for part in parts))
-            case Or(parts):
-                return Or(tuple(self.quantified(part, expression) for part in parts))
-            case Not(part):
-                return Not(self.quantified(part, expression))
-            case ForAll(parameters, part):
-                typed = self.parameters([parameter.variable for parameter in parameters], expression)
-                return ForAll(typed, self.quantified(part, expression))
-            case _:
-                return condition
+def _listed(kinds: Collection[Kind]) -> str:
+    return " or ".join(_article(kind) for kind in kinds)
 
-    def _some(self, atom: Atom, positive: bool) -> Condition:
-        fresh: list[Parameter] = []
-        predicate = self.names.predicates.get(atom.name)
-        expected = predicate.arguments if predicate else (OBJECT,) * len(atom.arguments)
-        arguments = tuple(self._renamed(a, t, fresh) for a, t in zip(atom.arguments, expected, strict=False))
-        some = Exists(tuple(fresh), Literal(Function(atom.name, arguments)))
-        return some if positive else Not(some)
 
-    def _renamed(self, term: Term, type_: str, fresh: list[Parameter]) -> Term:
-        if term == ANYTHING:
-            fresh.append(Parameter(Variable(f"_Any{len(fresh) + 1}"), type_))
-            return fresh[-1].variable
-        if isinstance(term, Function) and term.arguments:
-            function = self.names.functions.get(term.name)
-            expected = function.arguments if function else (OBJECT,) * len(term.arguments)
-            inner = zip(term.arguments, expected, strict=False)
-            return Function(term.name, tuple(self._renamed(a, t, fresh) for a, t in inner))
-        return term
+_KIND_NAMES = {
+    Kind.STATIC: "static predicate",
+    Kind.FLUENT: "fluent",
+    Kind.DERIVED: "derived predicate",
+    Kind.EVENT: "event",
+}
+_KIND_HINTS = {
+    Kind.STATIC: "statics never change; declare it under `fluents:` if it does",
+    Kind.FLUENT: "fluents change: read them in `preconditions`, give them in `initial`",
+    Kind.DERIVED: "rules in .lp files say when it holds: change what they read",
+    Kind.EVENT: "events are history: operators add them, workflows name them; keep a fluent for what is read",
+}

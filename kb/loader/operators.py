@@ -1,14 +1,16 @@
-"""Operators, deductive operators and defaults of a domain file."""
+"""The operators of a domain file."""
 
 from collections.abc import Iterable
 from typing import Any
 
-from kb.diagnostics import Source, unknown_name
-from kb.loader.names import Names, Typing
+from kb.diagnostics import nearest, unknown_name
+from kb.loader.inference import Typing, scoped
+from kb.loader.names import Names
 from kb.loader.reader import Expression, Reader
-from kb.model.conditions import TRUE, And, Body, Condition, Parameter, free_variables
-from kb.model.domain import Command, Consequence, DeductiveOperator, Default, Effect, Kind, Operator
-from kb.terms import ANYTHING, Function, Term, Variable, variables
+from kb.loader.safety import closed, extended, occurrences, refuse_unbound, warn_singletons
+from kb.model.conditions import TRUE, And, Condition, Parameter, free_variables
+from kb.model.domain import NUMERIC_TYPES, Command, Effect, Kind, Operator
+from kb.terms import ANYTHING, Function, Number, Term, Variable, variables
 
 READABLE = (Kind.STATIC, Kind.FLUENT, Kind.DERIVED)
 CHANGEABLE = (Kind.FLUENT, Kind.EVENT)
@@ -22,9 +24,24 @@ def read_operators(reader: Reader, names: Names) -> tuple[Operator, ...]:
         if header is None:
             continue
         if header.value.name in found:
-            names.findings.add(key_node.where, "K104", f"operator '{header.value.name}' is declared twice")
+            message = f"the operator '{header.value.name}' is declared twice"
+            names.findings.add(key_node.where, "K104", message, "choose another name")
         found[header.value.name] = _OperatorReader(reader, names, key, header).read()
+    _warn_of_lone_resources(names, found.values())
     return tuple(found.values())
+
+
+def _warn_of_lone_resources(names: Names, operators: Iterable[Operator]) -> None:
+    """A resource that is no object and that one operator alone holds may be a misspelt one."""
+    holders: dict[str, list[Operator]] = {}
+    for operator in operators:
+        for name in {r.name for r in operator.resources if isinstance(r, Function) and not r.arguments}:
+            holders.setdefault(name, []).append(operator)
+    for name, held_by in holders.items():
+        hint = nearest(name, [*names.objects, *(other for other in holders if other != name)])
+        if name not in names.objects and len(held_by) == 1 and hint:
+            message = f"only {held_by[0].name} holds '{name}', which is no object"
+            names.findings.add(held_by[0].where, "K101", message, hint, warning=True)
 
 
 class _OperatorReader:
@@ -39,28 +56,62 @@ class _OperatorReader:
     def read(self) -> Operator:
         for name, start in _FIELDS.items():
             self.fields[name] = self.reader.expression(start, *self.path, name)
+        if expression := self.fields["preconditions"]:
+            self.fields["preconditions"] = scoped(expression, self.header.value.arguments)
         self._infer()
-        parameters = self.typing.parameters(self.header.value.arguments, self.header)
+        parameters = self.typing.parameters(dict.fromkeys(self.header.value.arguments), self.header)
         self._refuse_strangers(parameters)
-        return Operator(
+        self._refuse_unbound(parameters)
+        operator = Operator(
             self.header.value.name,
             parameters,
             self._condition("preconditions"),
             tuple(self._effects(parameters)),
             body=self._value("where", ()),
-            resources=self._value("resources", ()),
+            resources=self._resources(),
             duration=self._value("duration", None),
             cost=self._value("cost", None),
             command=self._command(),
             where=self.header.node.where,
         )
+        self._warn(operator)
+        return operator
+
+    def _resources(self) -> tuple[Term, ...]:
+        """Each once; a warning for every other time."""
+        resources: tuple[Term, ...] = self._value("resources", ())
+        if (expression := self.fields["resources"]) and len(set(resources)) < len(resources):
+            twice = next(each for each in resources if resources.count(each) > 1)
+            place = expression.place(twice if isinstance(twice, Function | Variable) else None)
+            self.names.findings.add(
+                place, "K111", f"'{twice}' is listed twice", "leave one out", warning=True
+            )
+        return tuple(dict.fromkeys(resources))
+
+    def _warn(self, operator: Operator) -> None:
+        """Variables that stand only once, and operators that change nothing."""
+        standing = [
+            getattr(operator, name) for name in ("precondition", "body", "resources", "duration", "cost")
+        ]
+        effects = [part for each in operator.effects for part in (each.atom, each.condition)]
+        command = operator.command
+        said = [command.stream, command.reply, command.result] if command else []
+        counted = occurrences([self.header.value, *standing, *effects, *said])
+        if where := self.fields["where"]:
+            inner = [v for part in where.value for v in free_variables(part) if v not in operator.variables]
+            warn_singletons(inner, counted, where, self.names)
+        warn_singletons(operator.variables, counted, self.header, self.names)
+        if not operator.effects and not any(self.fields[name] for name in ("adds", "deletes")):
+            message, hint = f"{operator.header} changes nothing", "say what it `adds`"
+            self.names.findings.add(operator.where, "K114", message, hint, warning=True)
 
     def _value(self, name: str, default: Any) -> Any:
         expression = self.fields[name]
         return default if expression is None else expression.value
 
     def _infer(self) -> None:
-        narrowed(self.reader, self.names, self.typing, self.path)
+        known = [*self.header.value.arguments, *_variables_of(self._value("where", ()))]
+        narrowed(self.reader, self.names, self.typing, self.path, known)
         for name, kinds in _CONDITIONS.items():
             if expression := self.fields[name]:
                 self.typing.condition(And(expression.value), expression, kinds)
@@ -70,21 +121,65 @@ class _OperatorReader:
                     self.typing.atom(atom, expression, kinds)
         for name, type_ in _NUMBERS.items():
             if expression := self.fields[name]:
-                self.typing.term(expression.value, type_, expression, self.header.value)
+                self._number(name, type_, expression)
+        self._check_header()
+
+    def _check_header(self) -> None:
+        header = self.header.value.arguments
+        for variable in header:
+            if header.count(variable) > 1 or variable == ANYTHING:
+                message = (
+                    f"the variable {variable} cannot stand {'twice' if variable != ANYTHING else ''}".rstrip()
+                )
+                hint = "each variable of a header has a name of its own"
+                self.names.findings.add(self.header.place(variable), "K104", f"{message} in a header", hint)
+
+    def _number(self, name: str, type_: str, expression: Expression) -> None:
+        """A duration or cost: a number, or a variable of a numeric type."""
+        value = expression.value
+        if isinstance(value, Number) and value.value < 0:
+            hint = f"a {name} is 0 or more"
+            self.names.findings.add(expression.node.where, "K113", f"the {name} {value} is negative", hint)
+        for variable in variables(value):
+            if (known := self.typing.type_of(variable)) is None:
+                self.typing.types[variable] = type_
+            elif known not in NUMERIC_TYPES:
+                message = f"{variable} is of type {known}, but a {name} is a number"
+                self.names.findings.add(expression.place(variable), "K103", message)
+        if not isinstance(value, Variable):
+            self.typing.term(value, type_, expression, Function(name))
 
     def _refuse_strangers(self, parameters: tuple[Parameter, ...]) -> None:
         """Variables that stand outside `where:` but not in the header."""
         known = {parameter.variable for parameter in parameters} | {ANYTHING}
-        for name in ("preconditions", "adds", "deletes", "resources", "duration", "cost"):
+        for name in _OUTSIDE_WHERE:
             if expression := self.fields[name]:
                 for variable in dict.fromkeys(_variables_of(expression.value)):
                     if variable not in known:
-                        hint = f"add it to the header {self.header.value}"
-                        message = f"variable {variable} is not in the header"
+                        hint = nearest(str(variable), [str(each) for each in known])
+                        hint = hint or f"add it to the header {self.header.value}"
+                        message = f"the variable {variable} is not in the header"
                         self.names.findings.add(expression.place(variable), "K105", message, hint)
-        for name in ("adds", "deletes", "resources"):
-            if (expression := self.fields[name]) and ANYTHING in _variables_of(expression.value):
-                self.names.findings.add(expression.place(ANYTHING), "K105", f"'_' cannot stand in {name}")
+        for name in _OUTSIDE_WHERE[1:]:
+            if expression := self.fields[name]:
+                refuse_anything(expression, name, self.names)
+
+    def _refuse_unbound(self, parameters: tuple[Parameter, ...]) -> None:
+        """Numbers, times and texts must come from somewhere, and so must the variables of `where:` alone."""
+        body, precondition = self._value("where", ()), self._value("preconditions", ())
+        events = [
+            atom
+            for atom in self._value("adds", ())
+            if (predicate := self.names.predicates.get(atom.name)) and predicate.kind is Kind.EVENT
+        ]
+        given = extended(parameters) | {v for atom in events for v in variables(atom)}
+        bound = closed(given, (*body, *precondition))
+        typed = [v for v in self.header.value.arguments if self.typing.type_of(v) is not None]
+        refuse_unbound(typed, bound, self.header, self.names, _UNBOUND_HINT)
+        if where := self.fields["where"]:
+            inner = [v for part in body for v in free_variables(part)]
+            wanted = [v for v in inner if v not in self.header.value.arguments]
+            refuse_unbound(wanted, bound, where, self.names, "use it in an atom of `where:`")
 
     def _condition(self, name: str) -> Condition:
         expression = self.fields[name]
@@ -102,22 +197,31 @@ class _OperatorReader:
         when = self.reader.expression("conditions", *self.path, "effects", index, "when")
         if when is None:
             return
+        when = scoped(when, self.header.value.arguments)
         typing = self.typing.nested()
         typing.condition(And(when.value), when, READABLE)
         changes = {
             name: self.reader.expression("atoms", *self.path, "effects", index, name)
             for name in ("adds", "deletes")
         }
-        for changed in filter(None, changes.values()):
-            for atom in changed.value:
-                typing.atom(atom, changed, (Kind.FLUENT,))
+        for name, changed in changes.items():
+            if changed:
+                refuse_anything(changed, name, self.names)
+                for atom in changed.value:
+                    typing.atom(atom, changed, (Kind.FLUENT,))
+        if not any(changes.values()):
+            hint = "say what it `adds` or `deletes`"
+            self.names.findings.add(when.node.where, "K114", "this effect changes nothing", hint)
         condition = typing.quantified(And(when.value), when)
         known = {parameter.variable for parameter in parameters}
-        for name, expression in changes.items():
-            for atom in expression.value if expression else ():
+        for name, changed in changes.items():
+            for atom in changed.value if changed else ():
                 used = [*free_variables(condition), *variables(atom)]
-                local = dict.fromkeys(variable for variable in used if variable not in known)
-                yield Effect(atom, name == "adds", typing.parameters(local, when), condition)
+                local = [v for v in dict.fromkeys(used) if v not in known and v != ANYTHING]
+                own = typing.parameters(local, changed if changed and local else when)
+                bound = closed(extended(own) | known, when.value)
+                refuse_unbound(local, bound, when, self.names, "use it in an atom of `when:`")
+                yield Effect(atom, name == "adds", own, condition)
 
     def _command(self) -> Command | None:
         read = {
@@ -131,8 +235,10 @@ class _OperatorReader:
         for expression in filter(None, (stream, result)):
             for variable in variables(expression.value):
                 if variable not in known:
-                    message = f"variable {variable} is neither in the header nor in the reply"
-                    self.names.findings.add(expression.place(variable), "K105", message)
+                    message = f"the variable {variable} is neither in the header nor in the reply"
+                    hint = nearest(str(variable), [str(each) for each in known])
+                    hint = hint or "let the reply bind it: `reply: value(Val)`"
+                    self.names.findings.add(expression.place(variable), "K105", message, hint)
         return Command(
             stream.value, reply.value if reply else Function("done"), result.value if result else None
         )
@@ -144,6 +250,8 @@ _FIELDS = {
 }  # fmt: skip
 
 
+_OUTSIDE_WHERE = ("preconditions", "adds", "deletes", "resources", "duration", "cost")
+_UNBOUND_HINT = "read it from a static in `where:`, or add an event whose workflow stage names it"
 _CONDITIONS: dict[str, tuple[Kind, ...]] = {"where": (Kind.STATIC,), "preconditions": READABLE}
 _CHANGES: dict[str, tuple[Kind, ...]] = {"adds": CHANGEABLE, "deletes": (Kind.FLUENT,)}
 _NUMBERS = {"duration": "time", "cost": "int"}
@@ -161,74 +269,22 @@ def _variables_of(value: Any) -> Iterable[Variable]:
                 yield from free_variables(part)
 
 
-def narrowed(reader: Reader, names: Names, typing: Typing, path: tuple[str | int, ...]) -> None:
-    """Apply the `types:` of an entry."""
-    for variable, _, node in reader.entries(*path, "types"):
-        if names.known_type(str(node.value)):
+def refuse_anything(expression: Expression, name: str, names: Names) -> None:
+    """`_` has no value, so nothing can be made of it."""
+    if ANYTHING in _variables_of(expression.value):
+        hint = "name a variable that something binds"
+        names.findings.add(expression.place(ANYTHING), "K105", f"'_' cannot stand in `{name}`", hint)
+
+
+def narrowed(
+    reader: Reader, names: Names, typing: Typing, path: tuple[str | int, ...], known: Iterable[Variable]
+) -> None:
+    """Apply the `types:` of an entry whose variables are known."""
+    variables_ = [str(each) for each in known]
+    for variable, key, node in reader.entries(*path, "types"):
+        if variable not in variables_:
+            names.findings.note(unknown_name("variable", variable, variables_, key.where))
+        elif names.known_type(str(node.value)):
             typing.types[Variable(variable)] = str(node.value)
         else:
-            names.findings.diagnostics.append(unknown_name("type", str(node.value), names.types, node.where))
-
-
-def read_deductive_operators(reader: Reader, names: Names) -> tuple[DeductiveOperator, ...]:
-    """Every deductive operator that can be read."""
-    found = (_deductive(reader, names, index) for index, _ in enumerate(reader.items("deductive_operators")))
-    return tuple(operator for operator in found if operator is not None)
-
-
-def _deductive(reader: Reader, names: Names, index: int) -> DeductiveOperator | None:
-    path = ("deductive_operators", index)
-    when, where = reader.expression("trigger", *path, "when"), reader.expression("body", *path, "where")
-    if when is None:
-        return None
-    typing = Typing(names)
-    narrowed(reader, names, typing, path)
-    typing.atom(when.value.atom, when, CHANGEABLE)
-    body: Body = where.value if where else ()
-    if where:
-        for part in body:
-            typing.condition(part, where, (Kind.STATIC,))
-    consequences = [
-        consequence
-        for name in ("implies", "denies")
-        if (expression := reader.expression("clauses", *path, name))
-        for consequence in _consequences(typing, when.value.atom, body, expression, name == "implies")
-    ]
-    trigger_types = typing.parameters(
-        dict.fromkeys(v for v in variables(when.value.atom) if v != ANYTHING), when
-    )
-    return DeductiveOperator(when.value, trigger_types, body, tuple(consequences), when.node.where)
-
-
-def _consequences(
-    outer: Typing, trigger: Function, body: Body, expression: Expression, implied: bool
-) -> Iterable[Consequence]:
-    for atom, guard in expression.value:
-        scope = outer.nested()
-        scope.atom(atom, expression, (Kind.FLUENT,))
-        for part in guard:
-            scope.condition(part, expression, (Kind.STATIC,))
-        used = dict.fromkeys([*variables(trigger), *variables(atom), *free_variables(And((*body, *guard)))])
-        wanted = [variable for variable in used if scope.type_of(variable) is not None]
-        yield Consequence(atom, implied, guard, scope.parameters(wanted, expression))
-
-
-def read_defaults(reader: Reader, names: Names) -> tuple[Default, ...]:
-    """The defaults in their order; `atom, guard` instantiates over the guard and the types."""
-    read = ((node, reader.parse("clauses", node)) for node in reader.items("defaults"))
-    return tuple(
-        default
-        for node, expression in read
-        if expression is not None
-        for default in _defaults(names, expression, node.where)
-    )
-
-
-def _defaults(names: Names, expression: Expression, where: Source) -> Iterable[Default]:
-    for atom, guard in expression.value:
-        typing = Typing(names)
-        typing.atom(atom, expression, (Kind.FLUENT,))
-        for part in guard:
-            typing.condition(part, expression, (Kind.STATIC,))
-        used = dict.fromkeys(variable for variable in variables(atom) if variable != ANYTHING)
-        yield Default(atom, typing.parameters(used, expression), guard, where)
+            names.findings.note(unknown_name("type", str(node.value), names.types, node.where))

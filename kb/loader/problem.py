@@ -1,11 +1,14 @@
 """A problem file becomes a `Problem` on top of its domain."""
 
+import dataclasses
+import re
 from collections.abc import Iterator
 
 from kb.asp import AspError, ground_term
 from kb.loader.command import commanded
 from kb.loader.declarations import read_objects
-from kb.loader.names import Names, Typing
+from kb.loader.inference import Typing, scoped
+from kb.loader.names import Names
 from kb.loader.operators import READABLE
 from kb.loader.reader import Expression, Findings, Reader
 from kb.loader.tree import Node
@@ -13,20 +16,14 @@ from kb.loader.workflow import read_chains
 from kb.model.conditions import TRUE, And, Condition, free_variables
 from kb.model.domain import Domain, Kind
 from kb.model.problem import Problem
-from kb.syntax import Parsed
+from kb.syntax import MAX_LENGTH, MAX_NESTING, Parsed
 from kb.terms import Atom, Function, is_ground, variables
 
 
 def read_problem(reader: Reader, domain: Domain, domain_names: Names, findings: Findings) -> Problem:
     """The problem in a file whose shape is right; what is wrong inside is noted."""
     reader.time_unit = domain.time_unit
-    names = Names(
-        findings,
-        dict(domain_names.types),
-        dict(domain_names.functions),
-        dict(domain.objects),
-        dict(domain.predicates),
-    )
+    names = dataclasses.replace(domain_names, findings=findings).extended(domain.objects)
     objects = read_objects(reader, names)
     problem = Problem(
         str(reader.root.descend(("problem",)).value),
@@ -36,31 +33,49 @@ def read_problem(reader: Reader, domain: Domain, domain_names: Names, findings: 
         initial=tuple(_facts(reader, names, "initial", (Kind.FLUENT,))),
         goal=_goal(reader, names),
         chains=tuple(read_chains(reader, names)),
-        complete=str(reader.root.descend(("complete",)).value) == "true",
+        complete=reader.text("complete") == "true",
         path=reader.root.file.path,
         where=reader.root.where,
     )
+    if not any(reader.text(key) or reader.items(key) for key in ("goals", "workflow", "command")):
+        hint = "add `goals:`, `workflow:` or `command:`"
+        findings.add(reader.root.where, "K114", "this problem wants nothing", hint, warning=True)
     return commanded(problem, reader)
 
 
 def _facts(reader: Reader, names: Names, section: str, kinds: tuple[Kind, ...]) -> Iterator[Atom]:
+    seen: set[Atom] = set()
     for node in reader.items(section):
         expression = _fact(node) or reader.parse("atoms", node)
         if expression is None:
             continue
         for atom in expression.value:
             Typing(names).atom(atom, expression, kinds)
-            if is_ground(atom):
-                yield atom
-            else:
+            if not is_ground(atom):
                 variable = next(variables(atom))
-                names.findings.add(expression.place(variable), "K105", f"a fact has no variables: {variable}")
+                message = f"a fact has no variables: {variable}"
+                hint = "write one fact for each object; names begin with a small letter"
+                names.findings.add(expression.place(variable), "K105", message, hint)
+            elif atom in seen:
+                message, hint = f"{atom} is listed twice", "leave one out"
+                names.findings.add(node.where, "K111", message, hint, warning=True)
+            else:
+                seen.add(atom)
+                yield atom
+
+
+_SIMPLE = re.compile(r"[a-z][A-Za-z0-9_]*(?:\([A-Za-z0-9_(), ]*\))?")
+_NOT_SIMPLE = re.compile(
+    r"(?<![A-Za-z0-9])_|[0-9]{10}|(?<![A-Za-z0-9_])not(?![A-Za-z0-9_])|[0-9] *[a-z]|\( *\(|, *\("
+)
 
 
 def _fact(node: Node) -> Expression | None:
     """The common case, one ground atom, read by clingo: problems hold thousands of them."""
     text = node.value
-    if not isinstance(text, str) or (any(mark in text for mark in '"_.;+-*/ \\|') and not _simple(text)):
+    if not isinstance(text, str) or not _SIMPLE.fullmatch(text) or _NOT_SIMPLE.search(text):
+        return None
+    if len(text) > MAX_LENGTH or text.count("(") > MAX_NESTING:
         return None
     try:
         atom = ground_term(text)
@@ -69,25 +84,27 @@ def _fact(node: Node) -> Expression | None:
     return Expression((atom,), Parsed((atom,)), node) if isinstance(atom, Function) else None
 
 
-def _simple(text: str) -> bool:
-    return text.replace("_", "a").replace(" ", "").replace("(", "").replace(")", "").replace(
-        ",", ""
-    ).isalnum() and (" _" not in text and "(_" not in text and ",_" not in text)
-
-
 def _goal(reader: Reader, names: Names) -> Condition:
-    parsed = (reader.parse("conditions", node) for node in reader.items("goals"))
-    parts = tuple(goal_condition(expression, names) for expression in parsed if expression is not None)
-    return And(parts) if parts else TRUE
+    parts: dict[Condition, Node] = {}
+    for node in reader.items("goals"):
+        expression = reader.parse("conditions", node)
+        if expression is None:
+            continue
+        goal = goal_condition(expression, names)
+        if goal in parts:
+            message, hint = f"the goal {node.value.strip()} is listed twice", "leave one out"
+            names.findings.add(node.where, "K111", message, hint, warning=True)
+        parts.setdefault(goal, node)
+    return And(tuple(parts)) if parts else TRUE
 
 
 def goal_condition(expression: Expression, names: Names) -> Condition:
     """A parsed goal, checked and typed; its variables and `_` mean "some"."""
     typing = Typing(names)
+    expression = scoped(expression, ())
     condition = And(expression.value)
     typing.condition(condition, expression, READABLE)
     for variable in free_variables(condition):
-        names.findings.add(
-            expression.place(variable), "K105", f"a goal has no variables: {variable}", "write '_' for some"
-        )
+        hint = "write '_' for some, or `p(X) : q(X)` for all"
+        names.findings.add(expression.place(variable), "K105", f"a goal has no variables: {variable}", hint)
     return typing.quantified(condition, expression)

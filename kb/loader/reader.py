@@ -1,7 +1,7 @@
 """Reads one YAML file into its schema and the expressions inside it, collecting every finding with its place."""
 
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -11,7 +11,8 @@ from kb.schema import Deviation, deviations
 from kb.syntax import ExpressionError, Parsed, parse
 from kb.terms import Function, Variable
 
-MAX_OBJECTS = 1_000_000
+MAX_OBJECTS = 100_000  # names in one file, ranges written out
+MAX_FINDINGS = 1000
 
 
 @dataclass
@@ -22,7 +23,17 @@ class Findings:
 
     def add(self, where: Source, code: str, message: str, hint: str = "", warning: bool = False) -> None:
         """Note one finding."""
-        self.diagnostics.append(Diagnostic(where, code, message, hint, warning))
+        self.note(Diagnostic(where, code, message, hint, warning))
+
+    def note(self, diagnostic: Diagnostic) -> None:
+        """Note one finding. Raises `InvalidInput` when there are more than anyone would read."""
+        self.diagnostics.append(diagnostic)
+        if len(self.diagnostics) > MAX_FINDINGS:
+            raise InvalidInput(self.diagnostics)
+
+    def warnings(self) -> tuple[Diagnostic, ...]:
+        """What was found where nothing is an error, each once."""
+        return tuple(dict.fromkeys(self.diagnostics))
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,6 +55,7 @@ class Reader:
 
     def __init__(self, root: Node, findings: Findings, time_unit: str = "s") -> None:
         self.root, self.findings, self.time_unit = root, findings, time_unit
+        self.named = 0
 
     @classmethod
     def of(cls, file: File, findings: Findings) -> "Reader":
@@ -65,14 +77,10 @@ class Reader:
         """The expression that a scalar holds."""
         if not isinstance(node.value, str) or not node.value.strip():
             return None
-        return self.parse_text(start, node, node.value, 0)
-
-    def parse_text(self, start: str, node: Node, text: str, shift: int) -> Expression | None:
-        """The expression in a part of a scalar that begins at character `shift`."""
         try:
-            parsed = parse(start, text, self.time_unit)
+            parsed = parse(start, node.value, self.time_unit)
         except ExpressionError as error:
-            self.findings.add(node.place(shift + error.offset), error.code, error.message, error.hint)
+            self.findings.add(node.place(error.offset), error.code, error.message, error.hint)
             return None
         return Expression(parsed.value, parsed, node)
 
@@ -111,32 +119,58 @@ class Reader:
             node = following
         return True
 
-    def names(self, node: Node) -> list[tuple[str, Source]]:
-        """The names of a list node, ranges such as `depot_1..4` written out, each with its place."""
-        found: list[tuple[str, Source]] = []
+    def names(self, node: Node) -> list[tuple[str, Node]]:
+        """The names of a list node, ranges such as `depot_1..4` written out, each with its node."""
+        found: list[tuple[str, Node]] = []
         for item in node.value if isinstance(node.value, list) else []:
-            where = item.where
-            for name in self._expand(item.value, where):
-                if re.fullmatch(r"[a-z][A-Za-z0-9_]*", name):
-                    found.append((name, where))
-                else:
-                    self.findings.add(
-                        where, "K107", f"'{name}' is no name", "names start with a small letter"
-                    )
+            if isinstance(item.value, str):
+                found += [(name, item) for name in self._expand(item.value, item) if self.is_name(name, item)]
         return found
 
-    def _expand(self, text: Any, where: Source) -> list[str]:
-        if not isinstance(text, str):
-            return []
-        range_ = re.fullmatch(r"([a-z]\w*?)(\d+)\.\.(\d+)", text)
-        if range_ is None:
+    def once(self, named: Iterable[tuple[str, Node]]) -> Iterator[tuple[str, Node]]:
+        """Each name once; a warning for every other time."""
+        seen: set[str] = set()
+        for name, node in named:
+            if name in seen:
+                message = f"'{name}' is listed twice"
+                self.findings.add(node.where, "K111", message, "leave one out", warning=True)
+            else:
+                seen.add(name)
+                yield name, node
+
+    def is_name(self, name: str, node: Node) -> bool:
+        """Whether a user may call something by this name; if not, that is noted."""
+        if name == "not" or name.startswith("_"):
+            hint = (
+                "names that begin with '_' belong to the engine" if name != "not" else "choose another name"
+            )
+            self.findings.add(node.where, "K112", f"'{name}' is reserved", hint)
+            return False
+        if re.fullmatch(r"[a-z][A-Za-z0-9_]*", name):
+            return True
+        hint = "a name is a small letter, then letters, digits and _"
+        self.findings.add(node.where, "K112", f"'{name[:60]}' is no name", hint)
+        return False
+
+    def _expand(self, text: str, node: Node) -> list[str]:
+        range_ = re.fullmatch(r"([a-z][A-Za-z0-9_]*?)([0-9]+)\.\.([A-Za-z0-9_]*?)([0-9]+)", text)
+        if range_ is None or range_[3] not in ("", range_[1]):
+            self.named += 1
             return [text]
-        first, last = int(range_[2]), int(range_[3])
-        if last - first >= MAX_OBJECTS or len(range_[3]) > 9:
-            self.findings.add(where, "K007", f"more than {MAX_OBJECTS} objects")
+        if max(len(range_[2]), len(range_[4])) > 9:
+            self.findings.add(node.where, "K007", "a range of more than nine digits", "count from 1")
             return []
+        first, last = int(range_[2]), int(range_[4])
         if last < first:
-            self.findings.add(where, "K107", f"the range {text} is empty")
+            self.findings.add(
+                node.where, "K113", f"the range {text} is empty", "the smaller number comes first"
+            )
+            return []
+        self.named += last - first + 1
+        if self.named > MAX_OBJECTS:
+            hint = "no planner copes with so many: describe the cell with fewer"
+            self.findings.add(node.where, "K007", f"more than {MAX_OBJECTS} names in one file", hint)
+            return []
         width = len(range_[2]) if range_[2].startswith("0") else 0
         return [f"{range_[1]}{number:0{width}d}" for number in range(first, last + 1)]
 

@@ -1,24 +1,34 @@
 """The workflow of a problem file: each entry becomes one chain of stages per binding of its variables."""
 
 import itertools
+import re
 from collections.abc import Iterator
 from dataclasses import replace
+from math import prod
 
 from kb.diagnostics import unknown_name
-from kb.loader.names import Names, Typing
+from kb.loader.inference import Typing
+from kb.loader.names import Names
 from kb.loader.reader import Expression, Reader
+from kb.loader.tree import Node
 from kb.model.domain import Kind
 from kb.model.problem import Chain
 from kb.terms import ANYTHING, Function, Term, Variable, substitute_atom, variables
 
 STAGES = (Kind.EVENT, Kind.FLUENT)
+MAX_CHAINS = 10_000
 
 
 def read_chains(reader: Reader, names: Names) -> Iterator[Chain]:
     """The chains of every entry, in order; `after` names entries that stand before."""
     groups: dict[str, list[str]] = {}
     for index, node in enumerate(reader.items("workflow")):
-        title = str(node.value["name"][1].value) if "name" in node.value else str(index + 1)
+        title = reader.text("workflow", index, "name") or str(index + 1)
+        if title in groups:
+            where = node.descend(("name",)).where
+            names.findings.add(
+                where, "K104", f"a workflow is called '{title}' already", "choose another name"
+            )
         after = tuple(_after(reader, names, index, groups))
         chains = list(_entry_chains(reader, names, index, title))
         groups[title] = [chain.name for chain in chains]
@@ -26,10 +36,11 @@ def read_chains(reader: Reader, names: Names) -> Iterator[Chain]:
 
 
 def _after(reader: Reader, names: Names, index: int, groups: dict[str, list[str]]) -> Iterator[str]:
-    for node in reader.items("workflow", index, "after"):
-        title = str(node.value)
+    listed = ((str(node.value), node) for node in reader.items("workflow", index, "after"))
+    for title, node in reader.once(listed):
         if title not in groups:
-            names.findings.diagnostics.append(unknown_name("earlier workflow", title, groups, node.where))
+            found = unknown_name("earlier workflow", title, groups, node.where)
+            names.findings.note(replace(found, hint=found.hint or "name an entry that stands above this one"))
         yield from groups.get(title, ())
 
 
@@ -39,6 +50,10 @@ def _entry_chains(reader: Reader, names: Names, index: int, title: str) -> Itera
         return
     choices = _choices(reader, names, index)
     _check(stages, names, set(choices))
+    if (count := prod(map(len, choices.values()))) > MAX_CHAINS:
+        message = f"this entry makes {count} chains; the most is {MAX_CHAINS}"
+        names.findings.add(stages.node.where, "K007", message, "list fewer objects under `for:`")
+        return
     for combination in itertools.product(*choices.values()):
         bindings: dict[Variable, Term] = dict(zip(choices, map(Function, combination), strict=True))
         subject = Function(combination[0]) if combination else _subject(reader, names, index)
@@ -52,25 +67,41 @@ def _entry_chains(reader: Reader, names: Names, index: int, title: str) -> Itera
 def _choices(reader: Reader, names: Names, index: int) -> dict[Variable, list[str]]:
     """The objects listed for each variable under `for:`."""
     choices: dict[Variable, list[str]] = {}
-    for variable, _, node in reader.entries("workflow", index, "for"):
-        listed = reader.names(node)
-        for name, where in listed:
-            if name not in names.objects:
-                names.findings.diagnostics.append(unknown_name("object", name, names.objects, where))
-        choices[Variable(variable)] = [name for name, _ in listed]
+    for variable, key, node in reader.entries("workflow", index, "for"):
+        if not re.fullmatch(r"_*[A-Z][A-Za-z0-9_']*", variable):
+            hint = "a variable begins with a capital letter, such as P"
+            names.findings.add(key.where, "K112", f"'{variable[:60]}' is no variable", hint)
+        listed = list(reader.once(reader.names(node)))
+        if not node.value:
+            message, hint = f"no object is listed for {variable}", "list some, or leave the entry out"
+            names.findings.add(key.where, "K114", message, hint)
+        choices[Variable(variable)] = [name for name, item in listed if _is_object(name, item, names)]
     return choices
+
+
+def _is_object(name: str, node: Node, names: Names) -> bool:
+    if name not in names.objects:
+        names.findings.note(unknown_name("object", name, names.objects, node.where))
+    return name in names.objects
 
 
 def _check(stages: Expression, names: Names, bound: set[Variable]) -> None:
     typing = Typing(names)
+    standing = {variable for atom in stages.value for variable in variables(atom)}
     for atom in stages.value:
         typing.atom(atom, stages, STAGES)
         for variable in variables(atom):
             if variable != ANYTHING and variable not in bound:
-                names.findings.add(stages.place(variable), "K105", f"variable {variable} is not under `for:`")
+                hint = f"add a line `for: {{{variable}: [...]}}`, or name the object itself"
+                message = f"the variable {variable} is not under `for:`"
+                names.findings.add(stages.place(variable), "K105", message, hint)
         predicate = names.predicates.get(atom.name)
         if predicate and predicate.kind is Kind.EVENT and ANYTHING in variables(atom):
-            names.findings.add(stages.place(atom), "K105", "an event as a stage leaves nothing open")
+            hint = "say which, and how long"
+            names.findings.add(stages.place(atom), "K105", "an event as a stage leaves nothing open", hint)
+    for variable in sorted(bound - standing, key=str):
+        message, hint = f"no stage names the variable {variable}", "every chain would be the same"
+        names.findings.add(stages.node.where, "K110", message, hint, warning=True)
 
 
 def _subject(reader: Reader, names: Names, index: int) -> Function | None:
@@ -79,7 +110,5 @@ def _subject(reader: Reader, names: Names, index: int) -> Function | None:
         return None
     subject: Function = expression.value
     if subject.name not in names.objects:
-        names.findings.diagnostics.append(
-            unknown_name("object", subject.name, names.objects, expression.place())
-        )
+        names.findings.note(unknown_name("object", subject.name, names.objects, expression.place()))
     return subject

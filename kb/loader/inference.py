@@ -1,0 +1,281 @@
+"""The types of variables, inferred from the signatures of the atoms they stand in.
+
+Only positive occurrences narrow a variable: `not part_of(Place, drawer)` holds for a place that is no depot at all.
+"""
+
+import dataclasses
+from collections.abc import Collection, Iterable
+
+from kb.asp import AspError
+from kb.asp.statements import Refused, statements
+from kb.diagnostics import nearest, unknown_name
+from kb.loader.names import Names, miscounted
+from kb.loader.reader import Expression
+from kb.model.conditions import (
+    Aggregate,
+    And,
+    Comparison,
+    Condition,
+    Exists,
+    ForAll,
+    Literal,
+    Not,
+    Or,
+    Parameter,
+    free_variables,
+)
+from kb.model.domain import NUMERIC_TYPES, OBJECT, Kind
+from kb.terms import ANYTHING, Atom, Function, Number, Operation, Term, Text, Variable, variables
+
+
+class Typing:
+    """The types of the variables of one operator, rule or goal, narrowed atom by atom."""
+
+    def __init__(self, names: Names, types: dict[Variable, str] | None = None) -> None:
+        self.names = names
+        self.types: dict[Variable, str] = dict(types or {})
+        self.weak: dict[Variable, str] = {}  # from negative occurrences
+
+    def nested(self) -> "Typing":
+        """A scope inside this one: what it narrows is not seen outside."""
+        inner = Typing(self.names, self.types)
+        inner.weak = dict(self.weak)
+        return inner
+
+    def type_of(self, variable: Variable) -> str | None:
+        """The type found for a variable, or None when no atom gives one."""
+        return self.types.get(variable, self.weak.get(variable))
+
+    def atom(
+        self, atom: Atom, expression: Expression, kinds: Collection[Kind] = tuple(Kind), positive: bool = True
+    ) -> None:
+        """Check an atom's name, arity, kind and arguments, and narrow its variables."""
+        predicate = self.names.predicate(atom, expression, kinds)
+        if predicate is None:
+            return
+        if atom.name in self.names.types and atom.name not in self.names.predicates:
+            expected: tuple[str, ...] = (atom.name,) if positive else (OBJECT,)
+        else:
+            expected = predicate.arguments
+        for argument, type_ in zip(atom.arguments, expected, strict=True):
+            self.term(argument, type_, expression, atom, positive)
+
+    def term(
+        self, term: Term, expected: str, expression: Expression, atom: Atom, positive: bool = True
+    ) -> None:
+        """Check that a term can be of the expected type."""
+        match term:
+            case Variable():
+                self._narrow(term, expected, expression, atom, positive)
+            case Number() | Operation():
+                if expected not in NUMERIC_TYPES:
+                    self._mismatch(str(term), "a number", expected, expression, atom)
+            case Text():
+                if expected != "text":
+                    self._mismatch(str(term), "a text", expected, expression, atom)
+            case Function(name, arguments) if arguments or name in self.names.functions:
+                self._compound(term, expected, expression, atom, positive)
+            case Function(name):
+                self._constant(term, name, expected, expression, atom)
+
+    def _constant(self, term: Function, name: str, expected: str, expression: Expression, atom: Atom) -> None:
+        if name[0] in "-0123456789":
+            hint = "numbers are whole: choose a smaller unit"
+            self.names.findings.add(expression.node.where, "K103", f"{name} is no whole number", hint)
+            return
+        actual = self.names.objects.get(name)
+        if actual is None:
+            known = [
+                each for each, type_ in self.names.objects.items() if self.names.is_subtype(type_, expected)
+            ]
+            where = expression.place(term)
+            self.names.findings.note(unknown_name("object", name, known or self.names.objects, where))
+        elif not self.names.is_subtype(actual, expected):
+            self._mismatch(name, actual, expected, expression, atom)
+
+    def _compound(
+        self, term: Function, expected: str, expression: Expression, atom: Atom, positive: bool
+    ) -> None:
+        function = self.names.functions.get(term.name)
+        if function is None:
+            where = expression.place(term)
+            self.names.findings.note(unknown_name("function", term.name, self.names.functions, where))
+            return
+        if len(term.arguments) != len(function.arguments):
+            hint = f"it is {function.name}({', '.join(function.arguments)})"
+            self.names.findings.add(
+                expression.place(term), "K102", miscounted(term, len(function.arguments)), hint
+            )
+            return
+        if not self.names.is_subtype(function.result, expected):
+            self._mismatch(str(term), function.result, expected, expression, atom)
+        for argument, type_ in zip(term.arguments, function.arguments, strict=True):
+            self.term(argument, type_, expression, atom, positive)
+
+    def _narrow(
+        self, variable: Variable, expected: str, expression: Expression, atom: Atom, positive: bool
+    ) -> None:
+        if variable == ANYTHING:
+            return
+        if not positive:
+            self.weak.setdefault(variable, expected)
+            return
+        known = self.types.get(variable, expected)
+        if self.names.is_subtype(expected, known):
+            self.types[variable] = expected
+        elif not self.names.is_subtype(known, expected):
+            self._mismatch(str(variable), known, expected, expression, atom)
+
+    def _mismatch(self, term: str, actual: str, expected: str, expression: Expression, atom: Atom) -> None:
+        message = f"{term} is of type {actual}, but {atom.name} takes {expected} here"
+        known = [name for name, type_ in self.names.objects.items() if self.names.is_subtype(type_, expected)]
+        shown = ", ".join(known[:5]) + (", ..." if len(known) > 5 else "")
+        hint = f"{expected}: {shown}" if known and expected != OBJECT else ""
+        self.names.findings.add(expression.place(atom), "K103", message, hint)
+
+    def condition(
+        self, condition: Condition, expression: Expression, kinds: Collection[Kind], positive: bool = True
+    ) -> None:
+        """Check every atom of a condition and narrow variables by the positive ones."""
+        match condition:
+            case Literal(atom, sign):
+                self.atom(atom, expression, kinds, positive and sign)
+            case And(parts) | Or(parts):
+                for part in parts:
+                    self.condition(part, expression, kinds, positive)
+            case Not(part) | Exists(_, part):
+                self.condition(part, expression, kinds, positive and isinstance(condition, Exists))
+            case ForAll(parameters, part):
+                self._universal(parameters, part, expression, kinds)
+            case Comparison(left, _, right):
+                self._compared(left, expression)
+                self._compared(right, expression)
+            case Aggregate(text):
+                check_aggregate(text, expression, self.names)
+
+    def _universal(
+        self,
+        parameters: tuple[Parameter, ...],
+        part: Condition,
+        expression: Expression,
+        kinds: Collection[Kind],
+    ) -> "Typing":
+        """Narrow by a universal condition; its own variables are seen in the scope that comes back alone."""
+        inner = self.nested()
+        for each in guard_and_claim(part):
+            inner.condition(each, expression, kinds)
+        own = {parameter.variable for parameter in parameters}
+        self.types.update({v: type_ for v, type_ in inner.types.items() if v not in own})
+        return inner
+
+    def _compared(self, term: Term, expression: Expression) -> None:
+        """Names in a comparison; a misspelt one would never be equal to anything."""
+        match term:
+            case Operation(_, left, right):
+                self._compared(left, expression)
+                self._compared(right, expression)
+            case Function(name, ()) if name not in self.names.functions:
+                if name not in self.names.objects:
+                    where = expression.place(term)
+                    self.names.findings.note(unknown_name("object", name, self.names.objects, where))
+            case Function(name):
+                function = self.names.functions.get(name)
+                self._compound(term, function.result if function else OBJECT, expression, term, True)
+
+    def parameters(
+        self, wanted: Iterable[Variable], expression: Expression, code: str = "K105"
+    ) -> tuple[Parameter, ...]:
+        """Typed parameters; a variable without a type is unsafe."""
+        found = []
+        for variable in wanted:
+            type_ = self.type_of(variable)
+            if type_ is None:
+                hint = "use it in an atom that binds it, or name its type under `types:`"
+                self.names.findings.add(
+                    expression.place(variable), code, f"nothing gives variable {variable} a type", hint
+                )
+            found.append(Parameter(variable, type_ or OBJECT))
+        return tuple(found)
+
+    def quantified(self, condition: Condition, expression: Expression) -> Condition:
+        """The condition with typed quantifiers, each `_` of a positive or negative literal being some value."""
+        match condition:
+            case Literal(atom, positive) if ANYTHING in variables(atom):
+                return self._some(atom, positive)
+            case And(parts):
+                return And(tuple(self.quantified(part, expression) for part in parts))
+            case Or(parts):
+                return Or(tuple(self.quantified(part, expression) for part in parts))
+            case Not(part):
+                return Not(self.quantified(part, expression))
+            case ForAll(parameters, part):
+                inner = self._universal(parameters, part, expression, tuple(Kind))
+                typed = inner.parameters([parameter.variable for parameter in parameters], expression)
+                return ForAll(typed, inner.quantified(part, expression))
+            case _:
+                return condition
+
+    def _some(self, atom: Atom, positive: bool) -> Condition:
+        fresh: list[Parameter] = []
+        predicate = self.names.predicates.get(atom.name)
+        expected = predicate.arguments if predicate else (OBJECT,) * len(atom.arguments)
+        arguments = tuple(self._renamed(a, t, fresh) for a, t in zip(atom.arguments, expected, strict=False))
+        some = Exists(tuple(fresh), Literal(Function(atom.name, arguments)))
+        return some if positive else Not(some)
+
+    def _renamed(self, term: Term, type_: str, fresh: list[Parameter]) -> Term:
+        if term == ANYTHING:
+            fresh.append(Parameter(Variable(f"_Any{len(fresh) + 1}"), type_))
+            return fresh[-1].variable
+        if isinstance(term, Function) and term.arguments:
+            function = self.names.functions.get(term.name)
+            expected = function.arguments if function else (OBJECT,) * len(term.arguments)
+            inner = zip(term.arguments, expected, strict=False)
+            return Function(term.name, tuple(self._renamed(a, t, fresh) for a, t in inner))
+        return term
+
+
+def scoped(expression: Expression, outer: Collection[Variable]) -> Expression:
+    """The conditions, each universal one quantifying the variables alone that stand neither outside nor beside it."""
+    parts = tuple(_scoped(part, expression.value, outer) for part in expression.value)
+    return dataclasses.replace(expression, value=parts)
+
+
+def _scoped(part: Condition, beside: tuple[Condition, ...], outer: Collection[Variable]) -> Condition:
+    if not isinstance(part, ForAll):
+        return part
+    taken = {*outer, *(v for other in beside if other is not part for v in free_variables(other))}
+    own = tuple(parameter for parameter in part.parameters if parameter.variable not in taken)
+    return ForAll(own, part.part) if own else part.part
+
+
+def guard_and_claim(part: Condition) -> tuple[Condition, ...]:
+    """What a universal condition ranges over and what it claims of that; the guard binds, so it comes as positive."""
+    match part:
+        case Or((Not(guard), claim)):
+            return guard, claim
+        case _:
+            return (part,)
+
+
+def check_aggregate(text: str, expression: Expression, names: Names) -> None:
+    """An aggregate stays text for clingo, which would take an unknown name for an empty predicate."""
+    where = expression.node.where
+    try:
+        read = list(statements(f":- {text}."))
+    except AspError as error:
+        names.findings.add(where, "K107", f"in '{text}': {error}", "write it as in ASP: #count { X : p(X) }")
+        return
+    for statement in read:
+        if isinstance(statement, Refused):
+            names.findings.add(where, statement.code, statement.message, statement.hint)
+            continue
+        for (name, arity), _ in statement.uses:
+            predicate = names.predicates.get(name)
+            if predicate is None and not (names.known_type(name) and arity == 1):
+                names.findings.add(
+                    where, "K101", f"unknown predicate '{name}'", nearest(name, names.predicates)
+                )
+            elif predicate and predicate.kind is not Kind.STATIC:
+                hint = "aggregates count statics alone"
+                names.findings.add(where, "K108", f"'{name}' changes, and stands in an aggregate", hint)

@@ -1,0 +1,235 @@
+"""The ASP files of a domain: statics for clingo as they stand, and rules that read fluents, parsed."""
+
+from collections.abc import Iterable, Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import networkx as nx
+
+from kb.asp import AspError
+from kb.asp.statements import Refused, Signature, Statement, statements, unsafe
+from kb.diagnostics import Source, nearest
+from kb.loader.files import File, is_file, read_file
+from kb.loader.names import Names
+from kb.loader.reader import Reader
+from kb.loader.tree import Node
+from kb.model.domain import BUILT_IN_TYPES, NUMERIC_TYPES, OBJECT, AspText, Kind, Rule
+from kb.syntax import ExpressionError, parse
+
+Read = list[tuple[Statement, Source]]
+
+
+def read_rules(reader: Reader, names: Names, folder: Path) -> tuple[list[AspText], list[Rule]]:
+    """What the files under `include:` say; derived predicates over statics alone become static ones."""
+    read: Read = []
+    included = ((node.value, node) for node in reader.items("include") if isinstance(node.value, str))
+    for name, node in reader.once(included):
+        if (target := _included(reader, name, node, folder)) is not None:
+            read.extend(_statements(read_file(target, str(folder / name)), names))
+    fluent = _depending_on_fluents(read, names)
+    for predicate in list(names.predicates.values()):
+        if predicate.kind is Kind.DERIVED and (predicate.name, len(predicate.arguments)) not in fluent:
+            names.predicates[predicate.name] = replace(predicate, kind=Kind.STATIC)
+    _check(read, names)
+    return _sorted(read, fluent, names)
+
+
+def _included(reader: Reader, name: str, node: Node, folder: Path) -> Path | None:
+    """The file that an include names, if it lies in the domain's folder, links followed."""
+    try:
+        target = (folder / name).resolve()
+        inside = target.is_relative_to(folder.resolve()) and not Path(name).is_absolute()
+    except (OSError, RuntimeError, ValueError):  # names too long, links in a circle, bytes that no name has
+        target, inside = folder, True
+    if not inside:
+        message = f"'{name[:60]}' leads outside the domain's folder"
+        reader.findings.add(node.where, "K203", message, "copy the file beside domain.yaml")
+    elif not is_file(target):
+        near = nearest(name, [each.name for each in folder.glob("*.lp")])
+        hint = near or "the name is relative to domain.yaml"
+        reader.findings.add(node.where, "K203", f"there is no file '{name[:60]}' beside the domain", hint)
+    else:
+        return target
+    return None
+
+
+def _statements(file: File, names: Names) -> Read:
+    found: Read = []
+    try:
+        for statement in statements(file.text):
+            where = file.line(statement.line, statement.column)
+            if isinstance(statement, Refused):
+                names.findings.add(where, statement.code, statement.message, statement.hint)
+            else:
+                found.append((statement, where))
+    except AspError as error:
+        for line, column, message in error.messages:
+            hint = "each statement ends in '.', variables begin with a capital letter"
+            names.findings.add(file.line(line, column), "K201", message, hint)
+    return found
+
+
+def _depending_on_fluents(read: Read, names: Names) -> set[Signature]:
+    changing = {
+        (p.name, len(p.arguments)) for p in names.predicates.values() if p.kind in (Kind.FLUENT, Kind.EVENT)
+    }
+    readers: dict[Signature, set[Signature]] = {}
+    for statement, _ in read:
+        if statement.signature:
+            for use, _ in statement.uses:
+                readers.setdefault(use, set()).add(statement.signature)
+    waiting = list(changing)
+    while waiting:
+        more = readers.get(waiting.pop(), set()) - changing
+        changing |= more
+        waiting.extend(more)
+    return changing
+
+
+def _check(read: Read, names: Names) -> None:
+    known = _known(read, names)
+    constants = {statement.defines for statement, _ in read if statement.defines}
+    for statement, where in read:
+        if statement.defines:
+            _check_constant(statement.defines, where, names)
+        for use, _ in statement.uses:
+            if use not in known:
+                _unknown(use, known, where, names)
+        if statement.signature:
+            _check_head(statement.signature, where, names)
+        _check_arguments(statement, where, names, constants)
+    places = {id(statement): where for statement, where in read}
+    rules = [statement for statement, _ in read if statement.signature or statement.constraint]
+    for statement, said in unsafe(rules):
+        message = f"unsafe: nothing binds {said}" if said else "clingo refuses this rule"
+        hint = "use each variable in an atom of the body that is not negated"
+        names.findings.add(places[id(statement)], "K105" if said else "K201", message, hint)
+    _check_strata(read, names)
+
+
+def _known(read: Read, names: Names) -> set[Signature]:
+    declared = {(p.name, len(p.arguments)) for p in names.predicates.values()}
+    types = {(name, 1) for name in (*names.types, OBJECT)}
+    return declared | types | {statement.signature for statement, _ in read if statement.signature}
+
+
+def _unknown(use: Signature, known: Iterable[Signature], where: Source, names: Names) -> None:
+    name, arity = use
+    arities = sorted(other for known_name, other in known if known_name == name)
+    if arities:
+        message = f"{name} takes {' or '.join(map(str, arities))} arguments, not {arity}"
+        names.findings.add(where, "K102", message, "count its arguments")
+    else:
+        hint = nearest(name, [known_name for known_name, _ in known]) or "declare it, or define it by a rule"
+        names.findings.add(where, "K101", f"unknown predicate '{name}'", hint)
+
+
+def _check_constant(name: str, where: Source, names: Names) -> None:
+    if name in names.objects or name in names.functions or name.startswith("_"):
+        message = f"#const would replace '{name}' everywhere"
+        names.findings.add(where, "K104", message, "give the constant a name of its own")
+
+
+def _check_head(signature: Signature, where: Source, names: Names) -> None:
+    name, arity = signature
+    predicate = names.predicates.get(name)
+    if name.startswith("_"):
+        hint = "names that begin with '_' belong to the engine"
+        names.findings.add(where, "K112", f"'{name}' is reserved", hint)
+    elif predicate and len(predicate.arguments) != arity:
+        hint = f"it is {name}({', '.join(predicate.arguments)})"
+        names.findings.add(
+            where, "K102", f"{name} takes {len(predicate.arguments)} arguments, not {arity}", hint
+        )
+    elif predicate and predicate.kind in (Kind.FLUENT, Kind.EVENT):
+        hint = "let operators or deductive operators change it, or declare it under `derived:`"
+        message = f"'{name}' is declared under `{predicate.kind.value}s:`: rules cannot define it"
+        names.findings.add(where, "K108", message, hint)
+    elif arity == 1 and (name in BUILT_IN_TYPES or (name in names.types and not _counted(name, names))):
+        hint = "list its objects under `objects:`"
+        names.findings.add(where, "K108", f"'{name}' is a type: rules cannot define it", hint)
+
+
+def _counted(type_: str, names: Names) -> bool:
+    """Whether terms of this type are built from numbers, which have no extension: rules say which there are."""
+    built = (function for function in names.functions.values() if function.result == type_)
+    return any(argument in NUMERIC_TYPES for function in built for argument in function.arguments)
+
+
+def _check_arguments(statement: Statement, where: Source, names: Names, constants: set[str]) -> None:
+    """Constants in declared predicates: an unknown one may be declared by a problem, one of a wrong type may not."""
+    for (name, arity), number, constant in statement.constants:
+        predicate = names.predicates.get(name)
+        if predicate is None or len(predicate.arguments) != arity or constant in constants:
+            continue
+        expected, actual = predicate.arguments[number], names.objects.get(constant)
+        if actual is None:
+            hint = nearest(constant, names.objects)
+            if hint:
+                message = f"no object is called '{constant}'"
+                names.findings.add(where, "K101", message, hint, warning=True)
+        elif not names.is_subtype(actual, expected):
+            message = f"{constant} is of type {actual}, but {name} takes {expected} here"
+            names.findings.add(where, "K103", message)
+
+
+def _sorted(read: Read, fluent: set[Signature], names: Names) -> tuple[list[AspText], list[Rule]]:
+    asp: list[AspText] = []
+    rules: list[Rule] = []
+    for statement, where in read:
+        reads_fluents = statement.signature in fluent or any(use in fluent for use, _ in statement.uses)
+        if not reads_fluents:
+            asp.append(AspText(statement.text, where))
+        elif statement.constraint or statement.signature is None:
+            hint = "deny it with a deductive operator, or make it a precondition"
+            names.findings.add(where, "K202", "a constraint cannot read fluents", hint)
+        else:
+            rules.extend(_rule(statement, statement.signature, where, names))
+    _warn_of_undefined(read, names)
+    return asp, rules
+
+
+def _rule(statement: Statement, signature: Signature, where: Source, names: Names) -> Iterator[Rule]:
+    name, _ = signature
+    predicate = names.predicates.get(name)
+    if predicate is None:
+        hint = f"declare `{name}` with its types under `derived:`"
+        names.findings.add(where, "K108", f"'{name}' depends on fluents", hint)
+    elif predicate.kind is Kind.STATIC:
+        hint = f"declare `{name}` under `derived:`"
+        names.findings.add(where, "K108", f"'{name}' is static, but this rule reads fluents", hint)
+    elif predicate.kind is Kind.DERIVED:
+        try:
+            head = parse("atom", statement.head or "").value
+            body = parse("body", ", ".join(statement.body)).value if statement.body else ()
+            yield Rule(head, body, where)
+        except ExpressionError as error:
+            hint = "over fluents: atoms, comparisons and `not` alone"
+            message = f"this rule reads fluents and cannot be compiled: {error.message}"
+            names.findings.add(where, "K202", message, hint)
+
+
+def _warn_of_undefined(read: Read, names: Names) -> None:
+    """Derived predicates without a rule are false for ever."""
+    defined = {statement.signature for statement, _ in read}
+    for name in names.derived:
+        predicate = names.predicates.get(name)
+        if predicate and (name, len(predicate.arguments)) not in defined:
+            message, hint = f"no rule defines '{name}'", "add one to an .lp file under `include:`"
+            names.findings.add(predicate.where, "K310", message, hint, warning=True)
+
+
+def _check_strata(read: Read, names: Names) -> None:
+    graph: nx.DiGraph[Signature] = nx.DiGraph()
+    for statement, _ in read:
+        if statement.signature:
+            graph.add_edges_from((statement.signature, use) for use, _ in statement.uses)
+    component = {
+        sig: index for index, part in enumerate(nx.strongly_connected_components(graph)) for sig in part
+    }
+    for statement, where in read:
+        for use, negated in statement.uses:
+            if negated and statement.signature and component.get(statement.signature) == component.get(use):
+                message = f"'{statement.signature[0]}' depends on its own negation"
+                hint = "negate only what does not lead back to it"
+                names.findings.add(where, "K201", message, hint)

@@ -1,0 +1,131 @@
+"""Variables that nothing binds (an error: numbers, times and texts have no extension) or that stand only once (a warning).
+
+Language reference, Meaning 2. What binds a variable: a type that has an extension, an atom that is read positively,
+an event that a workflow names, or an equation whose other side is bound.
+"""
+
+import re
+from collections import Counter
+from collections.abc import Collection, Iterable, Iterator
+
+from kb.diagnostics import nearest
+from kb.loader.names import UNLISTED, Names
+from kb.loader.reader import Expression
+from kb.model.conditions import (
+    Aggregate,
+    Comparison,
+    Condition,
+    Literal,
+    Parameter,
+    conditions,
+    free_variables,
+)
+from kb.syntax import without_texts
+from kb.terms import ANYTHING, Function, Operation, Term, Variable, variables
+
+
+def binding(term: Term) -> Iterator[Variable]:
+    """The variables that a positive atom binds: those outside arithmetic."""
+    match term:
+        case Variable():
+            yield term
+        case Function(_, arguments):
+            for argument in arguments:
+                yield from binding(argument)
+        case _:
+            return
+
+
+def extended(parameters: Iterable[Parameter]) -> set[Variable]:
+    """The parameters that range over the values of their type."""
+    return {parameter.variable for parameter in parameters if parameter.type not in UNLISTED}
+
+
+def closed(bound: Collection[Variable], parts: Iterable[Condition]) -> set[Variable]:
+    """`bound` and what the positive atoms, equations and counted sets among `parts` bind."""
+    parts, found = tuple(parts), set(bound)
+    for part in parts:
+        match part:
+            case Literal(atom, True):
+                found.update(binding(atom))
+            case Aggregate(text, outer):
+                found.update(
+                    variable for variable in outer if re.match(rf"{variable} = #|.*}} = {variable}$", text)
+                )
+    equations = [part for part in parts if isinstance(part, Comparison) and part.relation == "="]
+    while more := {variable for each in equations for variable in _solved(each, found)} - found:
+        found |= more
+    return found
+
+
+def _solved(equation: Comparison, bound: set[Variable]) -> Iterator[Variable]:
+    for one, other in ((equation.left, equation.right), (equation.right, equation.left)):
+        if bound.issuperset(variables(one)):
+            yield from binding(other)
+
+
+def refuse_unbound(
+    wanted: Iterable[Variable], bound: Collection[Variable], expression: Expression, names: Names, hint: str
+) -> None:
+    """Note every wanted variable that is not bound."""
+    for variable in dict.fromkeys(wanted):
+        if variable != ANYTHING and variable not in bound:
+            message = f"nothing binds the variable {variable}"
+            near = nearest(str(variable), [str(each) for each in bound])
+            names.findings.add(expression.place(variable), "K105", message, near or hint)
+
+
+def occurrences(values: Iterable[object]) -> Counter[Variable]:
+    """How often each variable stands in terms, atoms and conditions, however nested in tuples; `_` is not counted."""
+    found: Counter[Variable] = Counter()
+    for value in values:
+        found.update(variable for variable in _standing(value) if variable != ANYTHING)
+    return found
+
+
+def _standing(value: object) -> Iterator[Variable]:
+    match value:
+        case tuple():
+            for part in value:
+                yield from _standing(part)
+        case Variable() | Function() | Operation():
+            yield from variables(value)
+        case Literal() | Comparison():
+            yield from _of_part(value)
+        case Aggregate(text):
+            names = re.findall(r"(?<![A-Za-z0-9_'])_*[A-Z][A-Za-z0-9_']*", without_texts(text))
+            yield from map(Variable, names)
+        case None:
+            return
+        case _:
+            yield from (v for part in conditions(value) for v in _of_part(part))  # type: ignore[arg-type]
+
+
+def _of_part(part: Condition) -> Iterator[Variable]:
+    match part:
+        case Literal(atom):
+            yield from variables(atom)
+        case Comparison(left, _, right):
+            yield from variables(left)
+            yield from variables(right)
+        case Aggregate():
+            yield from _standing(part)
+        case _:
+            return
+
+
+def warn_singletons(
+    suspects: Iterable[Variable], counted: Counter[Variable], expression: Expression, names: Names
+) -> None:
+    """Warn of the suspects that stand only once; a name that begins with `_` says that this is meant."""
+    for variable in dict.fromkeys(suspects):
+        if counted[variable] == 1 and not variable.name.startswith("_"):
+            others = [each.name for each in counted if each != variable]
+            hint = nearest(variable.name, others) or f"write '_' or '_{variable}' if anything will do"
+            message = f"the variable {variable} stands only once"
+            names.findings.add(expression.place(variable), "K110", message, hint, warning=True)
+
+
+def body_variables(body: Iterable[Condition]) -> tuple[Variable, ...]:
+    """The free variables of a body, each once."""
+    return tuple(dict.fromkeys(variable for part in body for variable in free_variables(part)))
