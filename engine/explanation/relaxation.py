@@ -6,7 +6,6 @@ assumptions are enumerated by size; whether one really gives a plan is for the p
 
 from collections.abc import Iterator, Sequence
 
-from kb.model.normalise import Normaliser
 from engine.grounding.program import (
     Schema,
     Vocabulary,
@@ -26,6 +25,7 @@ from kb.asp.models import models
 from kb.asp.vocabulary import VIOLATED, guard, static_program
 from kb.model.conditions import Condition, goal_parts, literals
 from kb.model.domain import NUMERIC_TYPES, Domain, Kind, Predicate
+from kb.model.normalise import Normaliser
 from kb.model.problem import Problem
 from kb.terms import Atom, Function, Number, Term, Text, Variable
 

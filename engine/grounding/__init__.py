@@ -10,7 +10,6 @@ from engine.grounding.initial import initial_state
 from engine.grounding.instances import Instances, Numbering, complemented
 from engine.grounding.invariants import mutex_groups
 from engine.grounding.limits import require_affordable
-from kb.model.normalise import Normaliser
 from engine.grounding.program import (
     Schema,
     Vocabulary,
@@ -35,6 +34,7 @@ from kb.asp.vocabulary import VIOLATED, static_program
 from kb.diagnostics import Diagnostic, InvalidInput
 from kb.model.conditions import goal_parts
 from kb.model.domain import AspText
+from kb.model.normalise import Normaliser
 from kb.model.problem import Problem
 from kb.terms import Atom, Function, Number
 

@@ -1,28 +1,31 @@
-"""The task planner: backward chaining to a sequence, made cheaper, then freed of every order it does not need."""
+"""The task planner: search to a sequence, made cheaper, then freed of every order it does not need."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from engine.model.outcome import Found, GaveUp, Infeasible, Outcome, Statistics
 from engine.model.task import Bits, GroundOperator, Task, progress
-from engine.planning.backward import Answer, Backward, Effort, Interrupted, Node, space
+from engine.planning.backward import Effort, Interrupted, space
 from engine.planning.deorder import deorder
 from engine.planning.improve import eliminate, straighten
 from engine.planning.mutexes import mutexes
+from engine.planning.portfolio import STRATEGIES, Setting
 from engine.planning.variants import TooManyVariants, unconditional
 from kb.model.plan import Plan
-
-CLIMB = 500  # expansions given to hill climbing before best-first search takes over
-GREED = 5
 
 
 @dataclass(frozen=True, slots=True)
 class Limits:
-    """Work allowed: `expansions` while searching, `improvement` of them once a plan is known."""
+    """Work allowed: `expansions` while searching, `improvement` of them once a plan is known.
 
-    expansions: int = 200_000
+    `strategy` is one of `STRATEGIES`; `seed` breaks ties where a search breaks them by chance.
+    """
+
+    expansions: int = 1_000_000
     improvement: int = 20_000
     interrupted: Interrupted = field(default=lambda: False)
+    strategy: str = "auto"
+    seed: int = 0
 
 
 def plan(task: Task, limits: Limits = Limits()) -> Outcome:
@@ -31,38 +34,29 @@ def plan(task: Task, limits: Limits = Limits()) -> Outcome:
         operators = unconditional(task)
     except TooManyVariants as error:
         return GaveUp(str(error), "expansions")
-    excluded = mutexes(task)
-    backward = space(task, operators, excluded)
-    roots = [root for goal in task.goals if (root := backward.root(goal)) is not None]
     effort = Effort(limits.expansions, limits.interrupted)
-    if not roots:
-        return Infeasible("the goals cannot be reached together, whatever is done", _statistics(effort))
-    answer = _search(backward, roots, effort)
+    if not task.goals:
+        return Infeasible("some goal cannot be reached, whatever is done", _statistics(effort))
+    setting = Setting(task, operators, mutexes(task), limits.seed)
+    answer = STRATEGIES[limits.strategy](setting, effort)
     statistics = _statistics(effort)
-    if answer.steps is None and answer.exhausted:
-        return Infeasible("every way back from the goals has been tried", statistics)
-    if answer.steps is None:
+    if answer is None:
         stopped = "time" if effort.expanded < effort.limit else "expansions"
         return GaveUp(f"no plan after {effort.expanded} expansions", stopped, statistics)
+    if answer.steps is None and not effort.expanded:
+        return Infeasible("the goals cannot be reached together, whatever is done", statistics)
+    if answer.steps is None:
+        return Infeasible("every way to the goals has been tried", statistics)
     steps = [operators[number] for number in answer.steps]
-    return Found(_finished(task, backward, steps, limits), statistics)
+    return Found(_finished(setting, steps, limits), statistics)
 
 
-def _search(backward: Backward, roots: Sequence[Node], effort: Effort) -> Answer:
-    """Hill climbing while it is quick, then best first, which is complete."""
-    total = effort.limit
-    effort.limit = min(CLIMB, total)
-    answer = backward.climb(roots[0], effort)
-    effort.limit = total
-    if answer.steps is not None or (answer.exhausted and len(roots) == 1):
-        return answer
-    return backward.best_first(roots, effort, GREED)
-
-
-def _finished(task: Task, backward: Backward, steps: list[GroundOperator], limits: Limits) -> Plan:
+def _finished(setting: Setting, steps: list[GroundOperator], limits: Limits) -> Plan:
+    task = setting.task
     goals = _reached(task, steps)
     steps = eliminate(task.initial, steps, goals)
-    steps = straighten(backward, steps, goals, Effort(limits.improvement, limits.interrupted))
+    effort = Effort(limits.improvement, limits.interrupted)
+    steps = straighten(space(task, setting.operators, setting.excluded), steps, goals, effort)
     return deorder(task, eliminate(task.initial, steps, goals), goals)
 
 

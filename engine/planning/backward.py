@@ -1,12 +1,10 @@
-"""Backward chaining over sets of open conditions: hill climbing with chronological backtracking, then best first.
+"""Backward chaining over sets of open conditions: the space that hill climbing and best-first search explore.
 
 A node is what must hold so that the steps chosen so far reach the goals (ITA's task planner; regression). Weights
 order the work as in ABSTRIPS (Sacerdoti 1974): operators for the heaviest unsatisfied condition come first among
 equals. They never prune. Mutexes discard sets that no reachable state satisfies.
 """
 
-import heapq
-import itertools
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 
@@ -37,16 +35,22 @@ class Node:
 
 @dataclass
 class Effort:
-    """Work counted, not timed: the search stops after `limit` expansions, or when `interrupted` says so."""
+    """Work counted, not timed: the search stops after `limit` expansions, or when `interrupted` says so.
+
+    `most` bounds the nodes generated, where expansions may have very many successors.
+    """
 
     limit: int
     interrupted: Interrupted = lambda: False
     expanded: int = 0
     generated: int = 0
+    most: int = 1 << 60
 
     def spent(self) -> bool:
         """Whether to stop."""
-        return self.expanded >= self.limit or (self.expanded % 64 == 0 and self.interrupted())
+        if self.expanded >= self.limit or self.generated >= self.most:
+            return True
+        return self.expanded % 64 == 0 and self.interrupted()
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,59 +126,6 @@ class Backward:
                         conditions, number, node, node.depth + 1, node.cost + self.relaxed.costs[number]
                     )
                     yield (lightness, self.relaxed.cost(plan), number), following
-
-    def climb(self, root: Node, effort: Effort) -> Answer:
-        """Depth first, best successor first, stepping back when there is none: complete, as no set is met twice."""
-        if root.open & ~self.initial == 0:
-            return Answer([], False)
-        closed = {root.open}
-        stack = [self._ordered(root, effort)]
-        while stack:
-            if effort.spent():
-                return Answer(None, False)
-            node = next((each for each in stack[-1] if each.open not in closed), None)
-            if node is None:
-                stack.pop()
-                continue
-            closed.add(node.open)
-            if node.open & ~self.initial == 0:
-                return Answer(node.steps(), False)
-            stack.append(self._ordered(node, effort))
-        return Answer(None, True)
-
-    def _ordered(self, node: Node, effort: Effort) -> Iterator[Node]:
-        effort.expanded += 1
-        found = sorted(self.successors(node), key=lambda pair: pair[0])
-        effort.generated += len(found)
-        return iter([each for _, each in found])
-
-    def best_first(self, roots: Sequence[Node], effort: Effort, greed: int) -> Answer:
-        """Best first by cost + greed * estimate. `greed` 0 with unit costs is breadth first and finds shortest plans."""
-        counter = itertools.count()
-        queue: list[tuple[int, int, int, Node]] = []
-        best: dict[Bits, int] = {}
-        for root in roots:
-            best[root.open] = 0
-            heapq.heappush(
-                queue, (greed * self.relaxed.cost(self.relaxed.plan(root.open) or 0), 0, next(counter), root)
-            )
-        while queue:
-            if effort.spent():
-                return Answer(None, False)
-            _, _, _, node = heapq.heappop(queue)
-            if best[node.open] < node.cost:
-                continue
-            if node.open & ~self.initial == 0:
-                return Answer(node.steps(), False)
-            effort.expanded += 1
-            for (lightness, estimate, _), following in self.successors(node):
-                known = best.get(following.open)
-                if known is None or following.cost < known:
-                    best[following.open] = following.cost
-                    effort.generated += 1
-                    entry = (following.cost + greed * estimate, lightness, next(counter), following)
-                    heapq.heappush(queue, entry)
-        return Answer(None, True)
 
 
 def space(task: Task, operators: Sequence[GroundOperator], excluded: Sequence[Bits]) -> Backward:

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 from engine.model.task import Bits, GroundOperator, progress
 from engine.planning.backward import Backward, Effort
+from engine.planning.regression import BestFirst
 
 
 def eliminate(initial: Bits, steps: Sequence[GroundOperator], goals: Bits) -> list[GroundOperator]:
@@ -68,9 +69,9 @@ def _cheaper(
     if root is None:
         return None
     slice_ = Effort(min(effort.expanded + 300, effort.limit), effort.interrupted, effort.expanded)
-    answer = local.best_first([root], slice_, 1)
+    answer = BestFirst(local, [root], 1).run(slice_)
     effort.expanded = slice_.expanded
-    if answer.steps is None:
+    if answer is None or answer.steps is None:
         return None
     found = [space.operators[number] for number in answer.steps]
     return found if sum(operator.cost for operator in found) < cost else None
