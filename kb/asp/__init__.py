@@ -12,6 +12,7 @@ import clingo
 import numpy as np
 import numpy.typing as npt
 
+from kb.asp.suspicion import suspicion
 from kb.terms import Function, Number, Term, Text
 
 Table = npt.NDArray[np.int64]
@@ -119,6 +120,8 @@ def term(symbol: clingo.Symbol) -> Term:
 
 def ground_term(text: str) -> Term:
     """A ground term from its text, fast; arithmetic in it is evaluated. Raises `AspError`."""
+    if (found := suspicion(text)) is not None:
+        raise AspError([(1, found.offset + 1, found.message)])
     messages = Messages()
     try:
         return term(clingo.parse_term(text, logger=messages))

@@ -8,14 +8,12 @@ from math import prod
 from clingo import Control, SymbolType, ast
 
 from kb.asp import AspError, Messages
+from kb.asp.suspicion import suspicion
 
 Signature = tuple[str, int]
 MAX_LENGTH = 2 * 2**20  # characters of one file
-MAX_NESTING = 50
-MAX_OPERATIONS = 100
 MAX_ALTERNATIVES = 10_000
 MAX_RANGE = 1_000_000
-LARGEST = 2**31 - 1
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,9 +49,10 @@ class Refused:
 
 def statements(text: str) -> Iterator[Statement | Refused]:
     """The statements of an ASP file in order. Raises `AspError` for what is not ASP."""
-    refused = _beforehand(text)
-    if refused is not None:
-        yield refused
+    if (found := suspicion(text, MAX_LENGTH)) is not None:
+        line = text.count("\n", 0, found.offset) + 1
+        column = found.offset - text.rfind("\n", 0, found.offset)
+        yield Refused(line, column, found.message, found.hint, found.code)
         return
     messages, nodes = Messages(), list[ast.AST]()
     try:
@@ -64,48 +63,10 @@ def statements(text: str) -> Iterator[Statement | Refused]:
         yield from _statement(node)
 
 
-def _beforehand(text: str) -> Refused | None:
-    """What must not reach clingo: it follows `#include`, and neither its stack nor its integers are guarded."""
-    if len(text) > MAX_LENGTH:
-        hint = "give long lists of facts in problems"
-        return Refused(1, 1, f"longer than {MAX_LENGTH} characters", hint, "K007")
-    bare = _BLANKED.sub(lambda found: re.sub(r"[^\n]", " ", found[0]), text)
-    depth = run = 0
-    for found in _SUSPICIOUS.finditer(bare):
-        sign = found[0]
-        depth += (sign in "([{") - (sign in ")]}")
-        run = 0 if sign in ",;" or sign == "." else run + (sign in "-+*/\\~^?&|")
-        refused = _refusal(sign, depth, run)
-        if refused:
-            line = bare.count("\n", 0, found.start()) + 1
-            column = found.start() - bare.rfind("\n", 0, found.start())
-            return Refused(line, column, *refused)
-    return None
-
-
-_BLANKED = re.compile(r'%\*.*?\*%|%[^\n]*|"(?:\\.|[^"\\\n])*"', re.DOTALL)
-_SUSPICIOUS = re.compile(r"#\s*(?:include|script)\b|[0-9]{10,}|[][(){},;.~^?&|*/\\+-]")
-
-
-def _refusal(sign: str, depth: int, run: int) -> tuple[str, str, str] | None:
-    if sign.endswith("script"):
-        return _REFUSED[ast.ASTType.Script] + ("K202",)
-    if sign.startswith("#"):
-        return "#include is not part of the language", "list the file under `include:` in domain.yaml", "K203"
-    if sign.isdigit() and int(sign[:20]) > LARGEST:
-        return "this number is too large", f"the largest is {LARGEST}", "K113"
-    if depth > MAX_NESTING:
-        return f"nested deeper than {MAX_NESTING} brackets", "no term needs so many", "K007"
-    if run > MAX_OPERATIONS:
-        return f"more than {MAX_OPERATIONS} operations in one term", "compute it beforehand", "K007"
-    return None
-
-
 _SILENT = (
     {ast.ASTType.Program, ast.ASTType.Comment} if hasattr(ast.ASTType, "Comment") else {ast.ASTType.Program}
 )
 _REFUSED = {
-    ast.ASTType.Script: ("#script is not allowed: domain files are data", "express it as rules"),
     ast.ASTType.External: ("#external is not part of the language", "declare a fluent"),
     ast.ASTType.Minimize: ("optimisation is not part of the language", "use costs on operators"),
     ast.ASTType.ShowSignature: ("#show is not part of the language", "remove it: nothing is printed"),
