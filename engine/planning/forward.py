@@ -111,20 +111,23 @@ class Forward:
         if self.goal_bits & ~state == 0:
             return self._steps(here)
         effort.expanded += 1
-        words = np.frombuffer(state.to_bytes(self.width * 8, "little"), np.uint64)
-        estimate, applicable, preferred = evaluate(words, *self._arguments)
+        estimate, everything, helpful = self.evaluate(state)
         if estimate < 0:
             return None
         if self._best < 0 or estimate < self._best:
             self._best = estimate
             self._priorities[1] -= BOOST
-        helpful = self.preferred[:preferred].tolist()
-        everything = self.applicable[:applicable].tolist()
         effort.generated += len(everything)
         for number, queue in ((1, helpful), (0, everything)):
             for each in queue:
                 heapq.heappush(self._queues[number], (estimate, self._tie(), here, each))
         return None
+
+    def evaluate(self, state: Bits) -> tuple[int, list[int], list[int]]:
+        """The cost of a relaxed plan (-1 if there is none), the applicable operators, and those it begins with."""
+        words = np.frombuffer(state.to_bytes(self.width * 8, "little"), np.uint64)
+        estimate, applicable, preferred = evaluate(words, *self._arguments)
+        return estimate, self.applicable[:applicable].tolist(), self.preferred[:preferred].tolist()
 
     def _tie(self) -> int:
         """First in, first out; by chance with a seed."""
