@@ -6,6 +6,7 @@ from pathlib import Path
 
 from engine.grounding import ground, reachable_operators
 from engine.grounding.limits import require_affordable_statics
+from engine.interop.pddl import PddlProblem, read_pddl
 from engine.model.outcome import Found, Outcome, Statistics
 from engine.model.task import Task
 from engine.planning import Limits
@@ -46,6 +47,11 @@ def problem_of(target: str, goals: str = "", command: str = "") -> Problem:
         hint = f"{ways}, or one of its problems: {', '.join(problems)}" if problems else ways
         raise InvalidInput([Diagnostic(Source(target), "K401", "this is a domain, not a problem", hint)])
     return loaded.problem
+
+
+def pddl_task(domain: str, problem: Path) -> PddlProblem:
+    """The task in a PDDL domain and a PDDL problem file. Raises `InvalidInput`."""
+    return read_pddl(Path(domain), problem)
 
 
 def plan(problem: Problem, limits: Limits = Limits()) -> Outcome:

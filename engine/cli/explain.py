@@ -17,7 +17,7 @@ def explain(
     command: Command = "",
     format: Format = Form.TEXT,
     time_limit: TimeLimit = None,
-    expansions: Expansions = 200_000,
+    expansions: Expansions = 1_000_000,
 ) -> None:
     """Say why TARGET has no plan and what would have to be different; or why STEP is in the plan TARGET."""
     if step is None:

@@ -17,4 +17,6 @@ TimeLimit = Annotated[
     float | None, typer.Option(min=0, help="seconds after which the search ends with the best it has")
 ]
 Seed = Annotated[int, typer.Option(min=0, help="the same seed gives the same answer on any machine")]
+Pddl = Annotated[bool, typer.Option("--pddl", help="the arguments are a PDDL domain and a PDDL problem")]
+Strategy = Annotated[str, typer.Option(help="auto, backward or forward")]
 Expansions = Annotated[int, typer.Option(min=0, help="states that the search may expand before it gives up")]

@@ -9,39 +9,57 @@ import typer
 
 from engine.cli.answers import Answer, Form, give
 from engine.cli.exits import FINDINGS, INTERRUPTED, exit_code
-from engine.cli.options import Command, Expansions, Format, Goals, Seed, Stats, Target, TimeLimit
+from engine.cli.options import (
+    Command,
+    Expansions,
+    Format,
+    Goals,
+    Pddl,
+    Seed,
+    Stats,
+    Strategy,
+    Target,
+    TimeLimit,
+)
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
 
+    from engine.interop.pddl import PddlProblem
     from engine.model.outcome import Outcome
+    from kb.model.plan import Plan
     from kb.model.problem import Problem
 
 
 class PlanForm(StrEnum):
-    """How a plan is written: as a table, as data, or as a picture of its partial order."""
+    """How a plan is written: as a table, as data, or as a picture of its partial order, or as PDDL planners do."""
 
     TEXT = "text"
     JSON = "json"
     DOT = "dot"
     SVG = "svg"
+    IPC = "ipc"
 
 
 def plan(
     target: Target,
+    task: Annotated[Path | None, typer.Argument(help="with --pddl: the PDDL problem")] = None,
+    pddl: Pddl = False,
     goals: Goals = "",
     command: Command = "",
     format: Annotated[PlanForm, typer.Option("--format", help="how the plan is written")] = PlanForm.TEXT,
     stats: Stats = False,
     time_limit: TimeLimit = None,
-    expansions: Expansions = 200_000,
+    expansions: Expansions = 1_000_000,
+    strategy: Strategy = "auto",
     seed: Seed = 0,
 ) -> None:
-    """Print a plan for TARGET."""
+    """Print a plan for TARGET, or, with --pddl, for the PDDL domain TARGET and the PDDL problem TASK."""
+    if pddl != (task is not None):
+        raise typer.BadParameter("--pddl takes a domain and a problem; without it there is one target")
     form = Form.JSON if format is PlanForm.JSON else Form.TEXT
-    give(
-        lambda: _plan(Wanted(target, goals, command), format, stats, Work(time_limit, expansions, seed)), form
-    )
+    wanted = Wanted(target, goals, command, task)
+    give(lambda: _plan(wanted, format, stats, Work(time_limit, expansions, seed, strategy)), form)
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,6 +69,7 @@ class Wanted:
     target: str
     goals: str = ""
     command: str = ""
+    pddl: Path | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,17 +79,24 @@ class Work:
     seconds: float | None
     expansions: int
     seed: int
+    strategy: str
 
 
 def _plan(wanted: Wanted, form: PlanForm, stats: bool, work: Work) -> Answer:
     from engine import pipeline
     from engine.cli.interruption import Interruption
-    from engine.planning import Limits
+    from engine.planning import STRATEGIES, Limits
     from engine.report import json
+    from kb.diagnostics import Diagnostic, InvalidInput, Source, nearest
 
+    if work.strategy not in STRATEGIES:
+        hint = nearest(work.strategy, list(STRATEGIES)) or f"one of {', '.join(STRATEGIES)}"
+        raise InvalidInput([Diagnostic(Source("--strategy"), "K401", f"no strategy '{work.strategy}'", hint)])
     with Interruption(work.seconds) as interrupted:
-        problem = pipeline.problem_of(wanted.target, wanted.goals, wanted.command)
-        outcome = pipeline.plan(problem, Limits(expansions=work.expansions, interrupted=interrupted))
+        task = pipeline.pddl_task(wanted.target, wanted.pddl) if wanted.pddl else None
+        problem = task.problem if task else pipeline.problem_of(wanted.target, wanted.goals, wanted.command)
+        limits = Limits(work.expansions, interrupted=interrupted, strategy=work.strategy, seed=work.seed)
+        outcome = pipeline.plan(problem, limits)
     content = json.outcome(outcome, problem)
     if stats:
         content["statistics"] = json.statistics(outcome.statistics)
@@ -79,8 +105,21 @@ def _plan(wanted: Wanted, form: PlanForm, stats: bool, work: Work) -> Answer:
         content,
         text=lambda: _text(outcome, problem, stats),
         code=INTERRUPTED if interrupted.heard else exit_code(outcome),
-        raw=_picture(outcome, form),
+        raw=_ipc(outcome, task) if form is PlanForm.IPC else _picture(outcome, form),
     )
+
+
+def _ipc(outcome: "Outcome", task: "PddlProblem | None") -> str | None:
+    """The plan as the planning competitions write it."""
+    from engine.interop.pddl.plans import write_plan
+    from engine.model.outcome import Found
+    from kb.diagnostics import Diagnostic, InvalidInput, Source
+
+    if task is None:
+        raise InvalidInput(
+            [Diagnostic(Source("--format"), "K401", "ipc is a format for PDDL tasks", "give --pddl")]
+        )
+    return write_plan(task, outcome.plan) if isinstance(outcome, Found) else None
 
 
 def _text(outcome: "Outcome", problem: "Problem", stats: bool) -> "RenderableType":
@@ -110,25 +149,48 @@ def _picture(outcome: "Outcome", form: PlanForm) -> str | None:
 
 
 def validate(
-    file: Annotated[Path, typer.Argument(help="a plan, as `cellwright plan --format json` writes it")],
+    file: Annotated[Path, typer.Argument(help="a plan in JSON; with --pddl the PDDL domain")],
+    task: Annotated[Path | None, typer.Argument(help="with --pddl: the PDDL problem")] = None,
+    made: Annotated[Path | None, typer.Argument(help="with --pddl: the plan, one action a line")] = None,
+    pddl: Pddl = False,
     problem: Annotated[
         str, typer.Option(help="check it against this problem instead of the one it carries")
     ] = "",
     format: Format = Form.TEXT,
 ) -> None:
-    """Check the plan in FILE with the independent checker."""
-    give(lambda: _validate(file, problem), format)
+    """Check the plan in FILE, or, with --pddl, the plan MADE for a PDDL task, with the independent checker."""
+    if pddl and (task is None or made is None):
+        raise typer.BadParameter("--pddl takes a domain, a problem and a plan")
+    give(
+        lambda: (
+            _validate(file, problem) if not (pddl and task and made) else _validate_pddl(file, task, made)
+        ),
+        format,
+    )
+
+
+def _validate_pddl(domain: Path, task: Path, made: Path) -> Answer:
+    from engine import pipeline
+    from engine.interop.pddl.plans import read_plan
+
+    read = pipeline.pddl_task(str(domain), task)
+    return _judged(read.problem, read_plan(read, made), str(made))
 
 
 def _validate(file: Path, target: str) -> Answer:
-    from rich.text import Text
-
     from engine import pipeline
     from kb.loader import load_plan
 
     own, plan = load_plan(file)
-    problem = pipeline.problem_of(target) if target else own
-    found = pipeline.check_plan(problem, plan, str(file))
+    return _judged(pipeline.problem_of(target) if target else own, plan, str(file))
+
+
+def _judged(problem: "Problem", plan: "Plan", name: str) -> Answer:
+    from rich.text import Text
+
+    from engine import pipeline
+
+    found = pipeline.check_plan(problem, plan, name)
     said = f"valid: {len(plan.steps)} steps, cost {plan.cost}, {len(plan.links)} causal links"
     content = {"steps": len(plan.steps), "cost": plan.cost, "links": len(plan.links)}
     if found:

@@ -14,6 +14,9 @@ from engine.planning.variants import TooManyVariants, unconditional
 from kb.model.plan import Plan
 
 
+__all__ = ["STRATEGIES", "Limits", "plan"]
+
+
 @dataclass(frozen=True, slots=True)
 class Limits:
     """Work allowed: `expansions` while searching, `improvement` of them once a plan is known.

@@ -61,7 +61,7 @@ class _ProblemReader:
                 "problem",
             ):
                 self.document.add(
-                    group, "K702", f"{section} is not supported", "only classical planning is read"
+                    group, "K802", f"{section} is not supported", "only classical planning is read"
                 )
         if ":objects" in self.sections:
             self.domain.declare_objects(self.document, self.sections[":objects"].rest, self.objects)
@@ -92,7 +92,7 @@ class _ProblemReader:
         group = self.sections.get(":goal")
         if group is None or len(group.rest) != 1:
             self.document.add(
-                group or self.document.root, "K701", "a problem has one goal", "write (:goal (and ...))"
+                group or self.document.root, "K801", "a problem has one goal", "write (:goal (and ...))"
             )
             return TRUE
         return self.conditions.condition(group.rest[0], {})
@@ -114,7 +114,7 @@ class _ProblemReader:
         head = left.head if isinstance(left, Group) else ""
         if head not in self.scope.functions or not isinstance(right, Word) or not right.text.isdigit():
             hint = "costs are whole numbers"
-            self.document.add(part, "K702", "this initial value is not supported", hint)
+            self.document.add(part, "K802", "this initial value is not supported", hint)
         elif head != "total-cost" and isinstance(left, Group):
             signature = self.scope.functions[head]
             given = zip(left.rest, signature, strict=False)

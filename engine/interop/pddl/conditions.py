@@ -47,7 +47,7 @@ class ConditionReader:
     def condition(self, at: Expression, types: Types) -> Condition:
         """A condition; what is wrong with it is noted and counts as true."""
         if isinstance(at, Word):
-            self.document.add(at, "K701", f"'{at.text}' is no condition", "conditions stand in parentheses")
+            self.document.add(at, "K801", f"'{at.text}' is no condition", "conditions stand in parentheses")
             return TRUE
         if not at.parts:
             return TRUE
@@ -96,7 +96,7 @@ class ConditionReader:
 
     def _unsupported(self, at: Expression, what: str) -> None:
         hint = "only classical planning is read: no numbers but action costs, no times, no preferences"
-        self.document.add(at, "K702", f"{what} are not supported", hint)
+        self.document.add(at, "K802", f"{what} are not supported", hint)
 
     def atom(self, at: Group, types: Types) -> Atom | None:
         """An atom, checked against the declared predicates; None if it is not one."""
@@ -149,7 +149,7 @@ class ConditionReader:
     ) -> Iterator[Effect]:
         """The effects of an action; increases of the total cost are read elsewhere."""
         if isinstance(at, Word):
-            self.document.add(at, "K701", f"'{at.text}' is no effect", "effects stand in parentheses")
+            self.document.add(at, "K801", f"'{at.text}' is no effect", "effects stand in parentheses")
             return
         match at.head:
             case "and" | "":

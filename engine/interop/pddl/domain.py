@@ -39,11 +39,11 @@ class DomainReader:
     def declare(self) -> None:
         """Types, constants, predicates and functions; sections that are not supported are refused."""
         if self.document.root.head != "define":
-            self.document.add(self.document.root, "K701", "a PDDL file is one (define ...)")
+            self.document.add(self.document.root, "K801", "a PDDL file is one (define ...)")
         for group in self.groups:
             if group.head not in SECTIONS:
                 hint = "only classical planning is read"
-                self.document.add(group, "K702", f"{group.head or 'this section'} is not supported", hint)
+                self.document.add(group, "K802", f"{group.head or 'this section'} is not supported", hint)
         for group in self._all(":types"):
             self._types(group.rest)
         for group in self._all(":constants"):
@@ -55,7 +55,10 @@ class DomainReader:
 
     def _types(self, parts: Sequence[Expression]) -> None:
         names, listed = self.scope.names, list(typed(self.document, parts))
-        for word, _ in listed:
+        parents = [
+            parent for _, parent in listed if isinstance(parent, Word)
+        ]  # a parent need not be declared itself
+        for word in (*(word for word, _ in listed), *parents):
             if word.text != "object":
                 self.scope.types[names.of("type", word.text)] = Type(names.of("type", word.text))
         for word, parent in listed:
@@ -79,7 +82,7 @@ class DomainReader:
     def _predicates(self, parts: Sequence[Expression]) -> None:
         for part in parts:
             if not isinstance(part, Group) or not part.head:
-                self.document.add(part, "K701", "a predicate is declared as (name ?x - type ...)")
+                self.document.add(part, "K801", "a predicate is declared as (name ?x - type ...)")
                 continue
             if part.head in self.scope.predicates:
                 self.document.add(part, "K104", f"predicate '{part.head}' is declared twice")
@@ -130,7 +133,7 @@ class DomainReader:
     def _action(self, group: Group) -> Operator:
         word = group.rest[0] if group.rest else group
         if not isinstance(word, Word):
-            self.document.add(group, "K701", "an action has a name")
+            self.document.add(group, "K801", "an action has a name")
         name = word.text if isinstance(word, Word) else "action"
         listed = _field(group, ":parameters")
         parameters = self.scope.parameters(self.document, listed.parts if isinstance(listed, Group) else ())
@@ -164,7 +167,7 @@ class DomainReader:
     def _axiom(self, group: Group) -> Iterator[Rule]:
         """A derived predicate's rule as rules with plain bodies."""
         if len(group.rest) != 2 or not isinstance(group.rest[0], Group):
-            self.document.add(group, "K701", "an axiom is (:derived (predicate ?x ...) condition)")
+            self.document.add(group, "K801", "an axiom is (:derived (predicate ?x ...) condition)")
             return
         head, condition = group.rest[0], group.rest[1]
         parameters = self.scope.parameters(self.document, head.rest)

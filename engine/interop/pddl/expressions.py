@@ -70,7 +70,7 @@ def _root(file: File) -> Group:
     if len(roots) != 1:
         what = "no expression" if not roots else "more than one expression"
         hint = "a PDDL file is one (define ...)"
-        raise InvalidInput([Diagnostic(Source(file.path), "K701", f"{what} in this file", hint)])
+        raise InvalidInput([Diagnostic(Source(file.path), "K801", f"{what} in this file", hint)])
     return roots[0]
 
 

@@ -47,7 +47,7 @@ class Scope:
         """The ASP name of a type as written; `(either a b)` becomes a type of its own."""
         if isinstance(at, Group):
             if at.head != "either" or not at.rest:
-                document.add(at, "K701", "a type is a name or (either ...)")
+                document.add(at, "K801", "a type is a name or (either ...)")
                 return OBJECT
             return self._union(sorted({self.type_of(document, part) for part in at.rest}))
         if at.text == "object":
@@ -72,7 +72,7 @@ class Scope:
         found = []
         for word, type_ in typed(document, parts):
             if not word.text.startswith("?"):
-                document.add(word, "K701", f"'{word.text}' should be a variable", f"write ?{word.text}")
+                document.add(word, "K801", f"'{word.text}' should be a variable", f"write ?{word.text}")
             name = OBJECT if type_ is None else self.type_of(document, type_)
             found.append(Parameter(self.names.variable(word.text), name))
         return tuple(found)
@@ -90,7 +90,7 @@ def typed(document: Document, parts: Sequence[Expression]) -> Iterator[tuple[Wor
             position += 2
             continue
         if isinstance(part, Group) or part.text == "-":
-            document.add(part, "K701", "a typed list is names, and '-' with a type after them")
+            document.add(part, "K801", "a typed list is names, and '-' with a type after them")
         else:
             waiting.append(part)
         position += 1
