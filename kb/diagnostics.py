@@ -52,6 +52,13 @@ CODES = {
     "K602": "a command that is not understood",
     "K603": "a command names what is not there, or not one thing",
     "K604": "a command gives an order to what cannot be a stage",
+    "K701": "a frame that stands on itself",
+    "K702": "a shape without extent, or not as it says it is",
+    "K703": "a robot description that does not hold together",
+    "K704": "a region that is not within its parents",
+    "K705": "a place that no arm configuration reaches",
+    "K801": "not PDDL",
+    "K802": "a PDDL feature that is not supported",
 }
 
 
@@ -119,13 +126,17 @@ class InvalidInput(Exception):
 
 def nearest(name: str, known: Collection[str]) -> str:
     """The hint "did you mean ...?" for a misspelt name, or nothing when no known name is near."""
-    near = difflib.get_close_matches(name, sorted(known), n=1)
-    return f"did you mean '{near[0]}'?" if near else ""
+    near = difflib.get_close_matches(name, sorted(known), n=5)
+    best = max(near, key=lambda each: each[:1] == name[:1], default="")
+    return f"did you mean '{best}'?" if best else ""
 
 
 def unknown_name(kind: str, name: str, known: Collection[str], where: Source) -> Diagnostic:
-    """The diagnostic for a name that nobody declared."""
-    return Diagnostic(where, "K101", f"unknown {kind} '{name}'", nearest(name, known))
+    """The diagnostic for a name that nobody declared, with the nearest one or some that are known."""
+    shown = list(known)[:8]
+    some = ", ".join(shown) + (", ..." if len(known) > len(shown) else "")
+    hint = nearest(name, known) or (f"known: {some}" if shown else "declare it first")
+    return Diagnostic(where, "K101", f"unknown {kind} '{name[:60]}'", hint)
 
 
 def errors(diagnostics: Iterable[Diagnostic]) -> list[Diagnostic]:
