@@ -36,6 +36,10 @@ class Messages:
         self.heard: list[tuple[int, int, str]] = []
 
     def __call__(self, _code: clingo.MessageCode, text: str) -> None:
+        self.hear(text)
+
+    def hear(self, text: str) -> None:
+        """Take the place out of a message."""
         found = self._PLACE.match(text)
         line, column, said = (int(found[1]), int(found[2]), found[3]) if found else (0, 0, text)
         self.heard.append((line, column, " ".join(said.split())))
@@ -126,4 +130,5 @@ def ground_term(text: str) -> Term:
     try:
         return term(clingo.parse_term(text, logger=messages))
     except RuntimeError as error:
-        raise AspError(messages.heard or [(0, 0, str(error))]) from None
+        messages.hear(str(error))
+        raise AspError(messages.heard) from None

@@ -1,5 +1,7 @@
 """The declarations of a domain file: types, functions, objects, predicates."""
 
+import re
+
 import networkx as nx
 
 from kb.diagnostics import Source, unknown_name
@@ -73,8 +75,9 @@ def _refuse_cycles(graph: "nx.DiGraph[str]", places: dict[str, Source], kind: st
     for component in nx.strongly_connected_components(graph):
         looped = sorted(name for name in component if name in places)
         if len(component) > 1 or any(graph.has_edge(name, name) for name in component):
-            said = " and ".join(looped) if len(looped) > 1 else "itself"
-            message = f"the {kind} '{looped[0]}' is defined by {said}"
+            message = f"the {kind} {looped[0]} is defined by itself"
+            if len(looped) > 1:
+                message = f"the {kind}s {' and '.join(looped)} are defined by each other"
             hint = "break the circle: terms and types have no end otherwise"
             names.findings.add(places[looped[0]], "K109", message, hint)
 
@@ -127,6 +130,8 @@ def _check_result(names: Names, name: str, result: str, node: Node) -> None:
 def _signature(reader: Reader, key: Node, names: Names) -> Function | None:
     expression = reader.parse("signature", key)
     if expression is None:
+        if found := re.match(r"[a-z][A-Za-z0-9_]*", str(key.value)):
+            names.broken.add(found[0])
         return None
     signature: Function = expression.value
     for argument in signature.arguments:

@@ -35,11 +35,12 @@ class Typing:
         self.names = names
         self.types: dict[Variable, str] = dict(types or {})
         self.weak: dict[Variable, str] = {}  # from negative occurrences
+        self.sound = True  # else a type may be missing for a reason that is noted already
 
     def nested(self) -> "Typing":
         """A scope inside this one: what it narrows is not seen outside."""
         inner = Typing(self.names, self.types)
-        inner.weak = dict(self.weak)
+        inner.weak, inner.sound = dict(self.weak), self.sound
         return inner
 
     def type_of(self, variable: Variable) -> str | None:
@@ -52,6 +53,7 @@ class Typing:
         """Check an atom's name, arity, kind and arguments, and narrow its variables."""
         predicate = self.names.predicate(atom, expression, kinds)
         if predicate is None:
+            self.sound = False
             return
         if atom.name in self.names.types and atom.name not in self.names.predicates:
             expected: tuple[str, ...] = (atom.name,) if positive else (OBJECT,)
@@ -128,10 +130,7 @@ class Typing:
 
     def _mismatch(self, term: str, actual: str, expected: str, expression: Expression, atom: Atom) -> None:
         message = f"{term} is of type {actual}, but {atom.name} takes {expected} here"
-        known = [name for name, type_ in self.names.objects.items() if self.names.is_subtype(type_, expected)]
-        shown = ", ".join(known[:5]) + (", ..." if len(known) > 5 else "")
-        hint = f"{expected}: {shown}" if known and expected != OBJECT else ""
-        self.names.findings.add(expression.place(atom), "K103", message, hint)
+        self.names.findings.add(expression.place(atom), "K103", message, self.names.examples(expected))
 
     def condition(
         self, condition: Condition, expression: Expression, kinds: Collection[Kind], positive: bool = True
@@ -189,10 +188,10 @@ class Typing:
         found = []
         for variable in wanted:
             type_ = self.type_of(variable)
-            if type_ is None:
+            if type_ is None and self.sound:
                 hint = "use it in an atom that binds it, or name its type under `types:`"
                 self.names.findings.add(
-                    expression.place(variable), code, f"nothing gives variable {variable} a type", hint
+                    expression.place(variable), code, f"nothing gives the variable {variable} a type", hint
                 )
             found.append(Parameter(variable, type_ or OBJECT))
         return tuple(found)

@@ -21,6 +21,7 @@ class Names:
     predicates: dict[str, Predicate] = field(default_factory=dict)
     term_types: set[str] = field(default_factory=set)  # declared with the parent `term`
     closed_lists: set[str] = field(default_factory=set)
+    broken: set[str] = field(default_factory=set)  # declared in a way that cannot be read, which is noted
     derived: list[str] = field(default_factory=list)  # as declared; those over statics alone become static
 
     def extended(self, objects: Mapping[str, str]) -> "Names":
@@ -53,6 +54,14 @@ class Names:
         else:
             self.objects[name] = type_
 
+    def examples(self, type_: str) -> str:
+        """What to try where a value of a type is wanted."""
+        if type_ in UNLISTED:
+            return f"write a {type_}" if type_ == "text" else "write a number"
+        known = [name for name, own in self.objects.items() if self.is_subtype(own, type_)]
+        shown = ", ".join(known[:5]) + (", ..." if len(known) > 5 else "")
+        return f"of type {type_}: {shown}" if known else f"nothing of type {type_} is declared here"
+
     def is_term_type(self, name: str) -> bool:
         """Whether compound terms alone are of this type."""
         return any(self.is_subtype(name, each) for each in self.term_types)
@@ -64,6 +73,8 @@ class Names:
         predicate = self.predicates.get(atom.name)
         if predicate is None and self.known_type(atom.name) and atom.name not in UNLISTED:
             predicate = Predicate(atom.name, (OBJECT,), Kind.STATIC)
+        if predicate is None and atom.name in self.broken:
+            return None
         if predicate is None:
             known = [*self.predicates, *self.types]
             self.findings.note(unknown_name("predicate", atom.name, known, expression.place(atom)))
@@ -74,7 +85,7 @@ class Names:
                 expression.place(atom), "K102", miscounted(atom, len(predicate.arguments)), hint
             )
         elif predicate.kind not in kinds:
-            message = f"'{atom.name}' is {_article(predicate.kind)}; here stands {_listed(kinds)}"
+            message = f"'{atom.name}' is {_article(predicate.kind)}; here stands {_listed(kinds)} alone"
             self.findings.add(expression.place(atom), "K108", message, _KIND_HINTS[predicate.kind])
         else:
             return predicate
@@ -86,8 +97,12 @@ UNLISTED = (*NUMERIC_TYPES, "text")  # types whose values cannot be enumerated
 
 def miscounted(term: Function, expected: int) -> str:
     """What is said of a term with the wrong number of arguments."""
-    noun = "argument" if expected == 1 else "arguments"
-    return f"{term.name} takes {expected} {noun}, not {len(term.arguments)}"
+    return count_of(term.name, expected, len(term.arguments))
+
+
+def count_of(name: str, expected: int, actual: int) -> str:
+    """What is said of a name with the wrong number of arguments."""
+    return f"{name} takes {expected} argument{'' if expected == 1 else 's'}, not {actual}"
 
 
 def _article(kind: Kind) -> str:
@@ -95,7 +110,8 @@ def _article(kind: Kind) -> str:
 
 
 def _listed(kinds: Collection[Kind]) -> str:
-    return " or ".join(_article(kind) for kind in kinds)
+    *others, last = map(_article, kinds)
+    return f"{', '.join(others)} or {last}" if others else last
 
 
 _KIND_NAMES = {

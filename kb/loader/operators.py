@@ -56,11 +56,13 @@ class _OperatorReader:
     def read(self) -> Operator:
         for name, start in _FIELDS.items():
             self.fields[name] = self.reader.expression(start, *self.path, name)
+            if self.fields[name] is None and self.reader.text(*self.path, name):
+                self.typing.sound = False
         if expression := self.fields["preconditions"]:
             self.fields["preconditions"] = scoped(expression, self.header.value.arguments)
         self._infer()
+        self._refuse_strangers()
         parameters = self.typing.parameters(dict.fromkeys(self.header.value.arguments), self.header)
-        self._refuse_strangers(parameters)
         self._refuse_unbound(parameters)
         operator = Operator(
             self.header.value.name,
@@ -90,6 +92,8 @@ class _OperatorReader:
 
     def _warn(self, operator: Operator) -> None:
         """Variables that stand only once, and operators that change nothing."""
+        if not self.typing.sound:
+            return
         standing = [
             getattr(operator, name) for name in ("precondition", "body", "resources", "duration", "cost")
         ]
@@ -100,8 +104,9 @@ class _OperatorReader:
         if where := self.fields["where"]:
             inner = [v for part in where.value for v in free_variables(part) if v not in operator.variables]
             warn_singletons(inner, counted, where, self.names)
-        warn_singletons(operator.variables, counted, self.header, self.names)
-        if not operator.effects and not any(self.fields[name] for name in ("adds", "deletes")):
+        advice = "leave it out, or call it '_{}' if it is meant"
+        warn_singletons(operator.variables, counted, self.header, self.names, advice)
+        if not operator.effects and self.typing.sound:
             message, hint = f"{operator.header} changes nothing", "say what it `adds`"
             self.names.findings.add(operator.where, "K114", message, hint, warning=True)
 
@@ -145,13 +150,14 @@ class _OperatorReader:
                 self.typing.types[variable] = type_
             elif known not in NUMERIC_TYPES:
                 message = f"{variable} is of type {known}, but a {name} is a number"
-                self.names.findings.add(expression.place(variable), "K103", message)
+                hint = "bind a number by a static: `takes(Item, Time)` in `where:`"
+                self.names.findings.add(expression.place(variable), "K103", message, hint)
         if not isinstance(value, Variable):
             self.typing.term(value, type_, expression, Function(name))
 
-    def _refuse_strangers(self, parameters: tuple[Parameter, ...]) -> None:
+    def _refuse_strangers(self) -> None:
         """Variables that stand outside `where:` but not in the header."""
-        known = {parameter.variable for parameter in parameters} | {ANYTHING}
+        known = {*self.header.value.arguments, ANYTHING}
         for name in _OUTSIDE_WHERE:
             if expression := self.fields[name]:
                 for variable in dict.fromkeys(_variables_of(expression.value)):
@@ -160,6 +166,7 @@ class _OperatorReader:
                         hint = hint or f"add it to the header {self.header.value}"
                         message = f"the variable {variable} is not in the header"
                         self.names.findings.add(expression.place(variable), "K105", message, hint)
+                        self.typing.sound = False
         for name in _OUTSIDE_WHERE[1:]:
             if expression := self.fields[name]:
                 refuse_anything(expression, name, self.names)

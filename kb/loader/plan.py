@@ -75,14 +75,19 @@ def _number(node: Node, key: str, default: int) -> int:
     return int(node.value[key][1].value) if key in node.value else default
 
 
+_TERM_HINT = "write it as in ASP, such as move(arm, table)"
+
+
 def _term(reader: Reader, node: Node) -> Function:
     """A ground term, read by clingo: plans hold thousands of them."""
     try:
         found = ground_term(node.value)
     except AspError as error:
-        reader.findings.add(node.where, "K402", f"'{node.value}' is no ground term: {error}")
+        reader.findings.add(node.where, "K402", f"'{node.value}' is no ground term: {error}", _TERM_HINT)
         return Function("unreadable")
     if not isinstance(found, Function):
-        reader.findings.add(node.where, "K402", f"'{node.value}' is neither an atom nor an object")
+        reader.findings.add(
+            node.where, "K402", f"'{node.value}' is neither an atom nor an object", _TERM_HINT
+        )
         return Function("unreadable")
     return found

@@ -10,7 +10,7 @@ from kb.asp import AspError
 from kb.asp.statements import Refused, Signature, Statement, statements, unsafe
 from kb.diagnostics import Source, nearest
 from kb.loader.files import File, is_file, read_file
-from kb.loader.names import Names
+from kb.loader.names import Names, count_of
 from kb.loader.reader import Reader
 from kb.loader.tree import Node
 from kb.model.domain import BUILT_IN_TYPES, NUMERIC_TYPES, OBJECT, AspText, Kind, Rule
@@ -93,7 +93,7 @@ def _check(read: Read, names: Names) -> None:
         if statement.defines:
             _check_constant(statement.defines, where, names)
         for use, _ in statement.uses:
-            if use not in known:
+            if use not in known and use[0] not in names.broken:
                 _unknown(use, known, where, names)
         if statement.signature:
             _check_head(statement.signature, where, names)
@@ -117,7 +117,7 @@ def _unknown(use: Signature, known: Iterable[Signature], where: Source, names: N
     name, arity = use
     arities = sorted(other for known_name, other in known if known_name == name)
     if arities:
-        message = f"{name} takes {' or '.join(map(str, arities))} arguments, not {arity}"
+        message = count_of(name, arities[0], arity)
         names.findings.add(where, "K102", message, "count its arguments")
     else:
         hint = nearest(name, [known_name for known_name, _ in known]) or "declare it, or define it by a rule"
@@ -138,9 +138,7 @@ def _check_head(signature: Signature, where: Source, names: Names) -> None:
         names.findings.add(where, "K112", f"'{name}' is reserved", hint)
     elif predicate and len(predicate.arguments) != arity:
         hint = f"it is {name}({', '.join(predicate.arguments)})"
-        names.findings.add(
-            where, "K102", f"{name} takes {len(predicate.arguments)} arguments, not {arity}", hint
-        )
+        names.findings.add(where, "K102", count_of(name, len(predicate.arguments), arity), hint)
     elif predicate and predicate.kind in (Kind.FLUENT, Kind.EVENT):
         hint = "let operators or deductive operators change it, or declare it under `derived:`"
         message = f"'{name}' is declared under `{predicate.kind.value}s:`: rules cannot define it"
@@ -170,7 +168,7 @@ def _check_arguments(statement: Statement, where: Source, names: Names, constant
                 names.findings.add(where, "K101", message, hint, warning=True)
         elif not names.is_subtype(actual, expected):
             message = f"{constant} is of type {actual}, but {name} takes {expected} here"
-            names.findings.add(where, "K103", message)
+            names.findings.add(where, "K103", message, names.examples(expected))
 
 
 def _sorted(read: Read, fluent: set[Signature], names: Names) -> tuple[list[AspText], list[Rule]]:

@@ -115,13 +115,17 @@ def _of_part(part: Condition) -> Iterator[Variable]:
 
 
 def warn_singletons(
-    suspects: Iterable[Variable], counted: Counter[Variable], expression: Expression, names: Names
+    suspects: Iterable[Variable],
+    counted: Counter[Variable],
+    expression: Expression,
+    names: Names,
+    advice: str = "write '_' or '_{}' if anything will do",
 ) -> None:
     """Warn of the suspects that stand only once; a name that begins with `_` says that this is meant."""
     for variable in dict.fromkeys(suspects):
         if counted[variable] == 1 and not variable.name.startswith("_"):
             others = [each.name for each in counted if each != variable]
-            hint = nearest(variable.name, others) or f"write '_' or '_{variable}' if anything will do"
+            hint = nearest(variable.name, others) or advice.format(variable)
             message = f"the variable {variable} stands only once"
             names.findings.add(expression.place(variable), "K110", message, hint, warning=True)
 

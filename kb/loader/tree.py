@@ -163,6 +163,7 @@ class _Composer:
             self._note(
                 Diagnostic(where, "K006", f"YAML takes '{comment[1]}' for the start of a comment", hint)
             )
+            return self._node("", event, event)  # the rest of it would only be misread
         return self._node(event.value, event, event)
 
     def _node(self, value: Any, opened: yaml.Event, closed: yaml.Event) -> Node:

@@ -46,6 +46,14 @@ def model_of(kind: str) -> type[BaseModel]:
             from kb.schema.plan import PlanFile
 
             return PlanFile
+        case "cell":
+            from kb.schema.cell import CellFile
+
+            return CellFile
+        case "arm":
+            from kb.schema.cell import ArmFile
+
+            return ArmFile
         case _:
             raise KeyError(kind)
 
@@ -108,7 +116,10 @@ _EXPECTED = {
     "bool_parsing": "true or false",
     "truth": "true or false",
 }
-_HINTS = {"string_pattern_mismatch": "a small letter, then small letters, digits and _"}
+_HINTS = {
+    "literal_error": "choose one of them",
+    "string_pattern_mismatch": "a small letter, then small letters, digits and _",
+}
 
 
 def _described(error: Any) -> str:
@@ -150,6 +161,10 @@ def _advice(expected: Sequence[str], found: Any) -> str:
             return "give each entry a line `key: value`"
         case None:
             return "fill it in, or leave the key out"
+        case str() if "a whole number" in expected:
+            return "write it in digits"
+        case str() if "true or false" in expected:
+            return "write `true` or `false`"
         case _:
             return ""
 

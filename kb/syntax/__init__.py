@@ -234,7 +234,7 @@ def _explained(error: UnexpectedInput, text: str) -> ExpressionError:
             said, offset = "the expression ends too early", len(text.rstrip())
     expected = getattr(error, "accepts", None) or getattr(error, "expected", None) or ()
     readable = sorted(_READABLE[name] for name in expected if name in _READABLE)
-    hint = _TOKEN_HINTS.get(text[offset : offset + 1], "")
+    hint = _TOKEN_HINTS.get(":" if text[:offset].rstrip().endswith(":") else text[offset : offset + 1], "")
     return ExpressionError(offset, said, hint or (f"expected {' or '.join(readable)}" if readable else ""))
 
 

@@ -1,0 +1,78 @@
+"""One broken file per diagnostic code, and more where a code has several messages: what is printed is golden."""
+
+import functools
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from engine import pipeline
+from engine.starter import create
+from kb.asp import trial
+from kb.diagnostics import CODES, Diagnostic, InvalidInput
+from kb.loader import load_plan
+
+DATA = Path(__file__).parents[1] / "data"
+EXAMPLES = sorted(folder.name for folder in DATA.iterdir() if folder.is_dir())
+PENDING = {
+    *("K701", "K702", "K703", "K704", "K705"),
+    *("K801", "K802"),
+}  # cells and PDDL, which are being written
+WITHOUT_A_FILE = {"K403": "a folder with something in it is no place for a new domain"}
+
+
+def found_in(folder: Path) -> tuple[Diagnostic, ...]:
+    """What the command for this kind of example reports: validate, or check of the problem or of the whole domain."""
+    try:
+        if (folder / "plan.json").exists():
+            problem, plan = load_plan(folder / "plan.json")
+            return tuple(pipeline.check_plan(problem, plan, str(folder / "plan.json")))
+        target = folder / "problem.yaml"
+        return pipeline.check(str(target if target.exists() else folder / "domain.yaml")).diagnostics
+    except InvalidInput as error:
+        return error.diagnostics
+
+
+@pytest.fixture(autouse=True)
+def small_trials(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A trial of grounding gives up soon."""
+    small = functools.partial(trial.affordable, seconds=1, megabytes=200)
+    monkeypatch.setattr("engine.grounding.limits.affordable", small)
+
+
+@pytest.mark.parametrize("name", EXAMPLES)
+def test_the_message_of_an_example(
+    name: str, golden: Callable[[str, str], None], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(DATA)
+    found = found_in(Path(name))
+    assert name[:4] in {each.code for each in found}
+    golden(f"diagnostics/{name}.txt", "\n".join(map(str, found)) + "\n")
+
+
+def test_a_refusal_without_a_file() -> None:
+    with pytest.raises(InvalidInput, match="K403"):
+        create(DATA)
+
+
+def test_every_code_has_an_example() -> None:
+    shown = {name[:4] for name in EXAMPLES} | set(WITHOUT_A_FILE)
+    assert shown | PENDING == set(CODES)
+    assert not shown & PENDING
+
+
+@pytest.mark.parametrize("name", [name for name in EXAMPLES if name < "K5"])
+def test_a_message_says_where_what_and_what_to_try(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(DATA)
+    for each in found_in(Path(name)):
+        assert each.hint
+        assert each.message
+        known_place = each.where.line and each.where.text.strip()
+        assert known_place or each.code in ("K001", "K002", "K402"), each
+
+
+def test_all_that_is_wrong_is_said_in_one_run(tmp_path: Path) -> None:
+    text = (DATA / "K101_unknown_type" / "domain.yaml").read_text()
+    text = text.replace("bolt, nut", "bolt, nut, bolt").replace("adds: at(Item, To)", "adds: at(Item, To")
+    (tmp_path / "domain.yaml").write_text(text)
+    assert {each.code for each in found_in(tmp_path)} == {"K101", "K104", "K106"}
