@@ -35,6 +35,11 @@ class Deduction:
                 added, deleted = added | more, deleted | denied
         return added, deleted
 
+    def has_rules(self) -> bool:
+        """Whether anything follows from anything."""
+        trivial = all(mask == 1 << atom for atom, mask in enumerate(self.implied))
+        return not trivial or any(self.denied) or bool(self.triggers())
+
     def triggers(self) -> Bits:
         """The atoms whose denial has consequences."""
         pairs = zip(self.implied_if_denied, self.denied_if_denied, strict=True)

@@ -90,6 +90,7 @@ class Instances:
 
     def __post_init__(self) -> None:
         self.triggers = self.deduction.triggers()
+        self.deduces = self.deduction.has_rules()
 
     def operators(self, row: Row) -> Iterator[GroundOperator]:
         """The ground operators of one row: one per support and per choice of stages."""
@@ -123,6 +124,8 @@ class Instances:
         self, row: Row, operator: Operator, instance: Function, true_before: Bits
     ) -> tuple[Bits, Bits]:
         deletes = row.deletes & ~row.adds  # add after delete: what is added again never ends
+        if not self.deduces:
+            return row.adds, deletes
         key = (row.adds, true_before, deletes)
         closed = self._closed.get(key)
         if closed is None:
@@ -134,6 +137,8 @@ class Instances:
 
     def _doubt(self, row: Row, instance: Function, true_before: Bits, base: Bits) -> None:
         """Note denied atoms with consequences that the preconditions do not name."""
+        if not self.triggers:
+            return
         deletes = row.deletes & ~row.adds
         _, denied = self._closed[(row.adds, true_before, deletes)]
         doubtful = (denied | deletes) & self.triggers & ~true_before
