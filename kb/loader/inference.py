@@ -55,6 +55,10 @@ class Typing:
         if predicate is None:
             self.sound = False
             return
+        if predicate.kind is not Kind.STATIC and any(map(has_arithmetic, atom.arguments)):
+            hint = "bind the result in `where:`, as in M = N + 1"
+            message = f"arithmetic stands in constraints, not in {atom.name}(...)"
+            self.names.findings.add(expression.place(atom), "K107", message, hint)
         if atom.name in self.names.types and atom.name not in self.names.predicates:
             expected: tuple[str, ...] = (atom.name,) if positive else (OBJECT,)
         else:
@@ -232,6 +236,17 @@ class Typing:
             inner = zip(term.arguments, expected, strict=False)
             return Function(term.name, tuple(self._renamed(a, t, fresh) for a, t in inner))
         return term
+
+
+def has_arithmetic(term: Term) -> bool:
+    """Whether something in a term is to be computed."""
+    match term:
+        case Operation():
+            return True
+        case Function(_, arguments):
+            return any(map(has_arithmetic, arguments))
+        case _:
+            return False
 
 
 def scoped(expression: Expression, outer: Collection[Variable]) -> Expression:

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from kb.asp import AspError, ground_term
 from kb.loader.command import commanded
 from kb.loader.declarations import read_objects
-from kb.loader.inference import Typing, scoped
+from kb.loader.inference import Typing, has_arithmetic, scoped
 from kb.loader.names import Names
 from kb.loader.operators import READABLE
 from kb.loader.reader import Expression, Findings, Reader
@@ -56,6 +56,9 @@ def _facts(reader: Reader, names: Names, section: str, kinds: tuple[Kind, ...]) 
                 message = f"a fact has no variables: {variable}"
                 hint = "write one fact for each object; names begin with a small letter"
                 names.findings.add(expression.place(variable), "K105", message, hint)
+            elif has_arithmetic(atom):
+                message = f"{atom} is not computed here"
+                names.findings.add(expression.place(atom), "K107", message, "write the result")
             elif atom in seen:
                 message, hint = f"{atom} is listed twice", "leave one out"
                 names.findings.add(node.where, "K111", message, hint, warning=True)
