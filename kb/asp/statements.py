@@ -11,7 +11,7 @@ from kb.asp import AspError, Messages
 from kb.asp.suspicion import suspicion
 
 Signature = tuple[str, int]
-MAX_LENGTH = 2 * 2**20  # characters of one file
+MAX_LENGTH = 2**19  # characters of one file
 MAX_ALTERNATIVES = 10_000
 MAX_RANGE = 1_000_000
 
@@ -87,10 +87,34 @@ def _statement(node: ast.AST) -> Iterator[Statement | Refused]:
             node.ast_type, (f"{node.ast_type.name} statements are not part of the language", _ALONE)
         )
         yield Refused(begin.line, begin.column, message, hint)
+    else:
+        yield from _rules(node, str(node), begin.line, begin.column)
+
+
+def _rules(node: ast.AST, text: str, line: int, column: int) -> Iterator[Statement | Refused]:
+    """The rules of a statement. The syntax tree is slow to walk, so that the text says whether there is need to."""
+    if fact := _FACT.fullmatch(text):
+        signature = (fact[1], len(fact[2].split(",")) if fact[2] else 0)
+        yield Statement(text, text[:-1], signature, (), (), line, column, constants=tuple(_constants(text)))
+    elif not _has_pool(text) and not _WORTH_A_LOOK.search(text):
+        yield _rule(node)
     elif strange := _strange(node):
-        yield Refused(begin.line, begin.column, *strange)
+        yield Refused(line, column, *strange)
     else:
         yield from (_rule(rule) for rule in node.unpool())
+
+
+_FACT = re.compile(r"([a-z][A-Za-z0-9_]*)(?:\(([a-z0-9][A-Za-z0-9_]*(?:,[a-z0-9][A-Za-z0-9_]*)*)\))?\.")
+_WORTH_A_LOOK = re.compile(r'[@&"-]|\.\.')
+
+
+def _has_pool(text: str) -> bool:
+    """Whether a `;` stands within brackets."""
+    if ";" not in text:
+        return False
+    while (shorter := re.sub(r"\([^();]*\)", "", text)) != text:
+        text = shorter
+    return "(" in text
 
 
 def _strange(rule: ast.AST) -> tuple[str, str, str] | None:
@@ -157,7 +181,7 @@ def _rule(rule: ast.AST) -> Statement | Refused:
             uses,
             begin.line,
             begin.column,
-            constants=tuple(_constants(rule)),
+            constants=tuple(_constants(str(rule))),
         )
     if plain and head.atom.ast_type == ast.ASTType.BooleanConstant and not head.atom.value:
         return Statement(str(rule), None, None, body, uses, begin.line, begin.column, constraint=True)
@@ -169,14 +193,17 @@ def _rule(rule: ast.AST) -> Statement | Refused:
     )
 
 
-def _constants(rule: ast.AST) -> Iterator[tuple[Signature, int, str]]:
-    """Which constant stands where as an argument of which predicate."""
-    for part in _parts(rule):
-        if part.ast_type == ast.ASTType.SymbolicAtom and part.symbol.ast_type == ast.ASTType.Function:
-            for number, argument in enumerate(part.symbol.arguments):
-                plain = argument.ast_type == ast.ASTType.SymbolicTerm
-                if plain and argument.symbol.type == SymbolType.Function and not argument.symbol.arguments:
-                    yield _signature(part.symbol), number, argument.symbol.name
+def _constants(text: str) -> Iterator[tuple[Signature, int, str]]:
+    """Which constant stands where as an argument of which predicate or function without compound arguments."""
+    for found in _FLAT.finditer(text) if '"' not in text else ():
+        arguments = [argument.strip() for argument in found[2].split(",")]
+        for number, argument in enumerate(arguments):
+            if _CONSTANT.fullmatch(argument):
+                yield (found[1], len(arguments)), number, argument
+
+
+_FLAT = re.compile(r"([a-z][A-Za-z0-9_]*)\(([^()]+)\)")
+_CONSTANT = re.compile(r"[a-z][A-Za-z0-9_]*")
 
 
 def _signature(symbol: ast.AST) -> Signature:
@@ -190,12 +217,16 @@ def _uses(node: ast.AST, negated: bool) -> Iterator[tuple[Signature, bool]]:
     if node.ast_type == ast.ASTType.SymbolicAtom:
         yield _signature(node.symbol), negated
         return
+    if node.ast_type == ast.ASTType.Comparison:
+        return
+    if node.ast_type == ast.ASTType.Literal:
+        yield from _uses(node.atom, negated or node.sign != ast.Sign.NoSign)
+        return
     inside = negated or node.ast_type in (
         ast.ASTType.BodyAggregate,
         ast.ASTType.Aggregate,
         ast.ASTType.ConditionalLiteral,
     )
-    inside = inside or (node.ast_type == ast.ASTType.Literal and node.sign != ast.Sign.NoSign)
     for child in _children(node):
         yield from _uses(child, inside)
 

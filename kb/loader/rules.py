@@ -158,7 +158,9 @@ def _check_arguments(statement: Statement, where: Source, names: Names, constant
     """Constants in declared predicates: an unknown one may be declared by a problem, one of a wrong type may not."""
     for (name, arity), number, constant in statement.constants:
         predicate = names.predicates.get(name)
-        if predicate is None or len(predicate.arguments) != arity or constant in constants:
+        if predicate is None or len(predicate.arguments) != arity or name in names.functions:
+            continue
+        if constant in constants or constant == "not":
             continue
         expected, actual = predicate.arguments[number], names.objects.get(constant)
         if actual is None:

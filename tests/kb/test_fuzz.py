@@ -119,14 +119,14 @@ words = st.sampled_from(
 
 @contextmanager
 def answered_soon() -> Iterator[None]:
-    started = time.perf_counter()
+    started = time.process_time()
     said = "sound"
     try:
         yield
     except InvalidInput as error:
         said = str(error)
     assert said
-    assert time.perf_counter() - started < SECONDS
+    assert time.process_time() - started < SECONDS
 
 
 @st.composite
