@@ -21,7 +21,7 @@ class StepEntry(_Strict):
     )
     resources: list[str] = Field(default_factory=list, description="what the step holds while it lasts")
     duration: int = Field(0, ge=0, description="in the domain's unit of time")
-    cost: int = Field(1, ge=0)
+    cost: int = Field(1, ge=0, description="what the step adds to the cost of the plan")
     start: int | None = Field(
         None, description="earliest start, in the domain's unit of time; derived, not read back"
     )
@@ -38,9 +38,9 @@ class LinkEntry(_Strict):
 class PlanEntry(_Strict):
     """A partially ordered plan and the problem that it solves."""
 
-    problem: ProblemFile
-    steps: list[StepEntry]
-    links: list[LinkEntry] = Field(default_factory=list)
+    problem: ProblemFile = Field(description="the problem that the plan solves, as in a problem file")
+    steps: list[StepEntry] = Field(description="every step after those it waits for")
+    links: list[LinkEntry] = Field(default_factory=list, description="why each step is there")
     cost: int | None = Field(None, description="sum of the steps' costs; derived")
     makespan: int | None = Field(
         None, description="end of the last step when each starts as early as it may; derived"
@@ -55,7 +55,7 @@ class AnswerData(BaseModel):
 
     model_config = ConfigDict(extra="ignore", frozen=True)
 
-    plan: PlanEntry
+    plan: PlanEntry = Field(description="the plan; what else an answer holds is not read back")
 
 
 class PlanFile(BaseModel):
@@ -64,5 +64,5 @@ class PlanFile(BaseModel):
     model_config = ConfigDict(extra="ignore", frozen=True)
 
     version: int = Field(description="of the envelope; 1")
-    status: str = ""
-    data: AnswerData
+    status: str = Field("", description="how the search ended; not read back")
+    data: AnswerData = Field(description="the answer itself")

@@ -1,0 +1,41 @@
+"""The schemas that editors load are those of the code, and describe every key."""
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from golden_texts import compare_with_golden
+
+from kb.schema import json_schema
+
+DOCS = Path(__file__).parents[2] / "docs"
+KINDS = sorted(file.name.removesuffix(".schema.json") for file in (DOCS / "schema").iterdir())
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_schema_is_current(kind: str, request: pytest.FixtureRequest) -> None:
+    text = json.dumps(json_schema(kind), indent=1) + "\n"
+    update = request.config.getoption("--update-golden")
+    compare_with_golden(DOCS / "schema" / f"{kind}.schema.json", text, update)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_every_key_has_a_description(kind: str) -> None:
+    assert list(_undescribed(json_schema(kind), kind)) == []
+
+
+def test_files_that_people_write_have_a_schema() -> None:
+    assert {"domain", "problem", "plan"} <= set(KINDS)
+
+
+def _undescribed(part: Any, path: str) -> Iterator[str]:
+    if isinstance(part, dict):
+        keys = part.get("properties", {})
+        yield from (f"{path}/{key}" for key, value in keys.items() if not value.get("description"))
+        for key, value in part.items():
+            yield from _undescribed(value, f"{path}/{key}")
+    elif isinstance(part, list):
+        for index, value in enumerate(part):
+            yield from _undescribed(value, f"{path}/{index}")
