@@ -13,7 +13,6 @@ from engine.planning.portfolio import STRATEGIES, Setting
 from engine.planning.variants import TooManyVariants, unconditional
 from kb.model.plan import Plan
 
-
 __all__ = ["STRATEGIES", "Limits", "plan"]
 
 

@@ -13,6 +13,7 @@ CLIMB = 2_000  # nodes that hill climbing may generate before others have a turn
 QUICK = 20_000  # nodes that best-first regression may generate before compiled kernels are loaded
 FORWARD = 4000  # of the first turn forward; every turn is twice as long as the one before
 REGRESSION = 500
+LANDMARKS = 1000
 GREED = 5
 
 
@@ -44,18 +45,28 @@ def forward(setting: Setting, effort: Effort) -> Answer | None:
     return _forward(setting).run(effort)
 
 
-def auto(setting: Setting, effort: Effort) -> Answer | None:
-    """Hill climbing backward; then forward and best first backward in turns that double."""
-    regression = _Regression(setting)
-    ahead: list[Search] = []
+def landmarks(setting: Setting, effort: Effort) -> Answer | None:
+    """The same with queues ordered by landmarks beside those ordered by relaxed plans."""
+    return _forward(setting, landmarks=True).run(effort)
 
-    def run_forward(part: Effort) -> Answer | None:
-        if not ahead:
-            ahead.append(_forward(setting))
-        return ahead[0].run(part)
+
+def auto(setting: Setting, effort: Effort) -> Answer | None:
+    """Regression while it is quick; then forward, with landmarks and best first backward in turns that double."""
+    regression = _Regression(setting)
+    ahead: dict[bool, Search] = {}
+
+    def run_forward(part: Effort, with_landmarks: bool = False) -> Answer | None:
+        if with_landmarks not in ahead:
+            ahead[with_landmarks] = _forward(setting, landmarks=with_landmarks)
+        return ahead[with_landmarks].run(part)
+
+    def run_landmarks(part: Effort) -> Answer | None:
+        return run_forward(part, with_landmarks=True)
 
     quick = _bounded(regression.climb, effort, CLIMB) or _bounded(regression.best_first, effort, QUICK)
-    return quick or _in_turns([(run_forward, FORWARD), (regression.best_first, REGRESSION)], effort)
+    return quick or _in_turns(
+        [(run_forward, FORWARD), (regression.best_first, REGRESSION), (run_landmarks, LANDMARKS)], effort
+    )
 
 
 def _bounded(run: Callable[[Effort], Answer | None], effort: Effort, most: int) -> Answer | None:
@@ -70,6 +81,7 @@ STRATEGIES: dict[str, Callable[[Setting, Effort], Answer | None]] = {
     "auto": auto,
     "backward": backward,
     "forward": forward,
+    "landmarks": landmarks,
 }
 
 
@@ -112,16 +124,20 @@ def _in_turns(turns: list[tuple[Callable[[Effort], Answer | None], int]], effort
     return None
 
 
-def _forward(setting: Setting) -> Search:
+def _forward(setting: Setting, landmarks: bool = False) -> Search:
     """A forward search; several alternatives of the goals become one atom that internal operators add."""
     from engine.planning.forward import Forward  # compiled kernels are loaded only when they are needed
 
     task, size = setting.task, len(setting.task.atoms)
     if len(task.goals) == 1:
-        return Forward(setting.operators, task.initial, task.goals[0], size, setting.seed)
+        return Forward(
+            setting.operators, task.initial, task.goals[0], size, setting.seed, landmarks=landmarks
+        )
     met = [GroundOperator(Function("_meets"), goal, 1 << size, 0, cost=0) for goal in task.goals]
     return _Stripped(
-        Forward([*setting.operators, *met], task.initial, 1 << size, size + 1, setting.seed),
+        Forward(
+            [*setting.operators, *met], task.initial, 1 << size, size + 1, setting.seed, landmarks=landmarks
+        ),
         len(setting.operators),
     )
 
