@@ -1,0 +1,36 @@
+"""Finds who fills a port: entry points of the installed packages, the built-in ones registered like any other."""
+
+from collections.abc import Callable
+from importlib import metadata
+from typing import Any
+
+from engine.ports import GeometryBackend
+from kb.diagnostics import Diagnostic, InvalidInput, Source, nearest
+
+GEOMETRY = "cellwright.geometry"
+
+
+def known(group: str) -> list[str]:
+    """The names registered in a group, installed or not."""
+    return sorted({point.name for point in metadata.entry_points(group=group)})
+
+
+def geometry_backend(name: str = "builtin") -> GeometryBackend:
+    """The geometry backend of this name. Raises `InvalidInput` when it is unknown or its package is not installed."""
+    backend: GeometryBackend = _load(GEOMETRY, name)()
+    return backend
+
+
+def _load(group: str, name: str) -> Callable[[], Any]:
+    found = [point for point in metadata.entry_points(group=group) if point.name == name]
+    if not found:
+        names = known(group)
+        hint = nearest(name, names) or f"one of: {', '.join(names)}"
+        raise InvalidInput([Diagnostic(Source(name), "K401", f"no plug-in of this name for {group}", hint)])
+    try:
+        factory: Callable[[], Any] = found[0].load()
+    except ImportError as error:
+        hint = f"pip install 'cellwright[{name}]'"
+        message = f"the plug-in '{name}' needs a package that is not installed: {error.name}"
+        raise InvalidInput([Diagnostic(Source(name), "K401", message, hint)]) from None
+    return factory

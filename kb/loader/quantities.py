@@ -1,0 +1,210 @@
+"""Lengths, angles, poses and shapes in files: numbers with units become metres and radians, with their places kept."""
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from kb.loader.reader import Findings
+from kb.loader.tree import Node
+from kb.model.cell import (
+    Box,
+    Cylinder,
+    Edge,
+    Face,
+    HeightField,
+    Mesh,
+    PlacedShape,
+    PointSet,
+    Polyhedron,
+    Pose,
+    Shape,
+    Sphere,
+    Tube,
+    Vector,
+)
+from kb.schema.cell import QUANTITY
+
+LENGTHS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": 0.0254}
+ANGLES = {"rad": 1.0, "deg": math.pi / 180}
+LARGEST = 1e6  # metres or radians: no cell is larger, and sums stay exact enough
+LENGTH, ANGLE, FACTOR = "length", "angle", "factor"
+
+
+@dataclass(frozen=True)
+class Quantities:
+    """Reads numbers of one file. `length` and `angle` are what a bare number counts."""
+
+    findings: Findings
+    folder: Path
+    length: str = "m"
+    angle: str = "deg"
+
+    def number(self, node: Node, kind: str = LENGTH) -> float:
+        """The quantity of a scalar node in metres or radians (a factor as it stands); 0 when it is none, which is noted."""
+        found = QUANTITY.fullmatch(str(node.value))
+        if found is None:
+            self.findings.add(node.where, "K005", "not a number", "write 0.5, 20 mm or 90 deg")
+            return 0.0
+        units = {LENGTH: LENGTHS, ANGLE: ANGLES, FACTOR: {"": 1.0}}[kind]
+        bare = {LENGTH: self.length, ANGLE: self.angle, FACTOR: ""}[kind]
+        unit = found[2] or bare
+        if unit not in units:
+            hint = f"one of: {', '.join(units)}" if kind != FACTOR else "leave the unit out"
+            self.findings.add(node.where, "K103", f"'{unit}' is no unit of {_A[kind]}", hint)
+            return 0.0
+        value = float(found[1]) * units[unit]
+        if abs(value) > LARGEST:
+            self.findings.add(node.where, "K113", f"larger than {LARGEST:g}", "check the unit")
+            return 0.0
+        return value
+
+    def positive(self, node: Node) -> float:
+        """A length that must not be zero or less."""
+        value = self.number(node)
+        if value <= 0 and QUANTITY.fullmatch(str(node.value)):
+            self.findings.add(node.where, "K702", "a shape needs a positive extent", "give its size")
+        return value
+
+    def vector(self, node: Node | None, kind: str = LENGTH) -> Vector:
+        """Three quantities; zeros when there is no node."""
+        if node is None:
+            return (0.0, 0.0, 0.0)
+        x, y, z = (self.number(item, kind) for item in node.value)
+        return (x, y, z)
+
+    def pose(self, node: Node | None) -> Pose:
+        """The pose that the keys `at` and `rpy` of a mapping give."""
+        return Pose(self.vector(child(node, "at")), self.vector(child(node, "rpy"), ANGLE))
+
+    def shapes(self, node: Node | None) -> tuple[PlacedShape, ...]:
+        """The shapes of a list."""
+        found = []
+        for item in node.value if node else []:
+            shape = self.shape(item)
+            if shape is not None:
+                found.append(PlacedShape(shape, self.pose(item)))
+        return tuple(found)
+
+    def shape(self, node: Node) -> Shape | None:
+        """The one shape among the keys of a mapping; None when there is none or more than one, which is noted."""
+        given = [key for key in node.value if key in _SHAPES]
+        if len(given) != 1:
+            said = "two shapes in one entry" if given else "an entry without a shape"
+            self.findings.add(node.where, "K005", said, f"give exactly one of: {', '.join(_SHAPES)}")
+            return None
+        return _SHAPES[given[0]](self, node.value[given[0]][1])
+
+
+_A = {LENGTH: "a length", ANGLE: "an angle", FACTOR: "a factor"}
+
+
+def child(node: Node | None, key: str) -> Node | None:
+    """The value under `key` of a mapping, or None."""
+    if node is None or not isinstance(node.value, dict) or key not in node.value:
+        return None
+    value: Node = node.value[key][1]
+    return value if value.value != "" else None
+
+
+def required(node: Node, key: str) -> Node:
+    """The value under a key that the shape of the file guarantees."""
+    value: Node = node.value[key][1]
+    return value
+
+
+def members(node: Node | None) -> Iterator[tuple[str, Node, Node]]:
+    """The (key, key node, value node) of a mapping; none of nothing."""
+    if node is not None and isinstance(node.value, dict):
+        for key, (key_node, value) in node.value.items():
+            yield key, key_node, value
+
+
+def _sphere(read: Quantities, node: Node) -> Shape:
+    return Sphere(read.positive(node))
+
+
+def _tube(read: Quantities, node: Node) -> Shape:
+    return Tube(read.positive(required(node, "radius")), read.positive(required(node, "length")))
+
+
+def _cylinder(read: Quantities, node: Node) -> Shape:
+    return Cylinder(read.positive(required(node, "radius")), read.positive(required(node, "length")))
+
+
+def _box(read: Quantities, node: Node) -> Shape:
+    x, y, z = (read.positive(item) for item in node.value)
+    return Box((x, y, z))
+
+
+def _polyhedron(read: Quantities, node: Node) -> Shape:
+    vertices = {key: read.vector(value) for key, _, value in members(required(node, "vertices"))}
+    faces = [Face(key, _known(read, value, vertices)) for key, _, value in members(child(node, "faces"))]
+    edges = []
+    for key, _, value in members(child(node, "edges")):
+        ends = _known(read, value, vertices)
+        if len(ends) == 2:
+            edges.append(Edge(key, (ends[0], ends[1])))
+    listed = child(node, "pieces")
+    pieces = tuple(_known(read, piece, vertices) for piece in (listed.value if listed else []))
+    return Polyhedron(vertices, tuple(faces), tuple(edges), pieces, node.where)
+
+
+def _known(read: Quantities, node: Node, vertices: dict[str, Vector]) -> tuple[str, ...]:
+    """The vertex names of a list; unknown ones are noted and left out."""
+    from kb.diagnostics import unknown_name
+
+    names = []
+    for item in node.value:
+        if item.value in vertices:
+            names.append(item.value)
+        else:
+            read.findings.note(unknown_name("vertex", str(item.value), vertices, item.where))
+    return tuple(names)
+
+
+def _mesh(read: Quantities, node: Node) -> Shape:
+    file, scale = required(node, "file"), child(node, "scale")
+    path = read.folder / file.value
+    if not path.is_file():
+        read.findings.add(
+            file.where, "K203", f"there is no file '{file.value}'", "name a file beside this one"
+        )
+    if scale is None:
+        return Mesh(str(path), where=file.where)
+    if isinstance(scale.value, list):
+        return Mesh(str(path), read.vector(scale, FACTOR), file.where)
+    factor = read.number(scale, FACTOR)
+    return Mesh(str(path), (factor, factor, factor), file.where)
+
+
+def _height_field(read: Quantities, node: Node) -> Shape:
+    dx, dy = (read.positive(item) for item in required(node, "spacing").value)
+    rows = required(node, "heights")
+    heights = tuple(tuple(read.number(item) for item in row.value) for row in rows.value)
+    if len(heights) < 2 or len({len(row) for row in heights}) != 1 or len(heights[0]) < 2:
+        hint = "at least two rows of at least two heights, all of the same length"
+        read.findings.add(rows.where, "K702", "not a grid of heights", hint)
+    floor = child(node, "floor")
+    return HeightField((dx, dy), heights, read.number(floor) if floor else 0.0)
+
+
+def _point_set(read: Quantities, node: Node) -> Shape:
+    points = required(node, "points")
+    if not points.value:
+        read.findings.add(points.where, "K702", "a point set without points", "leave it out")
+    return PointSet(
+        tuple(read.vector(item) for item in points.value), read.positive(required(node, "radius"))
+    )
+
+
+_SHAPES: dict[str, Callable[[Quantities, Node], Shape]] = {
+    "sphere": _sphere,
+    "tube": _tube,
+    "box": _box,
+    "cylinder": _cylinder,
+    "polyhedron": _polyhedron,
+    "mesh": _mesh,
+    "height_field": _height_field,
+    "point_set": _point_set,
+}

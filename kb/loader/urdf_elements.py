@@ -1,0 +1,105 @@
+"""The parts of URDF elements that hold numbers and shapes: origins, vectors, collision geometry."""
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+
+from kb.diagnostics import InvalidInput
+from kb.loader.reader import Findings
+from kb.loader.xml import Element
+from kb.model.cell import Box, Cylinder, Mesh, PlacedShape, Pose, Shape, Sphere, Vector
+
+MESHES = (".stl", ".obj")
+
+
+@dataclass(frozen=True, slots=True)
+class ElementReader:
+    """Reads elements, noting what does not hold together; meshes are looked up in `folders`."""
+
+    findings: Findings
+    folders: list[Path]
+
+    def note(self, element: Element, message: str, hint: str) -> None:
+        """Note a fault of an element."""
+        self.findings.add(element.where, "K703", message, hint)
+
+    def broken(self, element: Element, message: str, hint: str) -> InvalidInput:
+        """The exception for a fault after which reading cannot go on."""
+        self.note(element, message, hint)
+        return InvalidInput(self.findings.diagnostics)
+
+    def shapes(self, link: Element) -> tuple[PlacedShape, ...]:
+        """The collision shapes of a link."""
+        shapes = []
+        for collision in link.all("collision"):
+            geometry = collision.first("geometry")
+            if geometry is None or len(geometry.children) != 1:
+                self.note(collision, "a collision element without one geometry", "add <geometry>")
+                continue
+            shape = self._shape(geometry.children[0])
+            if shape is not None:
+                shapes.append(PlacedShape(shape, self.origin(collision)))
+        return tuple(shapes)
+
+    def _shape(self, element: Element) -> Shape | None:
+        match element.tag:
+            case "box":
+                size = self.vector(element, "size", "0 0 0")
+                return Box(size) if self._extent(element, *size) else None
+            case "sphere":
+                (radius,) = self.numbers(element, "radius", 1, "0")
+                return Sphere(radius) if self._extent(element, radius) else None
+            case "cylinder":
+                (radius,), (length,) = (self.numbers(element, key, 1, "0") for key in ("radius", "length"))
+                return Cylinder(radius, length) if self._extent(element, radius, length) else None
+            case "mesh":
+                return self._mesh(element)
+            case _:
+                self.note(element, f"<{element.tag}> is no shape", "box, sphere, cylinder or mesh")
+                return None
+
+    def _extent(self, element: Element, *sizes: float) -> bool:
+        if min(sizes) > 0:
+            return True
+        self.findings.add(element.where, "K702", f"a <{element.tag}> without extent", "give its size")
+        return False
+
+    def _mesh(self, element: Element) -> Mesh | None:
+        name = element.get("filename")
+        inside = name.removeprefix("package://").removeprefix("file://")
+        candidates = [folder / part for folder in self.folders for part in (inside, inside.partition("/")[2])]
+        path = next((each for each in candidates if each.is_file()), None)
+        if path is None:
+            hint = "name the folder with its packages under `packages`"
+            self.findings.add(element.where, "K203", f"there is no mesh '{name[:80]}'", hint)
+            return None
+        if path.suffix.lower() not in MESHES:
+            self.note(element, f"'{path.suffix}' is no mesh format read here", "convert it to STL or OBJ")
+            return None
+        return Mesh(str(path), self.vector(element, "scale", "1 1 1"), element.where)
+
+    def origin(self, element: Element) -> Pose:
+        """The pose in its `<origin>`."""
+        origin = element.first("origin")
+        if origin is None:
+            return Pose()
+        return Pose(self.vector(origin, "xyz", "0 0 0"), self.vector(origin, "rpy", "0 0 0"))
+
+    def vector(self, element: Element, key: str, default: str) -> Vector:
+        """Three numbers of an attribute."""
+        x, y, z = self.numbers(element, key, 3, default)
+        return (x, y, z)
+
+    def numbers(self, element: Element, key: str, count: int, default: str = "") -> list[float]:
+        """`count` finite numbers of an attribute; zeros when it has not so many, which is noted."""
+        text = element.get(key, default)
+        try:
+            values = [float(part) for part in text.split()]
+        except ValueError:
+            values = []
+        if len(values) != count or not all(map(math.isfinite, values)):
+            self.note(
+                element, f'{key}="{text[:40]}" is not {count} finite numbers', "separate them by blanks"
+            )
+            return [0.0] * count
+        return values

@@ -1,0 +1,69 @@
+"""Strict XML: elements that know where they stand. Document types and entities are refused, depth and number bounded."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from xml.parsers import expat
+
+from kb.diagnostics import Diagnostic, InvalidInput, Source
+from kb.loader.files import File
+
+MAX_DEPTH = 50
+MAX_ELEMENTS = 200_000
+
+
+@dataclass(frozen=True, slots=True)
+class Element:
+    """An element: its tag, attributes, children in order, and place."""
+
+    tag: str
+    attributes: Mapping[str, str]
+    where: Source
+    children: list["Element"] = field(default_factory=list)
+
+    def all(self, tag: str) -> Iterator["Element"]:
+        """Its children of this tag."""
+        return (child for child in self.children if child.tag == tag)
+
+    def first(self, tag: str) -> "Element | None":
+        """Its first child of this tag."""
+        return next(self.all(tag), None)
+
+    def get(self, name: str, default: str = "") -> str:
+        """An attribute."""
+        return self.attributes.get(name, default)
+
+
+def read_xml(file: File) -> Element:
+    """The root element of a file. Raises `InvalidInput` when it is not well-formed, or asks for more than elements."""
+    parser = expat.ParserCreate()
+    stack: list[Element] = [Element("", {}, Source(file.path))]
+    count = 0
+
+    def here() -> Source:
+        return file.line(parser.CurrentLineNumber, parser.CurrentColumnNumber + 1)
+
+    def refuse(*_: object) -> None:
+        raise InvalidInput(
+            [Diagnostic(here(), "K703", "document types and entities are refused", "remove it")]
+        )
+
+    def start(tag: str, attributes: dict[str, str]) -> None:
+        nonlocal count
+        count += 1
+        if len(stack) > MAX_DEPTH or count > MAX_ELEMENTS:
+            raise InvalidInput([Diagnostic(here(), "K007", "nested too deeply or too many elements")])
+        element = Element(tag, attributes, here())
+        stack[-1].children.append(element)
+        stack.append(element)
+
+    parser.StartElementHandler = start
+    parser.EndElementHandler = lambda _: stack.pop()
+    parser.StartDoctypeDeclHandler = refuse
+    parser.EntityDeclHandler = refuse
+    try:
+        parser.Parse(file.text.encode(), True)
+    except expat.ExpatError as error:
+        where = file.line(error.lineno, error.offset + 1)
+        said = expat.ErrorString(error.code)
+        raise InvalidInput([Diagnostic(where, "K703", f"not XML: {said}", "close every element")]) from None
+    return stack[0].children[0]

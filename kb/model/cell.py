@@ -1,0 +1,250 @@
+"""The cell: arms, frames, bodies, regions and places, as values. Lengths in metres, angles in radians, nothing computed.
+
+A frame's location is a `Placement`: the pose `T_parent_frame` in a named parent. What the numbers mean for collision
+or reach is the business of the geometric level.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import Enum
+
+from kb.diagnostics import Source
+from kb.model.domain import NOWHERE
+
+Vector = tuple[float, float, float]
+WORLD = "world"
+
+
+@dataclass(frozen=True, slots=True)
+class Pose:
+    """Position, and roll, pitch and yaw about the fixed x, y and z axes, in that order: R = Rz(yaw) Ry(pitch) Rx(roll)."""
+
+    position_m: Vector = (0.0, 0.0, 0.0)
+    rpy_rad: Vector = (0.0, 0.0, 0.0)
+
+
+HERE = Pose()
+Offsets = tuple[
+    Pose, ...
+]  # poses taken one after the other, each in the frame of the one before; none: no offset
+
+
+@dataclass(frozen=True, slots=True)
+class Sphere:
+    """A ball about the origin."""
+
+    radius_m: float
+
+
+@dataclass(frozen=True, slots=True)
+class Tube:
+    """A cylinder along z with a half-sphere of the same radius at both ends; `length_m` lies between their centres."""
+
+    radius_m: float
+    length_m: float
+
+
+@dataclass(frozen=True, slots=True)
+class Box:
+    """A rectangular block about the origin."""
+
+    size_m: Vector
+
+
+@dataclass(frozen=True, slots=True)
+class Cylinder:
+    """A flat-ended cylinder along z about the origin; for collision a prism around it."""
+
+    radius_m: float
+    length_m: float
+
+
+@dataclass(frozen=True, slots=True)
+class Face:
+    """A named planar face: its vertices in order, counter-clockwise seen from outside."""
+
+    name: str
+    vertices: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Edge:
+    """A named edge between two vertices."""
+
+    name: str
+    vertices: tuple[str, str]
+
+
+@dataclass(frozen=True, slots=True)
+class Polyhedron:
+    """Named vertices, faces and edges; `pieces` are the convex pieces that fill it (none: it is convex itself)."""
+
+    vertices: Mapping[str, Vector]
+    faces: tuple[Face, ...] = ()
+    edges: tuple[Edge, ...] = ()
+    pieces: tuple[tuple[str, ...], ...] = ()
+    where: Source = field(default=NOWHERE, compare=False)
+
+
+@dataclass(frozen=True, slots=True)
+class Mesh:
+    """An STL or OBJ file, scaled; for collision the convex hull of each of its connected components."""
+
+    path: str
+    scale: Vector = (1.0, 1.0, 1.0)
+    where: Source = field(default=NOWHERE, compare=False)
+
+
+@dataclass(frozen=True, slots=True)
+class HeightField:
+    """Heights over a grid, filled down to `floor_m`: `heights_m[row][column]` stands at x = column * dx, y = row * dy."""
+
+    spacing_m: tuple[float, float]
+    heights_m: tuple[tuple[float, ...], ...]
+    floor_m: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class PointSet:
+    """Points, each with a ball around it."""
+
+    points_m: tuple[Vector, ...]
+    radius_m: float
+
+
+Shape = Sphere | Tube | Box | Cylinder | Polyhedron | Mesh | HeightField | PointSet
+
+
+@dataclass(frozen=True, slots=True)
+class PlacedShape:
+    """A shape at a pose in the frame of what it belongs to."""
+
+    shape: Shape
+    pose: Pose = HERE
+
+
+class JointKind(Enum):
+    """How a joint moves along or about its axis."""
+
+    REVOLUTE = "revolute"
+    PRISMATIC = "prismatic"
+
+
+@dataclass(frozen=True, slots=True)
+class Joint:
+    """A moving joint: first the fixed `origin` in the frame of the joint before, then the motion about or along `axis`.
+
+    Limits in rad or m, speed per second, acceleration per second squared; None: unknown.
+    """
+
+    name: str
+    origin: Offsets = ()
+    axis: Vector = (0.0, 0.0, 1.0)
+    kind: JointKind = JointKind.REVOLUTE
+    lower: float = float("-inf")
+    upper: float = float("inf")
+    speed: float | None = None
+    acceleration: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Link:
+    """A rigid link: `carrier` joints move it (0: it stands still); `offset` leads to its frame after the last of them."""
+
+    name: str
+    carrier: int
+    offset: Offsets = ()
+    shapes: tuple[PlacedShape, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Arm:
+    """A serial arm. `flange` leads to the mounting face after the last joint; `assumptions` tell what is not published."""
+
+    name: str
+    joints: tuple[Joint, ...]
+    links: tuple[Link, ...] = ()
+    flange: Offsets = ()
+    allowed: frozenset[frozenset[str]] = frozenset()  # pairs of links that may touch or never can
+    assumptions: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Placement:
+    """Where a frame is: `pose` is T_parent_frame."""
+
+    parent: str = WORLD
+    pose: Pose = HERE
+    where: Source = field(default=NOWHERE, compare=False)
+
+
+@dataclass(frozen=True, slots=True)
+class MountedArm:
+    """An arm in a cell: where its base stands, the tool point after its flange, and a configuration to rest in."""
+
+    arm: Arm
+    base: Placement = Placement()
+    tool: Pose = HERE
+    home: tuple[float, ...] = ()
+    where: Source = field(default=NOWHERE, compare=False)
+
+
+class BodyKind(Enum):
+    """What a body is for."""
+
+    FIXTURE = "fixture"
+    PART = "part"
+    TOOL = "tool"
+
+
+@dataclass(frozen=True, slots=True)
+class Body:
+    """Something solid: its shapes, where it is at the start, and named poses on it (where to grip it, its tip)."""
+
+    name: str
+    kind: BodyKind
+    placement: Placement = Placement()
+    shapes: tuple[PlacedShape, ...] = ()
+    features: Mapping[str, Pose] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class Region:
+    """A region of the region tree: it lies within the union of its parents (none: a root); leaves that are solid are real."""
+
+    name: str
+    shape: Shape
+    placement: Placement = Placement()
+    parents: tuple[str, ...] = ()
+    solid: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """What an atom's place means: the pose that an arm's tool point takes there.
+
+    With `tool`, a body in the hand, its feature `tip` takes the pose instead. `approach_m` backs off along the tool's z.
+    `turns` lets the tool turn about its own z; `touches` are the bodies that may be in contact there.
+    """
+
+    name: str
+    placement: Placement
+    arm: str
+    tool: str = ""
+    approach_m: float = 0.0
+    turns: bool = False
+    touches: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Cell:
+    """A cell. Mappings keep the order of declaration."""
+
+    name: str
+    arms: Mapping[str, MountedArm] = field(default_factory=dict)
+    frames: Mapping[str, Placement] = field(default_factory=dict)
+    bodies: Mapping[str, Body] = field(default_factory=dict)
+    regions: Mapping[str, Region] = field(default_factory=dict)
+    allowed: frozenset[frozenset[str]] = frozenset()
+    places: Mapping[str, Place] = field(default_factory=dict)
+    path: str = ""
