@@ -1,6 +1,7 @@
 """The schemas that editors load are those of the code, and describe every key."""
 
 import json
+import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -10,7 +11,9 @@ from golden_texts import compare_with_golden
 
 from kb.schema import json_schema
 
-DOCS = Path(__file__).parents[2] / "docs"
+TOP = Path(__file__).parents[2]
+DOCS = TOP / "docs"
+BUNDLED = [*(TOP / "domains").glob("*/domain.yaml"), *(TOP / "domains").glob("*/problems/*.yaml")]
 KINDS = sorted(file.name.removesuffix(".schema.json") for file in (DOCS / "schema").iterdir())
 
 
@@ -28,6 +31,15 @@ def test_every_key_has_a_description(kind: str) -> None:
 
 def test_files_that_people_write_have_a_schema() -> None:
     assert {"domain", "problem", "plan"} <= set(KINDS)
+
+
+@pytest.mark.parametrize("file", sorted(BUNDLED), ids=lambda file: f"{file.parent.name}/{file.name}")
+def test_a_bundled_file_names_its_schema_for_editors(file: Path) -> None:
+    first = file.read_text("utf-8").partition("\n")[0]
+    named = re.fullmatch(r"# yaml-language-server: \$schema=(\S+)", first)
+    assert named
+    kind = "domain" if file.name == "domain.yaml" else "problem"
+    assert (file.parent / named[1]).resolve() == DOCS / "schema" / f"{kind}.schema.json"
 
 
 def _undescribed(part: Any, path: str) -> Iterator[str]:

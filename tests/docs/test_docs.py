@@ -1,0 +1,120 @@
+"""What README and docs say of the command line is so: verbs, options, exit codes, command lines and what they print."""
+
+import re
+import shlex
+from pathlib import Path
+
+import pytest
+import typer
+from click.testing import Result
+from typer.testing import CliRunner
+
+from engine.cli import app, exits
+from engine.starter import create
+
+TOP = Path(__file__).parents[2]
+PAGES = {file.name: file.read_text("utf-8") for file in [TOP / "README.md", *sorted(TOP.glob("docs/*.md"))]}
+README = PAGES["README.md"]
+CELLWRIGHT = typer.main.get_command(app)
+VERBS = CELLWRIGHT.commands  # type: ignore[attr-defined]
+
+DOMAIN = """(define (domain shelf) (:predicates (at ?x) (on ?x))
+  (:action lift :parameters (?x) :precondition (at ?x) :effect (and (on ?x) (not (at ?x)))))
+"""
+PROBLEM = "(define (problem one) (:domain shelf) (:objects box) (:init (at box)) (:goal (on box)))\n"
+PLACEHOLDERS = {
+    "TARGET": "mine/problems/two_items.yaml",
+    "FOLDER": "mine",
+    "FILE": "plan.json",
+    "KIND": "domain",
+    "STEP": "1",
+    "DOMAIN": "shelf.pddl",
+    "PROBLEM": "box.pddl",
+}
+ANSWERS = {0, exits.INFEASIBLE}
+
+
+def written() -> list[str]:
+    """Every command line: indented, or between backquotes; a quoted text may go on in the next line."""
+    found: dict[str, None] = {}
+    for page in PAGES.values():
+        indented = re.findall(r'^    (cellwright (?:[^"\n]|"[^"]*")*)$', page, re.MULTILINE)
+        inline = re.findall(
+            r"(?<!`)`(cellwright [^`]*)`", re.sub(r"^```.*?^```", "", page, flags=re.M | re.S)
+        )
+        found |= dict.fromkeys(" ".join(each.split()) for each in [*indented, *inline])
+    return list(found)
+
+
+def run(line: str) -> Result:
+    return CliRunner().invoke(app, shlex.split(line)[1:], env={"COLUMNS": "120"})
+
+
+@pytest.fixture
+def desk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder with one of each kind of file that a placeholder stands for."""
+    monkeypatch.chdir(tmp_path)
+    create(tmp_path / "mine")
+    (tmp_path / "shelf.pddl").write_text(DOMAIN)
+    (tmp_path / "box.pddl").write_text(PROBLEM)
+    (tmp_path / "plan.ipc").write_text("(lift box)\n")
+    (tmp_path / "plan.json").write_text(run(f"cellwright plan {PLACEHOLDERS['TARGET']} --format json").stdout)
+    return tmp_path
+
+
+def filled(line: str) -> str:
+    """The line with files of the desk in place of words in capitals."""
+    words = {**PLACEHOLDERS, "PLAN": "plan.ipc" if "--pddl" in line else "plan.json"}
+    if line.startswith("cellwright init "):
+        words["FOLDER"] = "new"
+    return " ".join(words.get(word, word) for word in line.split(" "))
+
+
+@pytest.mark.parametrize("line", written())
+@pytest.mark.usefixtures("desk")
+def test_a_command_line_runs(line: str) -> None:
+    result = run(filled(line))
+    assert result.exit_code in ANSWERS, result.output
+
+
+def test_there_are_command_lines() -> None:
+    assert len(written()) >= 15
+
+
+def test_every_verb_is_in_the_table_of_commands_and_no_other() -> None:
+    table = re.findall(r"^\| `cellwright (\w+)", README, re.MULTILINE)
+    assert set(table) == set(VERBS)
+
+
+def test_every_option_that_is_named_exists() -> None:
+    options = {name for verb in VERBS.values() for each in verb.params for name in each.opts}
+    others = {"--help", "--update-golden"}  # of every command; of the tests
+    for name, page in PAGES.items():
+        prose = re.sub(r"^```.*?^```", "", page, flags=re.M | re.S)
+        assert set(re.findall(r"(?<![\w-])--[a-z][a-z-]+", prose)) <= options | others, name
+
+
+def test_every_exit_code_is_in_the_table_and_no_other() -> None:
+    known = {0} | {value for value in vars(exits).values() if isinstance(value, int)}
+    table = {int(code) for code in re.findall(r"^\| (\d+) \|", README, re.MULTILINE)}
+    assert table == known
+
+
+EXAMPLES = re.findall(r'^    (cellwright (?:[^"\n]|"[^"]*")*)\n+```\n(.*?)^```', README, re.M | re.S)
+
+
+@pytest.mark.parametrize(("line", "shown"), EXAMPLES)
+def test_what_the_readme_shows_is_what_is_printed(line: str, shown: str) -> None:
+    printed = [each.rstrip() for each in run(line).stdout.splitlines()]
+    assert printed == shown.splitlines()
+
+
+def test_the_readme_shows_a_plan_and_a_reason() -> None:
+    assert len(EXAMPLES) >= 2
+
+
+@pytest.mark.parametrize("name", PAGES)
+def test_links_lead_somewhere(name: str) -> None:
+    folder = TOP if name == "README.md" else TOP / "docs"
+    targets = re.findall(r"\]\(([^)#]+)[^)]*\)", PAGES[name])
+    assert [each for each in targets if ":" not in each and not (folder / each).exists()] == []
