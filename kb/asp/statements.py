@@ -63,14 +63,13 @@ def statements(text: str) -> Iterator[Statement | Refused]:
         yield from _statement(node)
 
 
-_SILENT = (
-    {ast.ASTType.Program, ast.ASTType.Comment} if hasattr(ast.ASTType, "Comment") else {ast.ASTType.Program}
-)
+_SILENT = {ast.ASTType.Comment} if hasattr(ast.ASTType, "Comment") else set()
 _REFUSED = {
     ast.ASTType.External: ("#external is not part of the language", "declare a fluent"),
     ast.ASTType.Minimize: ("optimisation is not part of the language", "use costs on operators"),
     ast.ASTType.ShowSignature: ("#show is not part of the language", "remove it: nothing is printed"),
     ast.ASTType.ShowTerm: ("#show is not part of the language", "remove it: nothing is printed"),
+    ast.ASTType.Program: ("#program is not part of the language", "remove it: all rules belong together"),
     ast.ASTType.Defined: ("#defined is not part of the language", "declare the predicate in domain.yaml"),
 }
 _ALONE = "facts, rules, constraints and #const alone"
@@ -78,7 +77,7 @@ _ALONE = "facts, rules, constraints and #const alone"
 
 def _statement(node: ast.AST) -> Iterator[Statement | Refused]:
     begin = node.location.begin
-    if node.ast_type in _SILENT:
+    if node.ast_type in _SILENT or str(node) == "#program base.":
         return
     if node.ast_type == ast.ASTType.Definition:
         yield Statement(str(node), None, None, (), (), begin.line, begin.column, defines=node.name)

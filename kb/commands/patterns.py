@@ -53,6 +53,8 @@ _TOKEN = re.compile(
     r"|(?P<mark>[()\[\]|])|(?P<word>[A-Za-z][\w'-]*))"
 )
 _CLOSES = {"(": ")", "[": "]"}
+MAX_PARTS = 200  # words, slots and brackets of one phrase
+MAX_NESTING = 20
 
 
 def read_pattern(text: str) -> Pattern:
@@ -67,6 +69,7 @@ class _PatternReader:
         self.text = text
         self.tokens = list(self._tokens())
         self.next = 0
+        self._check_size()
 
     def _tokens(self) -> Iterator[re.Match[str]]:
         position, end = 0, len(self.text.rstrip())
@@ -80,6 +83,17 @@ class _PatternReader:
                 )
             yield found
             position = found.end()
+
+    def _check_size(self) -> None:
+        if len(self.tokens) > MAX_PARTS:
+            offset = self.tokens[MAX_PARTS].end() - 1
+            raise PatternError(offset, f"more than {MAX_PARTS} parts", "split it into several phrases")
+        depth = 0
+        for found in self.tokens:
+            depth += (found["mark"] in _CLOSES) - (found["mark"] in _CLOSES.values())
+            if depth > MAX_NESTING:
+                message = f"nested deeper than {MAX_NESTING} brackets"
+                raise PatternError(found.start("mark"), message, "split it into several phrases")
 
     def whole(self) -> Pattern:
         pattern = self._options()

@@ -14,6 +14,7 @@ from kb.terms import ANYTHING, Atom, Function, Number, Term, Text, Variable
 Place = Callable[[tuple[str | int, ...], int], Source]
 """Where character n of what stands at a path under `commands:` is, such as `("phrases", 3, "say")`."""
 
+MAX_WORDS = 5000  # of all lists together: every sentence is read by a grammar of them
 ALLOWED = {"stage": (Kind.EVENT, Kind.FLUENT), "goal": (Kind.FLUENT, Kind.DERIVED)}
 
 
@@ -108,8 +109,14 @@ def _check_twins(domain: Domain, place: Place | None) -> Iterator[Diagnostic]:
 
 def _check_words(domain: Domain, place: Place | None) -> Iterator[Diagnostic]:
     known = [*domain.types, *domain.objects]
+    listed = 0
     for key, nouns in domain.words.items():
         where = place(("words", key), 0) if place else Source(domain.path)
+        listed += len(nouns)
+        if listed > MAX_WORDS:
+            message, hint = f"more than {MAX_WORDS} words", "objects are known by their own names"
+            yield Diagnostic(where, "K007", message, hint)
+            return
         if key not in known:
             yield unknown_name("type or object", key, known, where)
         for number, noun in enumerate(nouns):

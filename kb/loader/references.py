@@ -71,7 +71,7 @@ def _is_called(path: Path, name: str) -> bool:
         return False
     try:
         with path.open("rb") as file:
-            text = file.read(HEAD_BYTES).decode("utf-8", "replace")
+            text = file.read(HEAD_BYTES).decode("utf-8-sig", "replace").replace("\r", "\n")
     except OSError:
         return False
     return re.search(rf"""^domain:\s*(['"]?){re.escape(name)}\1\s*(#.*)?$""", text, re.MULTILINE) is not None

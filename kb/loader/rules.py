@@ -1,5 +1,6 @@
 """The ASP files of a domain: statics for clingo as they stand, and rules that read fluents, parsed."""
 
+import re
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -14,7 +15,7 @@ from kb.loader.names import Names, count_of
 from kb.loader.reader import Reader
 from kb.loader.tree import Node
 from kb.model.domain import BUILT_IN_TYPES, NUMERIC_TYPES, OBJECT, AspText, Kind, Rule
-from kb.syntax import ExpressionError, parse
+from kb.syntax import ExpressionError, parse, without_texts
 
 Read = list[tuple[Statement, Source]]
 
@@ -92,8 +93,10 @@ def _check(read: Read, names: Names) -> None:
     for statement, where in read:
         if statement.defines:
             _check_constant(statement.defines, where, names)
+        else:
+            _check_reserved(statement, where, names)
         for use, _ in statement.uses:
-            if use not in known and use[0] not in names.broken:
+            if use not in known and use[0] not in names.broken and not use[0].startswith("_"):
                 _unknown(use, known, where, names)
         if statement.signature:
             _check_head(statement.signature, where, names)
@@ -124,6 +127,16 @@ def _unknown(use: Signature, known: Iterable[Signature], where: Source, names: N
         names.findings.add(where, "K101", f"unknown predicate '{name}'", hint)
 
 
+def _check_reserved(statement: Statement, where: Source, names: Names) -> None:
+    """Predicates, functions and constants whose names belong to the engine."""
+    for name in dict.fromkeys(_RESERVED.findall(without_texts(statement.text))):
+        hint = "names that begin with '_' belong to the engine"
+        names.findings.add(where, "K112", f"'{name}' is reserved", hint)
+
+
+_RESERVED = re.compile(r"(?<![A-Za-z0-9_'])_+[a-z][A-Za-z0-9_']*")
+
+
 def _check_constant(name: str, where: Source, names: Names) -> None:
     if name in names.objects or name in names.functions or name.startswith("_"):
         message = f"#const would replace '{name}' everywhere"
@@ -133,10 +146,7 @@ def _check_constant(name: str, where: Source, names: Names) -> None:
 def _check_head(signature: Signature, where: Source, names: Names) -> None:
     name, arity = signature
     predicate = names.predicates.get(name)
-    if name.startswith("_"):
-        hint = "names that begin with '_' belong to the engine"
-        names.findings.add(where, "K112", f"'{name}' is reserved", hint)
-    elif predicate and len(predicate.arguments) != arity:
+    if predicate and len(predicate.arguments) != arity:
         hint = f"it is {name}({', '.join(predicate.arguments)})"
         names.findings.add(where, "K102", count_of(name, len(predicate.arguments), arity), hint)
     elif predicate and predicate.kind in (Kind.FLUENT, Kind.EVENT):

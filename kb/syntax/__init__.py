@@ -195,7 +195,7 @@ def parse(start: str, text: str, time_unit: str = "s") -> Parsed:
             raise error.orig_exc from None
         raise
     except UnexpectedInput as error:
-        raise _explained(error, text) from None
+        raise _explained(error, text, start) from None
     return Parsed(value, reader.places)
 
 
@@ -223,11 +223,12 @@ _READABLE = {
 }  # fmt: skip
 
 
-def _explained(error: UnexpectedInput, text: str) -> ExpressionError:
+def _explained(error: UnexpectedInput, text: str, start: str) -> ExpressionError:
     match error:
         case UnexpectedCharacters(pos_in_stream=position):
             found = text[position or 0]
-            return ExpressionError(position or 0, f"unexpected '{found}'", _CHARACTER_HINTS.get(found, ""))
+            hint = _CHARACTER_HINTS.get(found, _SHAPES[start])
+            return ExpressionError(position or 0, f"unexpected '{found}'", hint)
         case UnexpectedToken(token=token) if token.type != "$END":
             said, offset = f"unexpected '{token}'", token.start_pos or 0
         case UnexpectedToken() | UnexpectedEOF() | _:
@@ -235,9 +236,31 @@ def _explained(error: UnexpectedInput, text: str) -> ExpressionError:
     expected = getattr(error, "accepts", None) or getattr(error, "expected", None) or ()
     readable = sorted(_READABLE[name] for name in expected if name in _READABLE)
     hint = _TOKEN_HINTS.get(":" if text[:offset].rstrip().endswith(":") else text[offset : offset + 1], "")
-    return ExpressionError(offset, said, hint or (f"expected {' or '.join(readable)}" if readable else ""))
+    if start in ("atoms", "clauses") and re.search(r"\bnot\s+$", text[:offset]):
+        hint = _NOT_HINT
+    hint = hint or (f"expected {' or '.join(readable)}" if readable else _SHAPES[start])
+    return ExpressionError(offset, said, hint)
 
 
+_NOT_HINT = (
+    "`not` stands in conditions; facts that are not listed are false, `deletes` and `denies` make them so"
+)
+_ATOMS, _CONDITIONS = (
+    "atoms, such as at(Item, To), with commas between",
+    "such as at(Item, From), not heavy(Item)",
+)
+_SHAPES = {
+    "header": "write name(Variable, ...)",
+    "signature": "write name(type, ...)",
+    "trigger": "one atom, or `not` and an atom",
+    "atom": "one name or atom, such as at(bolt, table)",
+    "term": "one name, number, variable, or a time such as 15 min (ms, s, min, h)",
+    "terms": "names, variables and terms, with commas between",
+    "clauses": "an atom and its constraints, such as at(Item, Other), Other != To",
+    "atoms": _ATOMS,
+    "conditions": _CONDITIONS,
+    "body": _CONDITIONS,
+}  # what each kind of expression looks like
 _CHARACTER_HINTS = {
     ".": "no full stop ends an expression; ranges such as p_1..4 stand in lists of objects",
     "&": "write ',' for and, '|' for or",

@@ -189,6 +189,9 @@ def test_terms_that_clingo_cannot_be_trusted_with(text: str) -> None:
         ("#minimize { 1 : heavy(bolt) }.", "K202"),
         ("#const bolt = 3.", "K104"),
         ("_violated(0).", "K112"),
+        ("heavy(bolt) :- _violated(0).", "K112"),
+        ("heavy(_bolt).", "K112"),
+        ("#program check(x).\nheavy(bolt).", "K202"),
         ("object(thing).", "K108"),
         ("a :- not b. b :- not a.", "K201"),
     ],
@@ -310,3 +313,52 @@ def test_a_long_chain_of_rules_takes_linear_time(cell: Path) -> None:
 def test_a_problem_of_a_strange_domain(cell: Path, domain: str) -> None:
     write(cell, DOMAIN, problem=PROBLEM.replace("domain: cell", f"domain: {domain}"))
     assert codes(cell / "problem.yaml")
+
+
+@pytest.mark.parametrize(
+    ("say", "code"),
+    [
+        ("(" * 20_000 + "look {I:item}" + ")" * 20_000, "K601"),
+        ("(" * 30 + "look {I:item}" + ")" * 30, "K601"),
+        ("[b] " * 50 + "look {I:item}", "K601"),
+        ("look " * 5000 + "{I:item}", "K601"),
+    ],
+)
+def test_phrases_that_would_never_end(cell: Path, say: str, code: str) -> None:
+    phrases = f"commands:\n  phrases:\n    - say: '{say}'\n      goal: seen(I)\n"
+    write(cell, DOMAIN + phrases)
+    assert codes(cell / "domain.yaml") == {code}
+
+
+def test_more_words_than_anyone_says(cell: Path) -> None:
+    many = ", ".join(f"w{chr(97 + n % 26)}{'x' * (n % 40)}" for n in range(20_000))
+    write(cell, DOMAIN + f"commands:\n  words:\n    item: [{many}]\n")
+    assert codes(cell / "domain.yaml") == {"K007"}
+
+
+@pytest.mark.parametrize(
+    "written", ["\ufeff" + DOMAIN, DOMAIN.replace("\n", "\r\n"), DOMAIN.replace("\n", "\r")]
+)
+def test_byte_order_marks_and_line_ends_of_other_systems(cell: Path, written: str) -> None:
+    (cell / "domain.yaml").write_bytes(written.encode())
+    assert codes(cell / "problem.yaml") == set()
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("look(Item)", "~"),
+        ("look(Item)", "look(Item"),
+        ("heavy(item)", "heavy(item, 3)"),
+        ("where: heavy(Item)", "where: '?'"),
+        ("where: heavy(Item)", "where: heavy(Item) Item"),
+        ("adds: seen(Item)", "adds: not seen(Item)"),
+        ("adds: seen(Item)", "adds: seen(Item)\n    duration: 15 days"),
+        ("adds: seen(Item)", "adds: seen(Item)\n    resources: a b"),
+    ],
+)
+def test_what_is_no_expression_gets_a_hint(cell: Path, old: str, new: str) -> None:
+    write(cell, DOMAIN.replace(old, new))
+    with pytest.raises(InvalidInput) as raised:
+        load(cell / "domain.yaml")
+    assert all(each.hint for each in raised.value.diagnostics)
