@@ -127,7 +127,9 @@ class ArmFile(Strict):
     """An arm: its joints as a Denavit-Hartenberg table, and the shapes of its links."""
 
     arm: str = Field(pattern=r"^[a-z][a-z0-9_]*$", description="the arm's name")
-    units: UnitsEntry = Field(default_factory=lambda: UnitsEntry(length="m", angle="deg"), description="what bare numbers count")
+    units: UnitsEntry = Field(
+        default_factory=lambda: UnitsEntry(length="m", angle="deg"), description="what bare numbers count"
+    )
     dh: list[DhEntry] = Field(min_length=1, description="one entry for each joint, from the base")
     links: dict[str, LinkEntry] = Field(default_factory=dict, description="name: link")
     allowed_contacts: list[Pair] = Field(
@@ -182,7 +184,9 @@ class CellFile(Strict):
     """A `cell.yaml`: the geometry of a cell."""
 
     cell: str = Field(pattern=r"^[a-z][a-z0-9_]*$", description="the cell's name")
-    units: UnitsEntry = Field(default_factory=lambda: UnitsEntry(length="m", angle="deg"), description="what bare numbers count")
+    units: UnitsEntry = Field(
+        default_factory=lambda: UnitsEntry(length="m", angle="deg"), description="what bare numbers count"
+    )
     arms: dict[str, MountedArmEntry] = Field(default_factory=dict, description="name: arm")
     frames: dict[str, PlacedEntry] = Field(default_factory=dict, description="name: where it is")
     fixtures: dict[str, BodyEntry] = Field(default_factory=dict, description="what stands still")
