@@ -41,6 +41,11 @@ class GeometryBackend(Protocol):
         """How a person asks for it."""
         ...
 
+    @property
+    def exact_depths(self) -> bool:
+        """Whether a depth is the least displacement that parts two bodies; if not, it is a local estimate of it."""
+        ...
+
     def checker(self, scene: Scene) -> CollisionChecker:
         """Make a scene ready. Raises `ValueError` when the backend cannot represent it."""
         ...

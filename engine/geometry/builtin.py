@@ -21,6 +21,7 @@ class Packed:
     carrier: Ints  # (p,)
     ball: Floats  # (p, 4) centre in the carrier, radius
     block: Floats  # (p, 15) axes as rows, middle in the carrier, half sizes; around the vertices alone
+    is_block: Truths  # (p,) whether the block is the piece itself
     pairs: Ints  # (m, 2)
 
 
@@ -37,6 +38,7 @@ def pack(scene: Scene) -> Packed:
         np.array([piece.carrier for piece in scene.pieces], dtype=np.int64),
         np.array([ball for ball, _ in bounds]).reshape(-1, 4),
         np.array([block for _, block in bounds]).reshape(-1, 15),
+        np.array([piece.box and not piece.radius_m for piece in scene.pieces], dtype=bool),
         np.ascontiguousarray(scene.pairs, dtype=np.int64).reshape(-1, 2),
     )
 
@@ -75,7 +77,9 @@ class BuiltinChecker:
         found = np.full(len(where), -1, dtype=np.int64)
         for first, poses in self._poses(where):
             out = found[first : first + len(poses)]
-            first_contacts(poses, p.vertices, p.stretch, p.radius, p.carrier, p.ball, p.block, p.pairs, out)
+            first_contacts(
+                poses, p.vertices, p.stretch, p.radius, p.carrier, p.ball, p.block, p.is_block, p.pairs, out
+            )
         return found
 
     def clearance(self, where: Floats, beyond_m: float = 1.0) -> Floats:
@@ -147,6 +151,7 @@ class BuiltinBackend:
     """Compiled kernels; always there."""
 
     name = "builtin"
+    exact_depths = True
 
     def checker(self, scene: Scene) -> BuiltinChecker:
         """Pack a scene."""

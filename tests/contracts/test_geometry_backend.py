@@ -113,7 +113,10 @@ def test_distances_and_depths_are_those_of_the_plain_reference(
         told = {frozenset((c.first, c.second)): c.distance_m for c in checker.contacts(q, within_m=0.2)}
         assert told.keys() == {pair for pair, distance in plain.items() if distance <= 0.2}
         for pair, distance in told.items():
-            assert math.isclose(distance, plain[pair], abs_tol=AGREE_M), pair
+            if distance > 0 or backend.exact_depths:
+                assert math.isclose(distance, plain[pair], abs_tol=AGREE_M), pair
+            else:
+                assert plain[pair] < AGREE_M, pair
 
 
 def test_collision_is_a_distance_of_nothing_or_less(backend: GeometryBackend, scene: Scene) -> None:
@@ -173,7 +176,9 @@ def test_a_body_flies_free(backend: GeometryBackend) -> None:
     deepest = checker.contacts(poses[1])[0]
     assert {deepest.first, deepest.second} == {"tool", "table"}
     plain = plain_distances(scene, np.stack([np.eye(4), poses[1]]))
-    assert math.isclose(deepest.distance_m, plain[frozenset({"tool", "table"})], abs_tol=AGREE_M)
+    assert plain[frozenset({"tool", "table"})] < 0
+    if backend.exact_depths:
+        assert math.isclose(deepest.distance_m, plain[frozenset({"tool", "table"})], abs_tol=AGREE_M)
 
 
 def test_what_is_affixed_collides_where_it_is_carried(backend: GeometryBackend) -> None:

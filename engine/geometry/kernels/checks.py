@@ -12,6 +12,7 @@ import numpy as np
 from engine.geometry.kernels import compiled
 from engine.geometry.kernels.distance import separation
 from engine.geometry.kernels.gjk import core_distance
+from engine.geometry.kernels.volumes import far_apart, segment_block_gap, segment_gap
 from engine.model.geometry import Floats, Ints, Truths
 
 
@@ -83,63 +84,6 @@ def place(pose: Floats, vertices: Floats, start: int, count: int, out: Floats) -
 
 
 @compiled
-def block_gap(pose: Floats, block: Floats, centre: Floats) -> float:
-    """How far a point (3,) is from a block (15,: axes as rows 0:9, middle 9:12, half sizes 12:15) in a carrier."""
-    x, y, z = centre[0] - pose[0, 3], centre[1] - pose[1, 3], centre[2] - pose[2, 3]
-    u = pose[0, 0] * x + pose[1, 0] * y + pose[2, 0] * z - block[9]
-    v = pose[0, 1] * x + pose[1, 1] * y + pose[2, 1] * z - block[10]
-    w = pose[0, 2] * x + pose[1, 2] * y + pose[2, 2] * z - block[11]
-    total = 0.0
-    for a in range(3):
-        beyond = abs(block[3 * a] * u + block[3 * a + 1] * v + block[3 * a + 2] * w) - block[12 + a]
-        if beyond > 0.0:
-            total += beyond * beyond
-    return math.sqrt(total)
-
-
-@compiled
-def far_apart(
-    pose: Floats,
-    carrier: Ints,
-    ball: Floats,
-    block: Floats,
-    radius: Floats,
-    centres: Floats,
-    i: int,
-    j: int,
-    by: float,
-) -> bool:
-    """Whether the bounding volumes of two pieces are more than `by` apart."""
-    x, y, z = centres[i, 0] - centres[j, 0], centres[i, 1] - centres[j, 1], centres[i, 2] - centres[j, 2]
-    reach = ball[i, 3] + ball[j, 3] + by
-    if reach < 0.0 or x * x + y * y + z * z > reach * reach:
-        return True
-    if block_gap(pose[carrier[j]], block[j], centres[i]) > ball[i, 3] + radius[j] + by:
-        return True
-    return bool(block_gap(pose[carrier[i]], block[i], centres[j]) > ball[j, 3] + radius[i] + by)
-
-
-@compiled
-def segment_gap(v: Floats, a: int, na: int, b: int, nb: int) -> float:
-    """The distance between two points or segments, squared (Ericson 2005, 5.1.9)."""
-    ux, uy, uz = v[a + na - 1, 0] - v[a, 0], v[a + na - 1, 1] - v[a, 1], v[a + na - 1, 2] - v[a, 2]
-    wx, wy, wz = v[b + nb - 1, 0] - v[b, 0], v[b + nb - 1, 1] - v[b, 1], v[b + nb - 1, 2] - v[b, 2]
-    rx, ry, rz = v[a, 0] - v[b, 0], v[a, 1] - v[b, 1], v[a, 2] - v[b, 2]
-    uu, ww, uw = ux * ux + uy * uy + uz * uz, wx * wx + wy * wy + wz * wz, ux * wx + uy * wy + uz * wz
-    ur, wr = ux * rx + uy * ry + uz * rz, wx * rx + wy * ry + wz * rz
-    s = _clamped(uw * wr - ur * ww, uu * ww - uw * uw)
-    t = _clamped(uw * s + wr, ww)
-    s = _clamped(uw * t - ur, uu)
-    x, y, z = rx + s * ux - t * wx, ry + s * uy - t * wy, rz + s * uz - t * wz
-    return float(x * x + y * y + z * z)
-
-
-@compiled
-def _clamped(above: float, below: float) -> float:
-    return min(1.0, max(0.0, above / below)) if below > 1e-14 else 0.0
-
-
-@compiled
 def first_contacts(
     poses: Floats,
     vertices: Floats,
@@ -148,6 +92,7 @@ def first_contacts(
     carrier: Ints,
     ball: Floats,
     block: Floats,
+    is_block: Truths,
     pairs: Ints,
     out: Ints,
 ) -> None:
@@ -157,28 +102,44 @@ def first_contacts(
     placed = np.full(count, -1)
     placed[carrier == 0] = poses.shape[0]
     for n in range(poses.shape[0]):
-        place_centres(poses[n], carrier, ball, centres)
+        pose = poses[n]
+        place_centres(pose, carrier, ball, centres)
         out[n] = -1
         for m in range(pairs.shape[0]):
             i, j = pairs[m, 0], pairs[m, 1]
-            if far_apart(poses[n], carrier, ball, block, radius, centres, i, j, 0.0):
+            if far_apart(pose, carrier, ball, block, radius, centres, i, j, 0.0):
                 continue
             for p in (i, j):
                 if placed[p] != n and placed[p] != poses.shape[0]:
-                    place(poses[n, carrier[p]], vertices, stretch[p, 0], stretch[p, 1], world)
+                    place(pose[carrier[p]], vertices, stretch[p, 0], stretch[p, 1], world)
                     placed[p] = n
-            if touches(world, stretch, radius, i, j, simplex):
+            if touches(pose, world, stretch, radius, carrier, block, is_block, i, j, simplex):
                 out[n] = m
                 break
 
 
 @compiled
-def touches(world: Floats, stretch: Ints, radius: Floats, i: int, j: int, simplex: Floats) -> bool:
-    """Whether two placed pieces touch."""
+def touches(
+    pose: Floats,
+    world: Floats,
+    stretch: Ints,
+    radius: Floats,
+    carrier: Ints,
+    block: Floats,
+    is_block: Truths,
+    i: int,
+    j: int,
+    simplex: Floats,
+) -> bool:
+    """Whether two placed pieces touch: points, segments and blocks by formulas of their own, the rest by GJK."""
     a, na, b, nb = stretch[i, 0], stretch[i, 1], stretch[j, 0], stretch[j, 1]
     reach = radius[i] + radius[j]
     if na <= 2 and nb <= 2:
         return bool(segment_gap(world, a, na, b, nb) <= reach * reach)
+    if na <= 2 and is_block[j]:
+        return bool(segment_block_gap(world, a, na, pose[carrier[j]], block[j]) <= reach * reach)
+    if nb <= 2 and is_block[i]:
+        return bool(segment_block_gap(world, b, nb, pose[carrier[i]], block[i]) <= reach * reach)
     return bool(core_distance(world, a, na, b, nb, reach, simplex) <= reach)
 
 

@@ -9,8 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from engine.geometry.hull import FlatError, hull_triangles, planes
-from engine.geometry.kernels.checks import segment_gap
 from engine.geometry.kernels.distance import separation
+from engine.geometry.kernels.volumes import segment_block_gap, segment_gap
 from engine.geometry.reference import signed_distance
 from engine.geometry.transforms import rotation
 from engine.model.geometry import Floats
@@ -94,6 +94,22 @@ def test_segments_have_a_formula_of_their_own(one: str, other: str, seed: int) -
     rows = np.vstack([first, second])
     gap = segment_gap(rows, 0, len(first), len(first), len(second))
     assert math.isclose(math.sqrt(gap), max(0.0, compiled(first, second)[0]), abs_tol=1e-7)
+
+
+@settings(max_examples=300, deadline=None)
+@given(st.sampled_from(["point", "segment"]), seeds)
+def test_segments_and_blocks_have_a_formula_of_their_own(one: str, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    segment, half = body(one, rng), rng.uniform(0.05, 0.5, 3)
+    axis = rng.normal(size=3)
+    pose = np.eye(4)
+    pose[:3, :3] = rotation(axis / np.linalg.norm(axis), 1.0)
+    corners = np.array(list(product((-1, 1), repeat=3))) * half
+    middle = rng.normal(size=3) * 0.2
+    block = np.concatenate([np.eye(3).ravel(), middle, half])
+    gap = segment_block_gap(segment, 0, len(segment), pose, block)
+    plain = signed_distance(segment, (corners + middle) @ pose[:3, :3].T)
+    assert math.isclose(math.sqrt(gap), max(0.0, plain), abs_tol=1e-7)
 
 
 @settings(max_examples=100, deadline=None)

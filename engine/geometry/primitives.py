@@ -1,0 +1,35 @@
+"""Pieces as other libraries' primitive shapes: spheres about their centre, capsules along z about their middle."""
+
+import numpy as np
+
+from engine.model.geometry import Floats, Piece
+
+
+def primitive_frame(piece: Piece) -> Floats:
+    """T_carrier_primitive (4, 4); of a block or polytope the piece's own frame."""
+    T = piece.T_carrier_piece.copy()
+    if len(piece.vertices) > 2:
+        return T
+    T[:3, 3] += T[:3, :3] @ piece.vertices.mean(axis=0)
+    if len(piece.vertices) == 2:
+        T[:3, :3] = T[:3, :3] @ _onto(piece.vertices[1] - piece.vertices[0])
+    return T
+
+
+def _onto(along: Floats) -> Floats:
+    """A rotation (3, 3) that turns the z axis into a direction."""
+    z = along / np.linalg.norm(along)
+    x = np.cross(np.eye(3)[int(np.argmin(np.abs(z)))], z)
+    x /= np.linalg.norm(x)
+    return np.column_stack([x, np.cross(z, x), z])
+
+
+def length_of(piece: Piece) -> float:
+    """Between the centres of a capsule's ends."""
+    return float(np.linalg.norm(piece.vertices[1] - piece.vertices[0]))
+
+
+def refuse_rounded(piece: Piece, library: str) -> None:
+    """Raise `ValueError` for a polytope with a radius, which no library but ours has."""
+    if len(piece.vertices) > 2 and piece.radius_m:
+        raise ValueError(f"{library} has no rounded polytopes: {piece.body}")
