@@ -34,13 +34,3 @@ def test_nothing_is_accepted_in_continuous_integration(
     with pytest.raises(pytest.fail.Exception, match="continuous integration"):
         compare_with_golden(accepted, "as it is", update=True)
     assert accepted.read_text() == "as it was"
-
-
-def test_the_light_modules_load_nothing_heavy() -> None:
-    import subprocess
-    import sys
-
-    heavy = "('pydantic', 'lark', 'clingo', 'networkx', 'numpy', 'yaml')"
-    code = f"import sys, kb.diagnostics, kb.model.domain, kb.model.problem, kb.model.plan; print([m for m in {heavy} if m in sys.modules])"
-    ran = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert ran.stdout.strip() == "[]"

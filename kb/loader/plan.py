@@ -1,5 +1,6 @@
 """Plan files: the answer of `cellwright plan --format json` becomes a problem and a plan again."""
 
+import re
 from pathlib import Path
 
 from kb.asp import AspError, ground_term
@@ -45,12 +46,12 @@ def _require_plan(reader: Reader) -> None:
 def _steps(reader: Reader) -> list[Step]:
     return [
         Step(
-            StepId(int(node.descend(("id",)).value)),
+            StepId(_whole(reader, node.descend(("id",)))),
             _term(reader, node.descend(("operator",))),
-            tuple(StepId(int(each.value)) for each in _listed(node, "after")),
+            tuple(StepId(_whole(reader, each)) for each in _listed(node, "after")),
             tuple(_term(reader, each) for each in _listed(node, "resources")),
-            _number(node, "duration", 0),
-            _number(node, "cost", 1),
+            _number(reader, node, "duration", 0),
+            _number(reader, node, "cost", 1),
         )
         for node in reader.items("steps")
     ]
@@ -59,9 +60,9 @@ def _steps(reader: Reader) -> list[Step]:
 def _links(reader: Reader) -> list[CausalLink]:
     return [
         CausalLink(
-            StepId(int(node.descend(("producer",)).value)),
+            StepId(_whole(reader, node.descend(("producer",)))),
             _term(reader, node.descend(("condition",))),
-            StepId(int(node.descend(("consumer",)).value)),
+            StepId(_whole(reader, node.descend(("consumer",)))),
         )
         for node in reader.items("links")
     ]
@@ -71,8 +72,18 @@ def _listed(node: Node, key: str) -> list[Node]:
     return node.value[key][1].value if key in node.value else []
 
 
-def _number(node: Node, key: str, default: int) -> int:
-    return int(node.value[key][1].value) if key in node.value else default
+def _number(reader: Reader, node: Node, key: str, default: int) -> int:
+    return _whole(reader, node.value[key][1]) if key in node.value else default
+
+
+def _whole(reader: Reader, node: Node) -> int:
+    """A whole number in digits; `1.0` and `1_0` are others' ways to write one."""
+    if re.fullmatch(r"-?[0-9]{1,10}", str(node.value)):
+        return int(node.value)
+    reader.findings.add(
+        node.where, "K402", f"'{str(node.value)[:40]}' is no whole number", "write it in digits"
+    )
+    return 0
 
 
 _TERM_HINT = "write it as in ASP, such as move(arm, table)"

@@ -1,14 +1,16 @@
 """Domain files are data: whatever is in them, the loader answers with a domain or with diagnostics, and soon."""
 
 import os
+import re
 import time
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
 
 from kb.asp import AspError, ground_term
 from kb.diagnostics import InvalidInput
-from kb.loader import find, load
+from kb.loader import find, load, load_plan
 from kb.syntax import ExpressionError, parse
 
 DOMAIN = """domain: cell
@@ -362,3 +364,39 @@ def test_what_is_no_expression_gets_a_hint(cell: Path, old: str, new: str) -> No
     with pytest.raises(InvalidInput) as raised:
         load(cell / "domain.yaml")
     assert all(each.hint for each in raised.value.diagnostics)
+
+
+PLAN = """{"version": 1, "status": "found", "data": {"plan": {
+"problem": {"problem": "one", "domain": "themse", "goals": ["position(flap, open)"]},
+"steps": [{"id": 1, "operator": "press_switch(closed, open)", "after": [], "duration": 3, "cost": 1}],
+"links": [{"producer": 0, "condition": "free(mars_gripper)", "consumer": 1}]}}}
+"""
+KEYS = ["id", "operator", "after", "duration", "cost", "producer", "condition", "consumer", "domain", "goals"]
+STRANGE = [
+    "1.0",
+    '"1_0"',
+    "null",
+    "[[1]]",
+    "{}",
+    "-1",
+    "1e9",
+    "true",
+    "9" * 5000,
+    '"p(é)"',
+    '"\\u0000"',
+    '"f(((("',
+]
+
+
+@pytest.mark.parametrize("key", KEYS)
+def test_plan_files_are_answered(key: str, tmp_path: Path) -> None:
+    for value in STRANGE:
+        text = re.sub(
+            rf'"{key}": ("[^"]*"|\[[^]]*\]|[0-9]+)', f'"{key}": {value}'.replace("\\", "\\\\"), PLAN, count=1
+        )
+        assert text != PLAN
+        (tmp_path / "plan.json").write_text(text, "utf-8")
+        with suppress(InvalidInput):
+            load_plan(tmp_path / "plan.json")
+    (tmp_path / "plan.json").write_text(PLAN)
+    assert len(load_plan(tmp_path / "plan.json")[1].steps) == 1
