@@ -85,7 +85,7 @@ class Names:
                 expression.place(atom), "K102", miscounted(atom, len(predicate.arguments)), hint
             )
         elif predicate.kind not in kinds:
-            message = f"'{atom.name}' is {_article(predicate.kind)}; here stands {_listed(kinds)} alone"
+            message = f"'{atom.name}' is {_article(predicate.kind)}; only {_listed(kinds)} can stand here"
             self.findings.add(expression.place(atom), "K108", message, _KIND_HINTS[predicate.kind])
         else:
             return predicate
