@@ -1,6 +1,7 @@
 """Diagnostics: what is wrong with a file, where, and what to try. Codes are stable; `docs/diagnostics.md` lists them."""
 
 import difflib
+import re
 import unicodedata
 from collections.abc import Collection, Iterable
 from dataclasses import dataclass, field
@@ -76,18 +77,27 @@ class Source:
     cut: int = field(default=0, compare=False)
 
     def __str__(self) -> str:
-        return ":".join([self.path, *(str(part) for part in (self.line, self.column) if part)])
+        path = printable(self.path)
+        return ":".join([path, *(str(part) for part in (self.line, self.column) if part)])
 
     def excerpt(self) -> list[str]:
         """The line and, under its column, a caret; nothing when the text is not known."""
         if not self.text.strip():
             return []
         before = self.text[: self.column - 1 - self.cut]
-        shown = ("..." if self.cut else "") + self.text
+        shown = ("..." if self.cut else "") + printable(self.text)
         if not self.column:
             return [shown]
-        margin = "".join("\t" if each == "\t" else " " * _width(each) for each in before)
+        margin = "".join("\t" if each == "\t" else " " * _width(each) for each in printable(before))
         return [shown, f"{'   ' if self.cut else ''}{margin}^"]
+
+
+def printable(text: str) -> str:
+    """The text with a mark for each character that would command the terminal, or turn the order of a line around."""
+    return _COMMANDING.sub("\N{REPLACEMENT CHARACTER}", text)
+
+
+_COMMANDING = re.compile("[\0-\x08\n-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069\ud800-\udfff]")
 
 
 def _width(character: str) -> int:
@@ -109,10 +119,10 @@ class Diagnostic:
 
     def __str__(self) -> str:
         severity = "warning" if self.warning else "error"
-        lines = [f"{self.where}: {severity} {self.code}: {self.message}"]
+        lines = [f"{self.where}: {severity} {self.code}: {printable(self.message)}"]
         lines += [f"    {line}" for line in self.where.excerpt()]
         if self.hint:
-            lines.append(f"  try: {self.hint}")
+            lines.append(f"  try: {printable(self.hint)}")
         return "\n".join(lines)
 
 

@@ -10,6 +10,7 @@ from kb.loader.reader import Reader
 from kb.model.domain import Domain
 
 DOMAIN_FILE = "domain.yaml"
+SUFFIXES = (".yaml", ".yml")  # messages show lines: a problem may not have those of any file shown
 HEAD_BYTES = 65_536  # where a file that calls itself a domain says so
 
 
@@ -55,7 +56,7 @@ def domain_file(reader: Reader) -> Path:
         if _is_called(candidate, name):
             return candidate
     for candidate in (here / name / DOMAIN_FILE, here / name, Path(name) / DOMAIN_FILE, Path(name)):
-        if is_file(candidate):
+        if is_file(candidate) and candidate.suffix in SUFFIXES:
             return candidate
     known = bundled()
     if name in known:

@@ -247,7 +247,7 @@ _NOT_HINT = (
 )
 _ATOMS, _CONDITIONS = (
     "atoms, such as at(Item, To), with commas between",
-    "such as at(Item, From), not heavy(Item)",
+    "atoms and comparisons, such as not heavy(Item), X != Y",
 )
 _SHAPES = {
     "header": "write name(Variable, ...)",
