@@ -1,15 +1,18 @@
 """From a problem to a ground task: clingo finds what can be reached, numbers come back, Python makes bitsets."""
 
+import gc
 from collections.abc import Iterator
+from contextlib import contextmanager
 
 from engine.grounding.ambiguity import ambiguities
 from engine.grounding.closure import Deduction, deduction
-from engine.grounding.derived import MAX_SUPPORTS, Supports, TooManySupports
+from engine.grounding.derived import MAX_SUPPORTS, Support, Supports, TooManySupports
 from engine.grounding.goals import Goals
 from engine.grounding.initial import initial_state
-from engine.grounding.instances import Instances, Numbering, complemented
+from engine.grounding.instances import Instances
 from engine.grounding.invariants import mutex_groups
 from engine.grounding.limits import require_affordable
+from engine.grounding.numbering import Numbering, complemented
 from engine.grounding.program import (
     Schema,
     Vocabulary,
@@ -31,7 +34,7 @@ from engine.grounding.workflow import Workflow
 from engine.model.task import Bits, Task, bitset, indices
 from kb.asp import Grounder
 from kb.asp.vocabulary import VIOLATED, static_program
-from kb.diagnostics import Diagnostic, InvalidInput
+from kb.diagnostics import Diagnostic, InvalidInput, Source
 from kb.model.conditions import goal_parts
 from kb.model.domain import AspText
 from kb.model.normalise import Normaliser
@@ -42,14 +45,24 @@ from kb.terms import Atom, Function, Number
 def ground(problem: Problem) -> Task:
     """The ground task of a problem.
 
-    Raises `InvalidInput` for violated constraints, contradictions and ambiguities among deductive operators, and
-    derived predicates with too many supports, and grounding beyond its limits.
+    Raises `InvalidInput` with everything that is found wrong: violated constraints, contradictions and ambiguities
+    among deductive operators, derived predicates with too many supports, grounding beyond its limits.
     """
-    grounding = _Grounding(problem)
+    with _no_garbage_collection():
+        grounding = _Grounding(problem)
+        task = grounding.task()
+    if grounding.found:
+        raise InvalidInput(grounding.found)
+    return task
+
+
+def findings(problem: Problem) -> list[Diagnostic]:
+    """Everything that grounding finds wrong with a problem."""
     try:
-        return grounding.task()
-    except TooManySupports as error:
-        raise InvalidInput([grounding.too_many(error)]) from None
+        ground(problem)
+    except InvalidInput as error:
+        return list(error.diagnostics)
+    return []
 
 
 def reachable_operators(task: Task) -> frozenset[str]:
@@ -57,11 +70,24 @@ def reachable_operators(task: Task) -> frozenset[str]:
     return frozenset(operator.instance.name for operator in task.operators)
 
 
+@contextmanager
+def _no_garbage_collection() -> Iterator[None]:
+    """Millions of values are made here and none is part of a cycle; to look for cycles among them takes a third more time."""
+    enabled = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if enabled:
+            gc.enable()
+
+
 class _Grounding:
-    """The stages of one grounding, each using what the ones before it found."""
+    """The stages of one grounding, each using what the ones before it found; `found` is what is wrong."""
 
     def __init__(self, problem: Problem) -> None:
         self.problem, self.domain = problem, problem.domain
+        self.found: list[Diagnostic] = []
         normaliser = Normaliser()
         vocabulary = Vocabulary(self.domain)
         self.schemas = list(schemas(self.domain, normaliser, vocabulary))
@@ -72,11 +98,11 @@ class _Grounding:
         self.invented = {each.head.name: len(each.head.arguments) for each in normaliser.rules}
 
     def task(self) -> Task:
+        """The task; it means nothing if something is wrong."""
         require_affordable(self.problem, self.schemas, self.vocabulary)
-        initial = initial_state(self.problem, self.vocabulary)
+        initial, contradicted = initial_state(self.problem, self.vocabulary)
+        self.found += contradicted
         universe = self._reachable(initial)
-        self.universe = universe
-        effects = deduction(self.domain, self.vocabulary, universe)
         supports = Supports(
             range(DERIVED, DERIVED + len(universe.derived)),
             derivations(self.rules, self.vocabulary, universe),
@@ -84,22 +110,21 @@ class _Grounding:
         workflow = Workflow(self.problem.chains, universe, len(universe.atoms), self.vocabulary.events)
         goals = self._goals(universe, supports, len(universe.atoms) + len(workflow.atoms))
         numbering = Numbering(len(universe.atoms) + len(workflow.atoms) + len(goals.atoms))
+        effects = deduction(self.domain, self.vocabulary, universe)
         changes = conditional_changes(self.conditionals, self.schemas, universe)
         made = Instances(universe, effects, supports, workflow, numbering, changes)
-        rows = instances(self.schemas, self.vocabulary, universe)
-        operators = dict.fromkeys(operator for row in rows for operator in made.operators(row))
-        if made.contradictions:
-            raise InvalidInput(contradictions(made, universe))
+        operators = list(made.operators(instances(self.schemas, self.vocabulary, universe)))
+        self.found += contradictions(made, universe)
+        self.found += self._overflows(universe, supports, made)
         start = bitset([universe.index[atom] for atom in initial]) | workflow.initial | goals.initial
-        alternatives, completed = goals.compiled(list(operators), numbering)
+        alternatives, completed = goals.compiled(operators, numbering)
         complements = bitset([c for atom, c in numbering.complements.items() if not start >> atom & 1])
         negated = (Function("not", (universe.atoms[atom],)) for atom in numbering.complements)
         atoms = (*universe.atoms, *workflow.atoms, *goals.atoms, *negated)
         completed = [complemented(operator, numbering) for operator in completed]
         groups = mutex_groups(atoms, completed, start | complements)
-        found = [*ambiguities(self.domain, made.doubts, atoms, groups)]
-        if found:
-            raise InvalidInput(found)
+        if not contradicted:  # of which two atoms of a group may be true
+            self.found += ambiguities(self.domain, made.doubts, atoms, groups)
         pairs = (1 << atom | 1 << complement for atom, complement in numbering.complements.items())
         return Task(
             atoms,
@@ -122,17 +147,21 @@ class _Grounding:
             [way for number, _ in enumerate(disjuncts) for way in found[f"_goal_{part}_{number}"]]
             for part, disjuncts in enumerate(self.goals)
         ]
-        ways = [dict.fromkeys(s for way in part for s in supports.combinations(way)) for part in parts]
-        return Goals(list(map(list, ways)), first)
+        ways: list[list[Support]] = []
+        for part in parts:
+            try:
+                ways.append(list(dict.fromkeys(s for way in part for s in supports.combinations(way))))
+            except TooManySupports:
+                self.found.append(_too_many("a goal", self.problem.where))
+        return Goals(ways, first)
 
-    def too_many(self, error: TooManySupports) -> Diagnostic:
-        """A derived predicate that cannot be compiled, at its first rule; or the goal."""
-        derived = self.universe.derived[error.atom - DERIVED] if error.atom >= DERIVED else None
-        where = next((each.where for each in self.rules if derived and each.head.name == derived.name), None)
-        what = str(derived) if derived else "a condition"
-        message = f"{what} can be made true in more than {MAX_SUPPORTS} ways"
-        hint = "split the predicate, or turn one of its alternatives into a fluent that operators add"
-        return Diagnostic(where or self.problem.where, "K306", message, hint)
+    def _overflows(self, universe: Universe, supports: Supports, made: Instances) -> Iterator[Diagnostic]:
+        """Derived predicates and conditions that cannot be compiled, each predicate once."""
+        for name, atom in {a.name: a for a in map(universe.atom, reversed(supports.overflowing))}.items():
+            where = next(each.where for each in self.rules if each.head.name == name)
+            yield _too_many(str(atom), where)
+        for operator in made.overflowing.values():
+            yield _too_many(f"the condition of {operator.header}", operator.where)
 
     def _violation(self, constraint: AspText) -> Diagnostic:
         said = constraint.text.removeprefix("#false").strip()
@@ -154,9 +183,8 @@ class _Grounding:
         text += [derived_rule(each, self.vocabulary) for each in self.rules]
         text += [r for operator in self.domain.deductive_operators for r in deduction_rules(operator)]
         grounder.ground("\n".join(text))
-        violated = [number for (number,) in grounder.atoms(VIOLATED, 1) if isinstance(number, Number)]
-        if violated:
-            raise InvalidInput(self._violation(self.domain.asp[number.value]) for number in violated)
+        violated = [number.value for (number,) in grounder.atoms(VIOLATED, 1) if isinstance(number, Number)]
+        self.found += [self._violation(self.domain.asp[number]) for number in sorted(violated)]
         universe = Universe(grounder, self.vocabulary, self.invented)
         universe.name_terms(
             rule(f"_arg({v})", [instance(s)]) for s in self.schemas for v in s.operator.variables
@@ -169,9 +197,15 @@ class _Grounding:
                 yield rule(reachable(each.effect.atom), conditional_body(each, schema))
 
 
+def _too_many(what: str, where: Source) -> Diagnostic:
+    message = f"{what} can be made true in more than {MAX_SUPPORTS} ways"
+    hint = "split the predicate, or turn one of its alternatives into a fluent that operators add"
+    return Diagnostic(where, "K306", message, hint)
+
+
 def contradictions(made: Instances, universe: Universe) -> Iterator[Diagnostic]:
     """One diagnostic per operator whose consequences contradict each other (Meaning 4)."""
-    for operator, found in {each.operator.name: each for each in reversed(made.contradictions)}.items():
+    for operator, found in made.contradictions.items():
         atom = universe.atoms[next(indices(found.atoms))]
         chain = _chain(made.deduction, universe, found.adds, atom)
         message = f"{found.instance} both adds and denies {atom}: {chain}"

@@ -13,27 +13,39 @@ def ambiguities(
     domain: Domain, doubts: Sequence[Doubt], atoms: Sequence[Atom], groups: Sequence[Bits]
 ) -> Iterator[Diagnostic]:
     """One diagnostic per operator that denies an atom which its preconditions neither name nor exclude."""
-    excluded = _excluded(doubts, groups)
+    rivals = _Rivals(groups)
     schemas: dict[str, Operator] = {operator.name: operator for operator in domain.operators}
-    for doubt in {each.instance.name: each for each in reversed(doubts) if _open(each, excluded)}.values():
+    reported: set[str] = set()
+    for doubt in doubts:
         name = doubt.instance.name
-        atom = next(atom for atom in indices(doubt.atoms) if not excluded[atom] & doubt.preconditions)
+        if name in reported or not (open_atoms := doubt.atoms & ~rivals.of(doubt.preconditions)):
+            continue
+        reported.add(name)
+        atom = next(indices(open_atoms))
         message = f"{doubt.instance} denies {atoms[atom]}, which has consequences if it was true before"
         hint = f"name it in the preconditions of {name}, or name what excludes it"
         yield Diagnostic(schemas[name].where, "K302", message, hint)
 
 
-def _open(doubt: Doubt, excluded: dict[int, Bits]) -> bool:
-    return any(not excluded[atom] & doubt.preconditions for atom in indices(doubt.atoms))
+class _Rivals:
+    """What is never true together with an atom, looked up once for each atom."""
 
+    def __init__(self, groups: Sequence[Bits]) -> None:
+        self.groups = groups
+        self.known: dict[int, Bits] = {}
 
-def _excluded(doubts: Sequence[Doubt], groups: Sequence[Bits]) -> dict[int, Bits]:
-    """For each doubtful atom what is never true with it."""
-    doubtful = 0
-    for doubt in doubts:
-        doubtful |= doubt.atoms
-    excluded = dict.fromkeys(indices(doubtful), 0)
-    for group in groups:
-        for atom in indices(group & doubtful):
-            excluded[atom] |= group & ~(1 << atom)
-    return excluded
+    def of(self, atoms: Bits) -> Bits:
+        """What some atom of a set excludes."""
+        found = 0
+        for atom in indices(atoms):
+            if atom not in self.known:
+                self.known[atom] = self._excluded(1 << atom)
+            found |= self.known[atom]
+        return found
+
+    def _excluded(self, bit: Bits) -> Bits:
+        found = 0
+        for group in self.groups:
+            if group & bit:
+                found |= group & ~bit
+        return found

@@ -2,10 +2,10 @@
 
 from dataclasses import dataclass
 
-from engine.grounding.program import Vocabulary, consequence_body, numbered, rule
+from engine.grounding.consequences import consequences
+from engine.grounding.program import Vocabulary
 from engine.grounding.universe import Universe
 from engine.model.task import Bits, bitset, indices
-from kb.asp import Table
 from kb.model.domain import Domain
 
 Closure = tuple[Bits, Bits]
@@ -55,47 +55,13 @@ class Deduction:
 
 def deduction(domain: Domain, vocabulary: Vocabulary, universe: Universe) -> Deduction:
     """The deductive operators of `domain`, evaluated over the atoms of `universe`."""
-    rules: dict[str, tuple[str, int]] = {}
-    kinds: dict[str, tuple[bool, bool]] = {}
-    for number, operator in enumerate(domain.deductive_operators):
-        if operator.trigger.atom.name in vocabulary.events:
-            continue
-        for place, consequence in enumerate(operator.consequences):
-            name = f"_c_{number}_{place}"
-            body = [
-                numbered(operator.trigger.atom, "Trigger__"),
-                numbered(consequence.atom, "Consequence__"),
-                *consequence_body(operator, consequence),
-            ]
-            rules[name] = (f"#defined {name}/2. " + rule(f"{name}(Trigger__, Consequence__)", body), 2)
-            kinds[name] = (operator.trigger.positive, consequence.implied)
-    tables = universe.tables(rules)
-    size = len(universe.atoms)
-
-    def masks(wanted: tuple[bool, bool]) -> list[Bits]:
-        found = [0] * size
-        for name, table in tables.items():
-            if kinds[name] == wanted:
-                _collect(found, table)
-        return found
-
-    implied = _transitive(masks((True, True)))
-    own_denied = masks((True, False))
+    direct = consequences(domain, vocabulary, universe)
+    implied = _transitive(direct[(True, True)])
+    own_denied = direct[(True, False)]
     denied = [_union(own_denied, reached) for reached in implied]
-    return Deduction(tuple(implied), tuple(denied), tuple(masks((False, True))), tuple(masks((False, False))))
-
-
-def _collect(masks: list[Bits], table: Table) -> None:
-    """OR each row's second number into the mask of its first; rows come sorted."""
-    start = 0
-    triggers = table[:, 0].tolist() if len(table) else []
-    others = table[:, 1].tolist() if len(table) else []
-    while start < len(triggers):
-        end = start
-        while end < len(triggers) and triggers[end] == triggers[start]:
-            end += 1
-        masks[triggers[start]] |= bitset(others[start:end])
-        start = end
+    return Deduction(
+        tuple(implied), tuple(denied), tuple(direct[(False, True)]), tuple(direct[(False, False)])
+    )
 
 
 def _union(masks: list[Bits], over: Bits) -> Bits:

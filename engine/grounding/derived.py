@@ -15,11 +15,7 @@ MAX_SUPPORTS = 512
 
 
 class TooManySupports(Exception):
-    """A derived atom has more minimal supports than `MAX_SUPPORTS`; `atom` is its number."""
-
-    def __init__(self, atom: int) -> None:
-        super().__init__(atom)
-        self.atom = atom
+    """A condition has more minimal supports than `MAX_SUPPORTS`."""
 
 
 class Supports:
@@ -28,6 +24,7 @@ class Supports:
     def __init__(self, derived: Iterable[int], rules: Rules) -> None:
         self._supports: dict[int, list[Support]] = {atom: [] for atom in derived}
         self._broken: dict[int, list[Support]] = {}
+        self._overflowing: dict[int, None] = {}
         graph: nx.DiGraph[int] = nx.DiGraph()
         graph.add_nodes_from(self._supports)
         for head, bodies in rules.items():
@@ -36,6 +33,11 @@ class Supports:
             )
         for component in nx.strongly_connected_components(graph):  # dependencies come first
             self._close(sorted(component), rules)
+
+    @property
+    def overflowing(self) -> list[int]:
+        """The derived atoms with more minimal supports than `MAX_SUPPORTS`, or ways to break them; they have none here."""
+        return list(self._overflowing)
 
     def of(self, signed: int) -> list[Support]:
         """The minimal ways to make a signed atom hold; a fluent supports itself."""
@@ -54,37 +56,54 @@ class Supports:
         if not any(_atom(signed) in self._supports for signed in condition):
             support = frozenset(condition)
             return [] if any(~signed in support for signed in support) else [support]
-        return self._product([self.of(signed) for signed in condition], -1)
+        return self._product([self.of(signed) for signed in condition])
 
     def _close(self, component: list[int], rules: Rules) -> None:
         changed = True
         while changed:
             changed = False
             for atom in component:
-                found = list(self._supports[atom])
-                for body in rules.get(atom, []):
-                    found.extend(self._product([self.of(signed) for signed in body], atom))
-                found = _minimal(found)
-                if len(found) > MAX_SUPPORTS:
-                    raise TooManySupports(atom)
+                if atom in self._overflowing:
+                    continue
+                try:
+                    found = self._supported(atom, rules)
+                except TooManySupports:
+                    found = self._overflow(atom)
                 if found != self._supports[atom]:
                     self._supports[atom], changed = found, True
 
+    def _supported(self, atom: int, rules: Rules) -> list[Support]:
+        found = list(self._supports[atom])
+        for body in rules.get(atom, []):
+            found.extend(self._product([self.of(signed) for signed in body]))
+        return _few(_minimal(found))
+
+    def _overflow(self, atom: int) -> list[Support]:
+        self._overflowing[atom] = None
+        return []
+
     def _breaking(self, atom: int) -> list[Support]:
         choices = [[frozenset([~signed]) for signed in sorted(support)] for support in self._supports[atom]]
-        return self._product(choices, atom)
+        try:
+            return self._product(choices)
+        except TooManySupports:
+            return self._overflow(atom)
 
-    def _product(self, choices: list[list[Support]], atom: int) -> list[Support]:
+    def _product(self, choices: list[list[Support]]) -> list[Support]:
         found: list[Support] = [frozenset()]
         for alternatives in choices:
-            found = _minimal([one | other for one in found for other in alternatives])
-            if len(found) > MAX_SUPPORTS:
-                raise TooManySupports(atom)
+            found = _few(_minimal([one | other for one in found for other in alternatives]))
         return found
 
 
 def _atom(signed: int) -> int:
     return signed if signed >= 0 else ~signed
+
+
+def _few(supports: list[Support]) -> list[Support]:
+    if len(supports) > MAX_SUPPORTS:
+        raise TooManySupports
+    return supports
 
 
 def _minimal(supports: list[Support]) -> list[Support]:

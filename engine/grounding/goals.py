@@ -11,7 +11,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 
 from engine.grounding.derived import Support
-from engine.grounding.instances import Numbering
+from engine.grounding.numbering import Numbering
 from engine.model.task import Bits, GroundOperator
 from kb.terms import Atom, Function, Number
 

@@ -3,34 +3,36 @@
 from engine.grounding.closure import Deduction, deduction
 from engine.grounding.program import Vocabulary, deduction_rules, reachable, rule
 from engine.grounding.universe import Universe
-from engine.model.task import Bits, bitset, indices
+from engine.model.task import Bits, bitset
 from kb.asp import Grounder
 from kb.asp.vocabulary import guard, static_program
-from kb.diagnostics import Diagnostic, InvalidInput
+from kb.diagnostics import Diagnostic
 from kb.model.problem import Problem
 from kb.terms import Atom, Function
 
 
-def initial_state(problem: Problem, vocabulary: Vocabulary) -> tuple[Atom, ...]:
-    """The true fluents. Raises `InvalidInput` when the given facts contradict each other."""
+def initial_state(problem: Problem, vocabulary: Vocabulary) -> tuple[tuple[Atom, ...], list[Diagnostic]]:
+    """The true fluents, and what is wrong when the given facts contradict each other."""
     if problem.complete:
-        return tuple(dict.fromkeys(problem.initial))
+        return tuple(dict.fromkeys(problem.initial)), []
     grounder = Grounder()
     grounder.ground("\n".join(_program(problem)))
     universe = Universe(grounder, vocabulary, {})
     state = _State(deduction(problem.domain, vocabulary, universe))
     state.give(bitset([universe.index[fact] for fact in problem.initial]))
-    if state.facts & state.denied:
-        names = [str(universe.atoms[index]) for index in indices(state.facts & state.denied)]
-        message = f"the initial facts deny {', '.join(names)}"
-        raise InvalidInput(
-            [Diagnostic(problem.where, "K301", message, "remove one of the facts that exclude each other")]
-        )
+    contradicted = _contradiction(problem, universe.names(state.facts & state.denied))
     for number, default in enumerate(problem.domain.defaults):
         found = grounder.atoms(f"_d_{number}", len(default.atom.arguments))
         for atom in sorted((Function(default.atom.name, arguments) for arguments in found), key=str):
             state.suppose(universe.index[atom])
-    return tuple(universe.atoms[index] for index in indices(state.facts))
+    return universe.names(state.facts), contradicted
+
+
+def _contradiction(problem: Problem, denied: tuple[Atom, ...]) -> list[Diagnostic]:
+    if not denied:
+        return []
+    message = f"the initial facts deny {', '.join(map(str, denied))}"
+    return [Diagnostic(problem.where, "K301", message, "remove one of the facts that exclude each other")]
 
 
 def _program(problem: Problem) -> list[str]:

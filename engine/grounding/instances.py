@@ -1,47 +1,25 @@
-"""Rows of numbers from clingo become ground operators: conditions, supports, deduction, workflow stages."""
+"""Rows of numbers from clingo become ground operators: conditions, supports, deduction, workflow stages.
 
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field, replace
+There may be a million rows, so what the rows of a schema share is looked up once, and equal bitsets are one object.
+"""
+
+import itertools
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 
 from engine.grounding.closure import Deduction
-from engine.grounding.derived import Support, Supports
+from engine.grounding.derived import Supports, TooManySupports
+from engine.grounding.numbering import Numbering
 from engine.grounding.program import Schema, is_conditional
-from engine.grounding.universe import DERIVED, Universe
+from engine.grounding.universe import Universe
 from engine.grounding.workflow import Workflow
 from engine.model.task import Bits, ConditionalEffect, GroundOperator, bitset
+from kb.asp import Table
+from kb.model.conditions import Literal
 from kb.model.domain import Operator
-from kb.terms import Function, Number, Substitution, Term, substitute, substitute_atom
+from kb.terms import Atom, Function, Number, Substitution, Term, substitute, substitute_atom, variables
 
-
-@dataclass
-class Numbering:
-    """Bits of signed atoms: fluents keep their numbers, a negated one gets a complementary atom when first asked for."""
-
-    size: int
-    complements: dict[int, int] = field(default_factory=dict)
-
-    def bits(self, support: Support | tuple[int, ...]) -> Bits:
-        """The bitset of a set of signed numbers."""
-        return bitset([self._position(signed) for signed in support])
-
-    def _position(self, signed: int) -> int:
-        if signed >= 0:
-            return signed
-        return self.complements.setdefault(~signed, self.size + len(self.complements))
-
-    def complements_of(self, atoms: Bits) -> Bits:
-        """The complementary atoms of those that have one."""
-        return bitset([complement for atom, complement in self.complements.items() if atoms >> atom & 1])
-
-    def kept(self, adds: Bits, deletes: Bits) -> tuple[Bits, Bits]:
-        """The effects with those on complementary atoms: what is added is no longer false, and the reverse."""
-        more_adds, more_deletes = adds, deletes
-        for atom, complement in self.complements.items():
-            if adds >> atom & 1:
-                more_deletes |= 1 << complement
-            elif deletes >> atom & 1:
-                more_adds |= 1 << complement
-        return more_adds, more_deletes
+CHUNK = 10_000  # rows that are Python numbers at one moment
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,19 +42,43 @@ class Doubt:
 
 
 @dataclass(frozen=True, slots=True)
-class Row:
-    """One instance of a schema before negation and supports are compiled: signed numbers."""
+class Rows:
+    """The reachable instances of a schema: arguments, one number per dynamic literal, added atoms, deleted atoms.
+
+    An unreachable atom is -1; it stands only where it is negated or deleted.
+    """
 
     schema: Schema
-    arguments: tuple[int, ...]
-    conditions: tuple[int, ...]
+    table: Table
+    adds: int
+
+    @property
+    def ends(self) -> tuple[int, int, int]:
+        """The columns before which arguments, literals and added atoms end."""
+        arguments = len(self.schema.operator.parameters)
+        literals = arguments + len(self.schema.literals)
+        return arguments, literals, literals + self.adds
+
+    def __iter__(self) -> Iterator[list[int]]:
+        for start in range(0, len(self.table), CHUNK):
+            yield from self.table[start : start + CHUNK].tolist()
+
+
+@dataclass(frozen=True, slots=True)
+class Changes:
+    """What an instance adds and deletes, with all that follows, and which denied atoms the preconditions do not name."""
+
     adds: Bits
     deletes: Bits
+    doubtful: Bits = 0
+
+
+Traits = tuple[tuple[Term, ...], int, int]  # resources, duration, cost
 
 
 @dataclass
 class Instances:
-    """Everything needed to turn rows into operators, and the contradictions met on the way."""
+    """Everything needed to turn rows into operators, and what was found wrong on the way, by operator."""
 
     universe: Universe
     deduction: Deduction
@@ -84,100 +86,173 @@ class Instances:
     workflow: Workflow
     numbering: Numbering
     effects: Mapping[tuple[str, tuple[int, ...]], list[tuple[tuple[int, ...], Bits, Bits]]]
-    contradictions: list[Contradiction] = field(default_factory=list)
+    contradictions: dict[str, Contradiction] = field(default_factory=dict)
     doubts: list[Doubt] = field(default_factory=list)
-    _closed: dict[tuple[Bits, Bits, Bits], tuple[Bits, Bits]] = field(default_factory=dict)
+    overflowing: dict[str, Operator] = field(default_factory=dict)
+    _sets: dict[tuple[int, ...], Bits] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         self.triggers = self.deduction.triggers()
         self.deduces = self.deduction.has_rules()
 
-    def operators(self, row: Row) -> Iterator[GroundOperator]:
-        """The ground operators of one row: one per support and per choice of stages."""
-        operator = row.schema.operator
-        bindings = dict(zip(operator.variables, (self.universe.terms[n] for n in row.arguments), strict=True))
-        instance = Function(operator.name, tuple(bindings.values()))
-        resources = tuple(substitute(resource, bindings) for resource in operator.resources)
-        duration, cost = value(operator.duration, bindings, 0), value(operator.cost, bindings, 1)
-        events = [
-            substitute_atom(e.atom, bindings) for e in operator.effects if e.atom.name in self.workflow.events
-        ]
-        conditional = tuple(self._conditional(row, operator, instance))
-        for support in self.supports.combinations(row.conditions):
-            true_before = bitset([signed for signed in support if 0 <= signed < DERIVED])
-            added, deleted = self._close(row, operator, instance, true_before)
-            base = self.numbering.bits(support)
-            self._doubt(row, instance, true_before, base)
-            for advance in self.workflow.advances(events, added):
-                yield GroundOperator(
-                    instance,
-                    base | advance.conditions,
-                    added | advance.adds,
-                    deleted | advance.deletes,
-                    conditional,
-                    resources,
-                    duration,
-                    cost,
-                )
+    def operators(self, schemas: Iterable[Rows]) -> Iterator[GroundOperator]:
+        """The ground operators of all rows: one per support and per choice of stages, each once."""
+        for _, group in itertools.groupby(schemas, key=lambda rows: rows.schema.operator.name):
+            parts = list(group)
+            if len(parts) == 1 and self._is_plain(parts[0].schema):
+                yield from self._plain(parts[0])
+            else:
+                yield from dict.fromkeys(made for rows in parts for made in self._various(rows))
 
-    def _close(
-        self, row: Row, operator: Operator, instance: Function, true_before: Bits
-    ) -> tuple[Bits, Bits]:
-        deletes = row.deletes & ~row.adds  # add after delete: what is added again never ends
-        if not self.deduces:
-            return row.adds, deletes
-        key = (row.adds, true_before, deletes)
-        closed = self._closed.get(key)
-        if closed is None:
-            closed = self._closed[key] = self.deduction.close(row.adds, true_before, deletes)
-        added, denied = closed
-        if added & denied:
-            self.contradictions.append(Contradiction(operator, instance, added & denied, row.adds))
-        return added, (denied | deletes) & ~added
+    def _is_plain(self, schema: Schema) -> bool:
+        """Whether each row is one operator: positive conditions on fluents, no choice of stages."""
+        fluents = all(each.positive and not self.universe.is_derived(each.atom) for each in schema.literals)
+        effects = schema.operator.effects
+        staged = self.workflow.reaching or any(each.atom.name in self.workflow.events for each in effects)
+        return fluents and not staged and not any(map(is_conditional, effects))
 
-    def _doubt(self, row: Row, instance: Function, true_before: Bits, base: Bits) -> None:
-        """Note denied atoms with consequences that the preconditions do not name."""
-        if not self.triggers:
-            return
-        deletes = row.deletes & ~row.adds
-        _, denied = self._closed[(row.adds, true_before, deletes)]
-        doubtful = (denied | deletes) & self.triggers & ~true_before
-        if doubtful:
-            self.doubts.append(Doubt(instance, doubtful, base))
+    def _plain(self, rows: Rows) -> Iterator[GroundOperator]:
+        name, terms = rows.schema.operator.name, self.universe.terms
+        closing = _Closing(self, rows)
+        traits = _Shared(rows.schema.operator)
+        arguments, literals, _ = rows.ends
+        for row in rows:
+            instance = Function(name, tuple([terms[number] for number in row[:arguments]]))
+            base = self.bits(tuple(row[arguments:literals]))
+            changes = closing.changes(row, base, instance)
+            held, duration, cost = traits.of(row, instance)
+            yield GroundOperator(instance, base, changes.adds, changes.deletes, (), held, duration, cost)
 
-    def _conditional(self, row: Row, operator: Operator, instance: Function) -> Iterator[ConditionalEffect]:
+    def _various(self, rows: Rows) -> Iterator[GroundOperator]:
+        operator, terms = rows.schema.operator, self.universe.terms
+        closing = _Closing(self, rows)
+        traits = _Shared(operator)
+        arguments, literals, _ = rows.ends
+        for row in rows:
+            instance = Function(operator.name, tuple([terms[number] for number in row[:arguments]]))
+            conditions = signed(rows.schema.literals, row[arguments:literals])
+            try:
+                supports = self.supports.combinations(conditions)
+                effects = tuple(self._conditional(operator, instance, tuple(row[:arguments]), conditions))
+            except TooManySupports:
+                self.overflowing.setdefault(operator.name, operator)
+                continue
+            events = self._events(operator, instance)
+            held, duration, cost = traits.of(row, instance)
+            for support in supports:
+                base = self.numbering.bits(support)
+                changes = closing.changes(row, base, instance)
+                for advance in self.workflow.advances(events, changes.adds):
+                    needs, adds = base | advance.conditions, changes.adds | advance.adds
+                    deletes = changes.deletes | advance.deletes
+                    yield GroundOperator(instance, needs, adds, deletes, effects, held, duration, cost)
+
+    def _events(self, operator: Operator, instance: Function) -> list[Atom]:
+        events = [each.atom for each in operator.effects if each.atom.name in self.workflow.events]
+        bindings = dict(zip(operator.variables, instance.arguments, strict=True)) if events else {}
+        return [substitute_atom(event, bindings) for event in events]
+
+    def bits(self, atoms: tuple[int, ...]) -> Bits:
+        """The bitset of a few atoms; the same object for the same one."""
+        if len(atoms) > 1:
+            return bitset(atoms)
+        found = self._sets.get(atoms)
+        if found is None:
+            found = self._sets[atoms] = bitset(atoms)
+        return found
+
+    def contradicts(self, operator: Operator, instance: Function, atoms: Bits, adds: Bits) -> None:
+        """Note a contradiction, the first of each operator."""
+        self.contradictions.setdefault(operator.name, Contradiction(operator, instance, atoms, adds))
+
+    def _conditional(
+        self, operator: Operator, instance: Function, arguments: tuple[int, ...], required: Sequence[int]
+    ) -> Iterator[ConditionalEffect]:
         if not any(map(is_conditional, operator.effects)):
             return
-        for conditions, adds, deletes in self.effects.get((operator.name, row.arguments), ()):
+        for conditions, adds, deletes in self.effects.get((operator.name, arguments), ()):
             for support in self.supports.combinations(conditions):
-                true_before = bitset(
-                    [signed for signed in (*support, *row.conditions) if 0 <= signed < DERIVED]
-                )
-                added, denied = self.deduction.close(adds, true_before)
+                before = self.numbering.bits(each for each in (*support, *required) if self._is_fluent(each))
+                added, denied = self.deduction.close(adds, before)
                 if added & denied:
-                    self.contradictions.append(Contradiction(operator, instance, added & denied, adds))
-                self.numbering.bits(
-                    tuple(~signed for signed in support)
-                )  # regression needs their complements
+                    self.contradicts(operator, instance, added & denied, adds)
+                self.numbering.bits([~each for each in support])  # regression needs their complements
                 yield ConditionalEffect(self.numbering.bits(support), added, (denied | deletes) & ~added)
 
+    def _is_fluent(self, number: int) -> bool:
+        return 0 <= number < len(self.universe.atoms)
 
-def value(term: Term | None, bindings: Substitution, default: int) -> int:
+
+class _Closing:
+    """The changes of the instances of a schema, each computed once."""
+
+    def __init__(self, made: Instances, rows: Rows) -> None:
+        self.made, self.operator = made, rows.schema.operator
+        _, self.literals, self.adds = rows.ends
+        self.known: dict[tuple[tuple[int, ...], Bits], Changes] = {}
+
+    def changes(self, row: list[int], base: Bits, instance: Function) -> Changes:
+        """What the instance in `row` does under the preconditions `base`."""
+        made = self.made
+        before = base & made.triggers
+        key = (tuple(row[self.literals :]), before)
+        changes = self.known.get(key)
+        if changes is None:
+            changes = self.known[key] = self._closed(row, before, instance)
+        if changes.doubtful:
+            made.doubts.append(Doubt(instance, changes.doubtful, base))
+        return changes
+
+    def _closed(self, row: list[int], before: Bits, instance: Function) -> Changes:
+        made = self.made
+        adds = made.bits(tuple(row[self.literals : self.adds]))
+        deletes = made.bits(tuple([atom for atom in row[self.adds :] if atom >= 0]))
+        if deletes & adds:  # add after delete: what is added again never ends
+            deletes &= ~adds
+        if not made.deduces:
+            return Changes(adds, deletes)
+        added, denied = made.deduction.close(adds, before, deletes)
+        if added & denied:
+            made.contradicts(self.operator, instance, added & denied, adds)
+        ends = denied | deletes
+        return Changes(added, ends & ~added, ends & made.triggers & ~before)
+
+
+class _Shared:
+    """What instances of an operator hold, how long they take and what they cost, by the arguments that matter."""
+
+    def __init__(self, operator: Operator) -> None:
+        self.operator = operator
+        terms = [
+            *operator.resources,
+            *(each for each in (operator.duration, operator.cost) if each is not None),
+        ]
+        named = {variable for term in terms for variable in variables(term)}
+        self.places = [place for place, each in enumerate(operator.variables) if each in named]
+        self.known: dict[tuple[int, ...], Traits] = {}
+
+    def of(self, row: list[int], instance: Function) -> Traits:
+        """The traits of the instance in `row`."""
+        key = tuple([row[place] for place in self.places])
+        found = self.known.get(key)
+        if found is None:
+            found = self.known[key] = self._evaluated(instance)
+        return found
+
+    def _evaluated(self, instance: Function) -> Traits:
+        operator = self.operator
+        bindings = dict(zip(operator.variables, instance.arguments, strict=True))
+        resources = tuple(substitute(resource, bindings) for resource in operator.resources)
+        return resources, _value(operator.duration, bindings, 0), _value(operator.cost, bindings, 1)
+
+
+def signed(literals: Sequence[Literal], numbers: list[int]) -> tuple[int, ...]:
+    """Signed numbers of literals; a negated atom that is never reachable (number -1) is no condition."""
+    pairs = zip(literals, numbers, strict=True)
+    return tuple(n if each.positive else ~n for each, n in pairs if each.positive or n >= 0)
+
+
+def _value(term: Term | None, bindings: Substitution, default: int) -> int:
     """A duration or cost under bindings."""
     bound = substitute(term, bindings) if term is not None else None
     return bound.value if isinstance(bound, Number) else default
-
-
-def complemented(operator: GroundOperator, numbering: Numbering) -> GroundOperator:
-    """The operator with effects on complementary atoms; to be called when all complements are known."""
-    if not numbering.complements:
-        return operator
-    adds, deletes = numbering.kept(operator.adds, operator.deletes)
-    conditional = tuple(_completed(effect, operator.adds, numbering) for effect in operator.conditional)
-    return replace(operator, adds=adds, deletes=deletes, conditional=conditional)
-
-
-def _completed(effect: ConditionalEffect, added: Bits, numbering: Numbering) -> ConditionalEffect:
-    """The effect on complementary atoms, too; what the operator adds in any case, the effect cannot delete."""
-    adds, deletes = numbering.kept(effect.adds, effect.deletes & ~added)
-    return ConditionalEffect(effect.condition, adds, deletes, numbering.complements_of(effect.adds))

@@ -9,9 +9,9 @@ parameters at a time, so an instance may hold where the whole schema does not.
 
 import itertools
 from collections import defaultdict
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 
-from engine.model.task import Bits, GroundOperator, indices
+from engine.model.task import Bits, ConditionalEffect, GroundOperator, indices
 from kb.terms import Atom, Term
 
 Part = tuple[
@@ -38,9 +38,15 @@ class _Search:
     def __init__(self, atoms: Sequence[Atom], operators: Sequence[GroundOperator], initial: Bits) -> None:
         self.atoms, self.operators, self.initial = atoms, operators, initial
         self.adders: dict[int, list[int]] = defaultdict(list)
+        alike: dict[tuple[Bits, Bits, tuple[ConditionalEffect, ...]], int] = {}
+        self.members: list[list[int]] = []  # operators that differ in preconditions alone, by their first one
         for number, operator in enumerate(operators):
-            for atom in indices(_all_adds(operator)):
-                self.adders[atom].append(number)
+            kind = alike.setdefault((operator.adds, operator.deletes, operator.conditional), len(alike))
+            if kind == len(self.members):
+                self.members.append([])
+                for atom in indices(_all_adds(operator)):
+                    self.adders[atom].append(kind)
+            self.members[kind].append(number)
         self.by_predicate: dict[tuple[str, int], list[int]] = defaultdict(list)
         for number, each in enumerate(atoms):
             self.by_predicate[(each.name, len(each.arguments))].append(number)
@@ -79,18 +85,34 @@ class _Search:
         """None if the group is an invariant; else an operator that breaks it, or -1 for the initial state."""
         if (group & self.initial).bit_count() > 1:
             return -1
-        touched: set[int] = set()
-        for atom in indices(group):
-            touched.update(self.adders.get(atom, ()))
-        return next((number for number in sorted(touched) if not keeps(group, self.operators[number])), None)
+        return self._first(
+            lambda operator: not keeps(group, operator),
+            [
+                kind
+                for kind in self._adding(group)
+                if not renews(group, self.operators[self.members[kind][0]])
+            ],
+        )
+
+    def _adding(self, group: Bits) -> list[int]:
+        """The kinds of operators that add an atom of the group, in order of their first operators."""
+        return sorted(set[int]().union(*(self.adders.get(atom, ()) for atom in indices(group))))
+
+    def _first(self, wanted: Callable[[GroundOperator], bool], kinds: Iterable[int]) -> int | None:
+        """The lowest number of a wanted operator of these kinds."""
+        best: int | None = None
+        for kind in kinds:
+            members = self.members[kind]
+            if best is not None and members[0] > best:
+                break
+            found = next((number for number in members if wanted(self.operators[number])), None)
+            best = found if best is None else min(best, found if found is not None else best)
+        return best
 
     def _adding_without_taking(self, group: Bits) -> int:
         """An operator that sets the group whatever held of it before: what it consumes may belong to the group, too."""
-        touched: set[int] = set()
-        for atom in indices(group):
-            touched.update(self.adders.get(atom, ()))
-        operators = self.operators
-        return next((number for number in sorted(touched) if not operators[number].preconditions & group), -1)
+        found = self._first(lambda operator: not operator.preconditions & group, self._adding(group))
+        return -1 if found is None else found
 
     def _refined(self, candidate: Candidate, group: Bits, operator: GroundOperator) -> Iterator[Candidate]:
         """Candidates with one more pattern, taken from what the operator consumes."""
@@ -115,6 +137,13 @@ class _Search:
         return None
 
 
+def renews(group: Bits, operator: GroundOperator) -> bool:
+    """Whether exactly one atom of `group` holds after the operator, whatever held before."""
+    added = operator.adds & group
+    single = added != 0 and added & (added - 1) == 0 and not operator.conditional
+    return single and group & ~added & ~operator.deletes == 0
+
+
 def keeps(group: Bits, operator: GroundOperator) -> bool:
     """Whether at most one atom of `group` holds after the operator if at most one did before."""
     added = _all_adds(operator) & group
@@ -124,10 +153,10 @@ def keeps(group: Bits, operator: GroundOperator) -> bool:
         return (operator.preconditions & group).bit_count() > 1  # never applicable
     if added.bit_count() > 1:
         return False
-    unconditional = operator.deletes
     required = operator.preconditions & group
-    consumed = bool(required & unconditional) or bool(required & added) or required.bit_count() > 1
-    return consumed or group & ~added & ~unconditional == 0
+    if required & (operator.deletes | added) or required & (required - 1):
+        return True
+    return group & ~added & ~operator.deletes == 0
 
 
 def _all_adds(operator: GroundOperator) -> Bits:

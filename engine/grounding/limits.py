@@ -5,6 +5,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from math import prod
 
+from engine.grounding.consequences import sides
 from engine.grounding.program import (
     Schema,
     Vocabulary,
@@ -17,8 +18,10 @@ from engine.grounding.program import (
 from kb.asp.trial import affordable
 from kb.asp.vocabulary import guard, static_program
 from kb.diagnostics import Diagnostic, InvalidInput, Source
-from kb.model.domain import NUMERIC_TYPES, OBJECT, Domain
+from kb.model.conditions import Parameter
+from kb.model.domain import NUMERIC_TYPES, OBJECT, Consequence, DeductiveOperator, Domain
 from kb.model.problem import Problem
+from kb.terms import variables
 
 SUSPICIOUS = 5_000_000  # instances that an upper bound may promise without a trial
 NUMBERS = 1000  # values assumed for a numeric variable
@@ -35,8 +38,8 @@ class Suspect:
 
 def require_affordable(problem: Problem, schemas: list[Schema], vocabulary: Vocabulary) -> None:
     """Raise `InvalidInput` if grounding would exceed the limits of a trial; without suspects there is no trial."""
-    suspects = [*_operators(problem), *_rules(problem)]
-    _require(suspects, lambda: "\n".join(_program(problem, schemas, vocabulary)))
+    require_affordable_statics(problem)
+    _require(list(_operators(problem)), lambda: "\n".join(_program(problem, schemas, vocabulary)))
 
 
 def require_affordable_statics(problem: Problem) -> None:
@@ -67,8 +70,19 @@ def _operators(problem: Problem) -> Iterator[Suspect]:
         )
     for deductive in domain.deductive_operators:
         for consequence in deductive.consequences:
-            bound = prod(sizes.get(p.type, NUMBERS) for p in consequence.parameters)
+            bound = max(
+                prod(sizes.get(p.type, NUMBERS) for p in part) for part in _joined(deductive, consequence)
+            )
             yield Suspect(f"what follows from {deductive.trigger}", deductive.where, bound)
+
+
+def _joined(deductive: DeductiveOperator, consequence: Consequence) -> list[list[Parameter]]:
+    """The parameters that are bound together: all, or those of each side of a consequence that is taken apart."""
+    parameters = list(consequence.parameters)
+    if sides(deductive, consequence) is None:
+        return [parameters]
+    atoms = (deductive.trigger.atom, consequence.atom)
+    return [[p for p in parameters if p.variable in set(variables(atom))] for atom in atoms]
 
 
 def _rules(problem: Problem) -> Iterator[Suspect]:
@@ -132,6 +146,8 @@ def _program(problem: Problem, schemas: list[Schema], vocabulary: Vocabulary) ->
     for number, deductive in enumerate(problem.domain.deductive_operators):
         yield from deduction_rules(deductive)
         for place, consequence in enumerate(deductive.consequences):
+            if sides(deductive, consequence) is not None:
+                continue
             atoms = [reachable(deductive.trigger.atom), reachable(consequence.atom)]
             body = [*atoms, *guard(consequence.parameters), *map(str, (*deductive.body, *consequence.body))]
             yield rule(f"_pair_{number}_{place}({deductive.trigger.atom}, {consequence.atom})", body)

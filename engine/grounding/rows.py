@@ -5,7 +5,7 @@ A signed number n stands for "atom n is true", ~n for "atom n is false".
 
 from collections.abc import Iterator, Mapping, Sequence
 
-from engine.grounding.instances import Row
+from engine.grounding.instances import Rows, signed
 from engine.grounding.program import (
     Conditional,
     Schema,
@@ -17,7 +17,7 @@ from engine.grounding.program import (
     rule,
 )
 from engine.grounding.universe import Universe
-from engine.model.task import Bits, bitset
+from engine.model.task import Bits
 from kb.model.conditions import Body, Literal
 from kb.model.domain import Effect, Rule
 from kb.terms import Function, Variable
@@ -26,18 +26,12 @@ Signed = tuple[int, ...]
 Changes = tuple[Signed, Bits, Bits]  # conditions, adds, deletes
 
 
-def instances(schemas: Sequence[Schema], vocabulary: Vocabulary, universe: Universe) -> Iterator[Row]:
+def instances(schemas: Sequence[Schema], vocabulary: Vocabulary, universe: Universe) -> Iterator[Rows]:
     """Every reachable instance of every schema."""
     tables = universe.tables({f"_row_{schema.number}": _row_rule(schema, vocabulary) for schema in schemas})
     for schema in schemas:
-        width, literals = len(schema.operator.variables), schema.literals
         adds, _ = _changes(schema, vocabulary)
-        for row in tables[f"_row_{schema.number}"].tolist():
-            conditions = _signed(literals, row[width : width + len(literals)])
-            changed = row[width + len(literals) :]
-            added = bitset(changed[: len(adds)])
-            removed = bitset([atom for atom in changed[len(adds) :] if atom >= 0])
-            yield Row(schema, tuple(row[:width]), conditions, added, removed)
+        yield Rows(schema, tables.pop(f"_row_{schema.number}"), len(adds))
 
 
 def conditional_changes(
@@ -55,7 +49,7 @@ def conditional_changes(
         width = len(each.operator.variables)
         for row in table.tolist():
             change = (1 << row[-1], 0) if each.effect.adds else (0, 1 << row[-1])
-            entry = (_signed(each.literals, row[width:-1]), *change)
+            entry = (signed(each.literals, row[width:-1]), *change)
             found.setdefault((each.operator.name, tuple(row[:width])), {})[entry] = None
     return {key: list(entries) for key, entries in found.items()}
 
@@ -74,7 +68,7 @@ def derivations(rules: Sequence[Rule], vocabulary: Vocabulary, universe: Univers
     bodies: dict[int, list[Signed]] = {}
     for name, table in universe.tables(texts).items():
         for row in table.tolist():
-            bodies.setdefault(row[0], []).append(_signed(parts[name], row[1:]))
+            bodies.setdefault(row[0], []).append(signed(parts[name], row[1:]))
     return bodies
 
 
@@ -89,17 +83,7 @@ def matches(
         texts[name] = (rule(str(atom), [*body, *map(str, static)]), len(names) + 1)
         parts[name] = literals
     tables = universe.tables(texts)
-    return {
-        name: [_signed(parts[name], row[:-1]) for row in table.tolist()] for name, table in tables.items()
-    }
-
-
-def _signed(literals: tuple[Literal, ...], numbers: list[int]) -> Signed:
-    """Signed numbers of a row's literals; a negated atom that is never reachable is no condition (number -1)."""
-    pairs = zip(literals, numbers, strict=True)
-    return tuple(
-        number if each.positive else ~number for each, number in pairs if each.positive or number >= 0
-    )
+    return {name: [signed(parts[name], row[:-1]) for row in table.tolist()] for name, table in tables.items()}
 
 
 def _changes(schema: Schema, vocabulary: Vocabulary) -> tuple[list[Effect], list[Effect]]:

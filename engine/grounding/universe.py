@@ -1,16 +1,19 @@
 """The reachable atoms of a problem, numbered, and tables over those numbers; one `Universe` wraps one grounder."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
+from math import prod
 
 import numpy as np
 
 from engine.grounding.program import Vocabulary, numbered
+from engine.model.task import Bits, indices
 from kb.asp import Grounder, Table
 from kb.terms import Atom, Function, Term
 
 DERIVED = (
     1 << 29
 )  # derived atoms are numbered from here: they are compiled away and get no bit (clingo has 32)
+LARGEST_KEY = 2**62  # rows whose columns span less are sorted by one integer each
 
 
 class Universe:
@@ -37,6 +40,19 @@ class Universe:
         declared = (f"#defined _i_{name}/{arity + 1}." for name, arity in {**arities, **invented}.items())
         grounder.ground("\n".join((*declared, *facts)))
         self.terms: list[Term] = []
+        self._derived = vocabulary.derived
+
+    def atom(self, number: int) -> Atom:
+        """The fluent or derived atom of a number."""
+        return self.derived[number - DERIVED] if number >= DERIVED else self.atoms[number]
+
+    def names(self, bits: Bits) -> tuple[Atom, ...]:
+        """The fluents in a bitset."""
+        return tuple(self.atoms[number] for number in indices(bits))
+
+    def is_derived(self, atom: Atom) -> bool:
+        """Whether the atom's predicate is derived."""
+        return atom.name in self._derived
 
     def name_terms(self, rules: Iterable[str]) -> None:
         """Number the terms that `rules` collect in `_arg`, as facts `_a(term, number)`."""
@@ -48,7 +64,18 @@ class Universe:
         """Ground rules given as predicate: (text, arity) and return the rows of each predicate."""
         self._grounder.ground("\n".join(text for text, _ in rules.values()))
         found = self._grounder.tables({name: arity for name, (_, arity) in rules.items()})
-        return {name: unique_rows(found[name]) for name in rules}
+        return {name: sorted_rows(found[name]) for name in rules}
+
+    def number(self, rules: Iterable[str], arities: Mapping[str, int]) -> None:
+        """Ground rules and number the true atoms of predicates p, as facts `p_number(arguments, number)`."""
+        if not arities:
+            return
+        self._grounder.ground("\n".join(rules))
+        facts = [f"#defined {name}_number/{arity + 1}." for name, arity in arities.items()]
+        for name, arity in arities.items():
+            for number, key in enumerate(sorted(self._grounder.atoms(name, arity), key=str)):
+                facts.append(f"{name}_number({', '.join(map(str, (*key, number)))}).")
+        self._grounder.ground("\n".join(facts))
 
 
 def numbered_fact(atom: Atom, number: int) -> str:
@@ -58,6 +85,15 @@ def numbered_fact(atom: Atom, number: int) -> str:
     )
 
 
-def unique_rows(table: Table) -> Table:
-    """The distinct rows in lexicographic order, so that nothing depends on clingo's order."""
-    return np.unique(table, axis=0) if table.size else table
+def sorted_rows(table: Table) -> Table:
+    """The rows, which are distinct, in lexicographic order, so that nothing depends on clingo's order."""
+    if not table.size:
+        return table
+    lowest = table.min(axis=0)
+    spans = [int(span) for span in table.max(axis=0) - lowest + 1]
+    if prod(spans) >= LARGEST_KEY:
+        return table[np.lexsort(table.T[::-1])]
+    keys = table[:, 0] - lowest[0]
+    for column in range(1, table.shape[1]):
+        keys = keys * spans[column] + (table[:, column] - lowest[column])
+    return table[np.argsort(keys)]

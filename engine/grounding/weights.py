@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import networkx as nx
 
-from engine.model.task import GroundOperator, indices
+from engine.model.task import Bits, GroundOperator, bitset
 from kb.model.domain import Domain
 from kb.terms import Atom
 
@@ -15,8 +15,10 @@ def weights(domain: Domain, atoms: Sequence[Atom], operators: Sequence[GroundOpe
     Predicates that need each other weigh the same (Knoblock 1994, ordered abstraction hierarchies). Complementary
     atoms weigh like their positives, stage counters more than anything.
     """
-    derived = _derived(atoms, operators)
-    by_predicate = {name: _given(domain, name, derived) for name in {_predicate(atom) for atom in atoms}}
+    names = {_predicate(atom) for atom in atoms}
+    given = all(name in domain.predicates and domain.predicates[name].weight is not None for name in names)
+    derived = {} if given else _derived(atoms, operators)
+    by_predicate = {name: _given(domain, name, derived) for name in names}
     heaviest = 1 + max(by_predicate.values(), default=0)
     return tuple(heaviest if atom.name.startswith("_") else by_predicate[_predicate(atom)] for atom in atoms)
 
@@ -33,14 +35,27 @@ def _predicate(atom: Atom) -> str:
     return atom.name
 
 
+def _masks(atoms: Sequence[Atom]) -> list[tuple[str, Bits]]:
+    """The atoms of each predicate."""
+    numbers: dict[str, list[int]] = {}
+    for number, atom in enumerate(atoms):
+        numbers.setdefault(_predicate(atom), []).append(number)
+    return [(name, bitset(found)) for name, found in numbers.items()]
+
+
+def _met(masks: list[tuple[str, Bits]], bits: Bits) -> tuple[str, ...]:
+    """The predicates of the atoms in a bitset."""
+    return tuple([name for name, mask in masks if bits & mask])
+
+
 def _derived(atoms: Sequence[Atom], operators: Sequence[GroundOperator]) -> dict[str, int]:
     needs: nx.DiGraph[str] = nx.DiGraph()
     needs.add_nodes_from(sorted({_predicate(atom) for atom in atoms}))
-    edges = set()
-    for operator in operators:
-        needed = {_predicate(atoms[index]) for index in indices(operator.preconditions)}
-        edges |= {(_predicate(atoms[index]), name) for index in indices(operator.adds) for name in needed}
-    needs.add_edges_from(sorted(edges))
+    masks = _masks(atoms)
+    signatures = {(_met(masks, operator.adds), _met(masks, operator.preconditions)) for operator in operators}
+    needs.add_edges_from(
+        sorted({(added, name) for adds, needed in signatures for added in adds for name in needed})
+    )
     condensed = nx.condensation(needs)
     level: dict[int, int] = {}
     for component in reversed(list(nx.topological_sort(condensed))):

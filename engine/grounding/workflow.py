@@ -51,7 +51,7 @@ class Workflow:
         self._passing = superseded(chains)
         for chain in chains:
             self._add(chain, universe, first)
-        self._reaching = bitset(list(self._fluent_stages))
+        self.reaching = bitset(list(self._fluent_stages))  # what reaches some fluent stage
 
     def _add(self, chain: Chain, universe: Universe, first: int) -> None:
         start = first + len(self.atoms)
@@ -79,7 +79,7 @@ class Workflow:
 
     def advances(self, events: Sequence[Atom], added: Bits) -> Iterator[Advance]:
         """The ways in which an operator with these events and adds can move the counters; none if an event has no stage."""
-        if not events and not added & self._reaching:
+        if not events and not added & self.reaching:
             yield Advance()
             return
         choices: list[list[Advance]] = [self._event_stages.get(event, []) for event in events]

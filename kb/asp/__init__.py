@@ -106,7 +106,7 @@ def _numbers(text: str, arity: int) -> Table:
     numbers = text[text.index("{") + 1 : -1].translate(_NUMBERS_ALONE)
     if not numbers.strip():
         return np.empty((0, arity), dtype=np.int64)
-    return np.array(numbers.split(","), dtype=np.int64).reshape(-1, arity)
+    return np.fromstring(numbers, dtype=np.int64, sep=",").reshape(-1, arity)
 
 
 def term(symbol: clingo.Symbol) -> Term:
