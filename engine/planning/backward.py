@@ -2,16 +2,18 @@
 
 A node is what must hold so that the steps chosen so far reach the goals (ITA's task planner; regression). Weights
 order the work as in ABSTRIPS (Sacerdoti 1974): operators for the heaviest unsatisfied condition come first among
-equals. They never prune. Mutexes discard sets that no reachable state satisfies.
+equals. They never prune. Mutexes discard sets that no reachable state satisfies. Relaxed plans are made once, so that
+a successor costs a few operations on bitsets; it becomes a node only when it is taken up.
 """
 
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field
+import itertools
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from operator import or_
+from typing import NamedTuple
 
-from engine.model.task import Bits, GroundOperator, Task, indices
-from engine.planning.relaxed import RelaxedPlans, relaxed_plans
-
-Interrupted = Callable[[], bool]
+from engine.model.task import Bits, GroundOperator, indices
+from engine.planning.relaxed import FAR, Relaxation
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,110 +26,119 @@ class Node:
     depth: int
     cost: int
 
-    def steps(self) -> list[int]:
-        """The operators of the plan from here to the goals, in order of execution."""
-        found, node = [], self
-        while node.next is not None:
-            found.append(node.step)
-            node = node.next
-        return found
+
+class Successor(NamedTuple):
+    """A node not yet made: how light the condition it achieves is, its estimate, its operator, its open conditions."""
+
+    lightness: int
+    estimate: int
+    operator: int
+    open: Bits
 
 
-@dataclass
-class Effort:
-    """Work counted, not timed: the search stops after `limit` expansions, or when `interrupted` says so.
+class Regression:
+    """Operators indexed by what they achieve and by what they cannot go with; the same from every initial state."""
 
-    `most` bounds the nodes generated, where expansions may have very many successors.
-    """
-
-    limit: int
-    interrupted: Interrupted = lambda: False
-    expanded: int = 0
-    generated: int = 0
-    most: int = 1 << 60
-
-    def spent(self) -> bool:
-        """Whether to stop."""
-        if self.expanded >= self.limit or self.generated >= self.most:
-            return True
-        return self.expanded % 64 == 0 and self.interrupted()
-
-
-@dataclass(frozen=True, slots=True)
-class Answer:
-    """The steps of a plan, or None; `exhausted` if the whole space was searched."""
-
-    steps: list[int] | None
-    exhausted: bool
-
-
-@dataclass
-class Backward:
-    """One regression search space: operators indexed by what they achieve, relaxed plans, mutexes."""
-
-    operators: Sequence[GroundOperator]
-    initial: Bits
-    weights: Sequence[int]
-    excluded: Sequence[Bits]
-    relaxed: RelaxedPlans = field(init=False)
-
-    def __post_init__(self) -> None:
-        size = len(self.excluded)
-        self.relaxed = relaxed_plans(self.initial, self.operators, size)
-        self.achievers: list[list[int]] = [[] for _ in range(size)]
-        self.conflicts: list[Bits] = []
-        for number, operator in enumerate(self.operators):
-            forbidden = operator.deletes & ~operator.adds
-            for atom in indices(operator.preconditions):
-                forbidden |= self.excluded[atom] & ~operator.adds
-            for atom in indices(operator.adds):
-                forbidden |= self.excluded[atom]
-            self.conflicts.append(forbidden)
-            if self.relaxed.plan(operator.preconditions) is not None and not self._spurious(operator):
+    def __init__(
+        self, operators: Sequence[GroundOperator], weights: Sequence[int], excluded: Sequence[Bits]
+    ) -> None:
+        self.operators, self.weights, self.excluded = operators, weights, excluded
+        self.relaxation = Relaxation(operators, len(excluded))
+        self.adds = [operator.adds for operator in operators]
+        self.preconditions = [operator.preconditions for operator in operators]
+        self.achievers: list[list[int]] = [[] for _ in excluded]
+        self.conflicts = [self._conflicts(operator) for operator in operators]
+        for number, operator in enumerate(operators):
+            if self.consistent(operator.preconditions):
                 for atom in indices(operator.adds & ~operator.preconditions):
                     self.achievers[atom].append(number)
 
-    def _spurious(self, operator: GroundOperator) -> bool:
-        """Whether the preconditions can never hold together."""
-        return any(self.excluded[atom] & operator.preconditions for atom in indices(operator.preconditions))
+    def _conflicts(self, operator: GroundOperator) -> Bits:
+        """What cannot be open after an operator: what it deletes, what excludes what it adds, and what it does not add
+        but would have to hold beside a precondition that excludes it."""
+        forbidden = operator.deletes & ~operator.adds
+        for atom in indices(operator.preconditions):
+            forbidden |= self.excluded[atom] & ~operator.adds
+        for atom in indices(operator.adds):
+            forbidden |= self.excluded[atom]
+        return forbidden
 
     def consistent(self, conditions: Bits) -> bool:
         """Whether no two conditions exclude each other."""
         return not any(self.excluded[atom] & conditions for atom in indices(conditions))
 
+    def plan(self, node: Node) -> list[GroundOperator]:
+        """The steps from a node to the goals, in order of execution."""
+        steps = []
+        while node.next is not None:
+            steps.append(self.operators[node.step])
+            node = node.next
+        return steps
+
+
+class Backward:
+    """The regression space of one initial state: atoms that no chain of supporters within `bound` reaches do not count."""
+
+    def __init__(self, regression: Regression, initial: Bits, bound: int = FAR) -> None:
+        self.regression, self.initial = regression, initial
+        self.relaxed = regression.relaxation.plans(initial, bound)
+        self._needs: dict[int, Bits | None] = {}
+
     def root(self, goals: Bits) -> Node | None:
         """The node of the goals themselves, or None if they are unreachable or exclude each other."""
-        if self.relaxed.plan(goals) is None or not self.consistent(goals):
+        if self.relaxed.plan(goals) is None or not self.regression.consistent(goals):
             return None
         return Node(goals, -1, None, 0, 0)
 
-    def successors(self, node: Node) -> Iterator[tuple[tuple[int, int, int], Node]]:
-        """The nodes one step further back, each with (lightness, estimate, operator) to sort by.
+    def estimate(self, conditions: Bits) -> int:
+        """How much is left to do until reachable conditions hold."""
+        return (self.relaxed.plan(conditions) or 0).bit_count()
+
+    def following(self, node: Node, successor: Successor) -> Node:
+        """The node that a successor stands for."""
+        charge = self.regression.relaxation.charges[successor.operator]
+        return Node(successor.open, successor.operator, node, node.depth + 1, node.cost + charge)
+
+    def successors(self, node: Node) -> Iterator[Successor]:
+        """The nodes one step further back.
 
         An operator counts for the heaviest unsatisfied condition that it achieves; one that achieves only what holds
         already comes last.
         """
-        seen: set[int] = set()
-        unsatisfied = sorted(indices(node.open & ~self.initial), key=lambda atom: -self.weights[atom])
-        ranked = [(-self.weights[atom], atom) for atom in unsatisfied]
-        ranked += [(1, atom) for atom in indices(node.open & self.initial)]
-        for lightness, atom in ranked:
-            for number in self.achievers[atom]:
-                if number in seen:
+        open_, regression = node.open, self.regression
+        conflicts, needs = regression.conflicts, self._needs
+        ranked = self._ranked(open_)
+        others = self._others([atom for _, atom in ranked])
+        several: set[int] = set()
+        for (lightness, atom), rest in zip(ranked, others, strict=True):
+            for number in regression.achievers[atom]:
+                if conflicts[number] & open_:
                     continue
-                seen.add(number)
-                if self.conflicts[number] & node.open:
+                plan = needs[number] if number in needs else self._needed(number)
+                if plan is None or number in several:
                     continue
-                operator = self.operators[number]
-                conditions = (node.open & ~operator.adds) | operator.preconditions
-                plan = self.relaxed.plan(conditions)
-                if plan is not None:
-                    following = Node(
-                        conditions, number, node, node.depth + 1, node.cost + self.relaxed.costs[number]
-                    )
-                    yield (lightness, self.relaxed.cost(plan), number), following
+                achieved = open_ & regression.adds[number]
+                if achieved & (achieved - 1):
+                    several.add(number)
+                    rest = self.relaxed.plan(open_ & ~achieved) or 0
+                conditions = open_ & ~achieved | regression.preconditions[number]
+                yield Successor(lightness, (plan | rest).bit_count(), number, conditions)
 
+    def _ranked(self, conditions: Bits) -> list[tuple[int, int]]:
+        """Open conditions with their lightness, heaviest first; those that hold initially are the lightest."""
+        weights, lightest = self.regression.weights, 1
+        unsatisfied = sorted(indices(conditions & ~self.initial), key=lambda atom: -weights[atom])
+        satisfied = indices(conditions & self.initial)
+        return [(-weights[atom], atom) for atom in unsatisfied] + [(lightest, atom) for atom in satisfied]
 
-def space(task: Task, operators: Sequence[GroundOperator], excluded: Sequence[Bits]) -> Backward:
-    """The search space of a task over unconditional operators."""
-    return Backward(operators, task.initial, task.weights, excluded)
+    def _others(self, atoms: Sequence[int]) -> list[Bits]:
+        """For each atom the union of the relaxed plans of all the others."""
+        plans = [self.relaxed.plans[atom] or 0 for atom in atoms]
+        before = [0, *itertools.accumulate(plans, or_)]
+        after = [0, *itertools.accumulate(reversed(plans), or_)]
+        return [before[place] | after[len(plans) - 1 - place] for place in range(len(plans))]
+
+    def _needed(self, number: int) -> Bits | None:
+        """The relaxed plan of an operator's preconditions."""
+        plan = self._needs[number] = self.relaxed.plan(self.regression.preconditions[number])
+        return plan

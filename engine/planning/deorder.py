@@ -5,13 +5,11 @@ provides it for good; orders follow from the links, from the threats to them, an
 once, since unordered steps may overlap in time.
 """
 
-from collections.abc import Sequence
-
-import networkx as nx
+from collections.abc import Iterator, Sequence
 
 from engine.model.task import Bits, GroundOperator, Task, indices
 from kb.model.plan import GOAL, START, CausalLink, Plan, Step, StepId
-from kb.terms import Function
+from kb.terms import Function, Term
 
 
 def deorder(task: Task, steps: Sequence[GroundOperator], goals: Bits) -> Plan:
@@ -26,7 +24,7 @@ def deorder(task: Task, steps: Sequence[GroundOperator], goals: Bits) -> Plan:
         if producer < len(made) and not is_internal(task.atoms[atom])
     ]
     links = list(dict.fromkeys(links))
-    return _ordered(task, made, links, _orders(made, links))
+    return _ordered(task, made, links, _orders(made, links, _exclusions(made)))
 
 
 def is_internal(name: Function) -> bool:
@@ -35,83 +33,115 @@ def is_internal(name: Function) -> bool:
 
 
 def _ordered(
-    task: Task,
-    steps: Sequence[GroundOperator],
-    links: list[tuple[int, int, int]],
-    orders: set[tuple[int, int]],
+    task: Task, steps: Sequence[GroundOperator], links: list[tuple[int, int, int]], before: list[Bits]
 ) -> Plan:
-    order: nx.DiGraph[int] = nx.DiGraph()
-    order.add_nodes_from(range(len(steps)))
-    order.add_edges_from(orders)
-    reduced = nx.transitive_reduction(order) if len(steps) < 2000 else order
     made = tuple(
         Step(
             StepId(number + 1),
             operator.instance,
-            tuple(StepId(before + 1) for before in sorted(reduced.predecessors(number))),
+            tuple(StepId(each + 1) for each in indices(direct)),
             operator.resources,
             operator.duration,
             operator.cost,
         )
-        for number, operator in enumerate(steps)
+        for number, (operator, direct) in enumerate(zip(steps, _reduced(before), strict=True))
     )
     return Plan(made, tuple(_causal_link(task, len(steps), *link) for link in links))
 
 
+def _reduced(before: list[Bits]) -> Iterator[Bits]:
+    """For each step those that must come just before it: the transitive reduction of `before`, step by step."""
+    ancestors: list[Bits] = []
+    for earlier in before:
+        left, direct, covered = earlier, 0, 0
+        while left:
+            last = left.bit_length() - 1
+            direct |= 1 << last
+            covered |= ancestors[last] | 1 << last
+            left &= ~covered
+        ancestors.append(covered)
+        yield direct
+
+
 def _links(task: Task, steps: Sequence[GroundOperator], goals: Bits) -> list[tuple[int, int, int]]:
-    """(producer, atom, consumer) by position; -1 is the initial state, len(steps) the goal."""
+    """(producer, atom, consumer) by position; -1 is the initial state, len(steps) the goal.
+
+    The producer is the earliest position from which the atom stays true up to the consumer.
+    """
     links: list[tuple[int, int, int]] = []
-    needs = [operator.preconditions for operator in steps] + [goals]
-    for consumer, needed in enumerate(needs):
-        links += [
-            (_producer(task.initial, steps, atom, consumer), atom, consumer) for atom in indices(needed)
-        ]
-    return links
-
-
-def _producer(initial: Bits, steps: Sequence[GroundOperator], atom: int, consumer: int) -> int:
-    """The earliest position from which `atom` stays true up to `consumer`."""
-    bit, found = 1 << atom, consumer
-    for position in range(consumer - 1, -1, -1):
-        if steps[position].adds & bit:
-            found = position
-        elif steps[position].deletes & bit:
-            return found
-    return -1 if initial & bit else found
-
-
-def _orders(steps: Sequence[GroundOperator], links: list[tuple[int, int, int]]) -> set[tuple[int, int]]:
-    orders = {
-        (producer, consumer) for producer, _, consumer in links if producer >= 0 and consumer < len(steps)
-    }
-    deleters: dict[int, list[int]] = {}
+    producers = dict.fromkeys(indices(task.initial), -1)
     for position, operator in enumerate(steps):
+        links += [(producers[atom], atom, position) for atom in indices(operator.preconditions)]
         for atom in indices(operator.deletes & ~operator.adds):
-            deleters.setdefault(atom, []).append(position)
+            producers.pop(atom, None)
+        for atom in indices(operator.adds):
+            producers.setdefault(atom, position)
+    return links + [(producers[atom], atom, len(steps)) for atom in indices(goals)]
+
+
+def arranged(task: Task, steps: Sequence[GroundOperator], goals: Bits) -> list[GroundOperator]:
+    """The same steps in another order, in which each comes just after those it depends on, where it can."""
+    before = _orders(steps, _links(task, steps, goals), [0] * len(steps))
+    order: list[int] = []
+    placed = 0
+    for last in range(len(steps)):
+        waiting = [last]
+        while waiting:
+            missing = before[waiting[-1]] & ~placed
+            if missing:
+                waiting.append(missing.bit_length() - 1)
+                continue
+            step = waiting.pop()
+            if not placed >> step & 1:
+                placed |= 1 << step
+                order.append(step)
+    return [steps[position] for position in order]
+
+
+def _orders(
+    steps: Sequence[GroundOperator], links: list[tuple[int, int, int]], before: list[Bits]
+) -> list[Bits]:
+    """`before`, for each step the positions of those that must come before it, completed by links and threats."""
+    deleters = _positions([operator.deletes & ~operator.adds for operator in steps])
     for producer, atom, consumer in links:
-        for threat in deleters.get(atom, ()):
-            if threat < producer:
-                orders.add((threat, producer))
-            elif threat > consumer:
-                orders.add((consumer, threat))
-    return orders | _exclusions(steps)
+        threats = deleters.get(atom, 0)
+        if 0 <= producer < consumer < len(steps):
+            before[consumer] |= 1 << producer
+        if producer >= 0:
+            before[producer] |= threats & (1 << producer) - 1
+        for threat in indices(threats & -1 << consumer + 1):
+            before[threat] |= 1 << consumer
+    return before
 
 
-def _exclusions(steps: Sequence[GroundOperator]) -> set[tuple[int, int]]:
-    """Pairs that may not overlap, in the order they had: a shared resource, or one denies what the other adds or needs."""
-    orders = set()
-    held = [frozenset(operator.resources) for operator in steps]
-    for later, operator in enumerate(steps):
-        touched = operator.adds | operator.preconditions
-        for earlier in range(later):
-            other = steps[earlier]
-            if (
-                held[later] & held[earlier]
-                or other.deletes & ~other.adds & touched
-                or operator.deletes & ~operator.adds & (other.adds | other.preconditions)
-            ):
-                orders.add((earlier, later))
-    return orders
+def _positions(sets: Sequence[Bits]) -> dict[int, Bits]:
+    """For each atom the positions of the sets that have it."""
+    found: dict[int, Bits] = {}
+    for position, atoms in enumerate(sets):
+        for atom in indices(atoms):
+            found[atom] = found.get(atom, 0) | 1 << position
+    return found
+
+
+def _exclusions(steps: Sequence[GroundOperator]) -> list[Bits]:
+    """For each step the earlier ones that it may not overlap: a shared resource, or one denies what the other adds or
+    needs."""
+    touching: dict[int, Bits] = {}
+    denying: dict[int, Bits] = {}
+    holding: dict[Term, Bits] = {}
+    before = []
+    for position, operator in enumerate(steps):
+        bit, excluded = 1 << position, 0
+        denied, touched = operator.deletes & ~operator.adds, operator.adds | operator.preconditions
+        for seen, other, atoms in ((denying, touching, denied), (touching, denying, touched)):
+            for atom in indices(atoms):
+                excluded |= other.get(atom, 0)
+                seen[atom] = seen.get(atom, 0) | bit
+        for resource in operator.resources:
+            excluded |= holding.get(resource, 0)
+            holding[resource] = holding.get(resource, 0) | bit
+        before.append(excluded & ~bit)
+    return before
 
 
 def _causal_link(task: Task, last: int, producer: int, atom: int, consumer: int) -> CausalLink:

@@ -10,32 +10,15 @@ import random
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 
-import numpy as np
-from numpy.typing import NDArray
-
-from engine.model.task import Bits, GroundOperator, indices
-from engine.planning.backward import Answer, Effort
-from engine.planning.kernels import evaluate
+from engine.model.task import Bits, GroundOperator, Task, progress
+from engine.planning.effort import NO_PLAN, Answer, Effort
+from engine.planning.evaluation import Evaluation
 from engine.planning.landmarks import Landmarks
+from kb.terms import Function
 
-Ints = NDArray[np.int32]
 UNKNOWN = 1 << 60
+_MEETS = Function("_meets")
 BOOST = 1000  # priority given to preferred operators whenever the estimate sinks
-
-
-@dataclass(frozen=True, slots=True)
-class Rows:
-    """Lists of numbers, one after another: list i is items[starts[i]:starts[i + 1]]."""
-
-    starts: Ints
-    items: Ints
-
-
-def rows(lists: Sequence[Sequence[int]]) -> Rows:
-    """Lists as compressed rows."""
-    starts = np.zeros(len(lists) + 1, np.int32)
-    starts[1:] = np.cumsum([len(each) for each in lists], dtype=np.int64)
-    return Rows(starts, np.fromiter(itertools.chain.from_iterable(lists), np.int32, int(starts[-1])))
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,7 +43,7 @@ class Batch:
 
 
 class Forward:
-    """One search from a state to one conjunction of goals over unconditional operators; it can be resumed.
+    """One search from a state to one conjunction of goals of operators, which may have conditional effects; it can be resumed.
 
     With `landmarks`, queues ordered by how many landmarks are left take turns with those ordered by relaxed plans.
     """
@@ -75,29 +58,10 @@ class Forward:
         *,
         landmarks: bool = False,
     ) -> None:
-        self.width = max((size + 63) // 64, 1)
-        self.goals = np.fromiter(indices(goals), np.int32)
-        self.goal_bits, self.initial = goals, initial
-        needs = [list(indices(operator.preconditions)) for operator in operators]
-        users: list[list[int]] = [[] for _ in range(size)]
-        for number, needed in enumerate(needs):
-            for atom in needed:
-                users[atom].append(number)
-        count = len(operators)
-        need, add, user = rows(needs), rows([list(indices(o.adds)) for o in operators]), rows(users)
-        costs = np.fromiter((max(operator.cost, 1) for operator in operators), np.int32, count)
-        work = [np.zeros(size, np.int32) for _ in range(2)] + [np.zeros(count, np.int32) for _ in range(2)]
-        queue = [np.zeros(size + len(add.items) + 1, np.int32) for _ in range(2)]
-        self.applicable, self.preferred = np.zeros(count, np.int32), np.zeros(count, np.int32)
-        missing = np.diff(need.starts)
-        stack = np.zeros(len(need.items) + len(self.goals) + 1, np.int32)
-        self._arguments = (
-            self.goals, costs, need.starts, need.items, missing, add.starts, add.items, user.starts, user.items,
-            *work, *queue, self.applicable, self.preferred, np.zeros(count, np.int32), stack,
-        )  # fmt: skip
-        self._adds = [operator.adds for operator in operators]
-        self._keeps = [~(operator.deletes & ~operator.adds) for operator in operators]
-        self._landmarks = Landmarks(operators, initial, goals, size) if landmarks else None
+        self.goals, self.initial = goals, initial
+        self.operators = operators
+        self.evaluate = Evaluation(operators, goals, size)
+        self._landmarks = Landmarks(self.evaluate.operators, initial, goals, size) if landmarks else None
         self._counter = itertools.count()
         self._random = random.Random(seed) if seed else None
         self._queues: list[list[Batch]] = [
@@ -111,15 +75,15 @@ class Forward:
     def run(self, effort: Effort) -> Answer | None:
         """Search on until the effort is spent: a plan, the proof that there is none, or None."""
         if not self._nodes and self._expand(self.initial, -1, -1, effort):
-            return Answer([], False)
+            return Answer([])
         while not effort.spent():
             entry = self._next()
             if entry is None:
-                return Answer(None, True)
+                return NO_PLAN
             parent, operator = entry
-            state = self._nodes[parent].state & self._keeps[operator] | self._adds[operator]
+            state = progress(self._nodes[parent].state, self.operators[operator])
             if state not in self._closed and self._expand(state, parent, operator, effort):
-                return Answer(self._steps(), False)
+                return Answer(self._steps())
         return None
 
     def _next(self) -> tuple[int, int] | None:
@@ -144,7 +108,7 @@ class Forward:
         if self._landmarks:
             accepted = self._landmarks.accept(accepted, state)
         self._nodes.append(Node(state, accepted, parent, operator))
-        if self.goal_bits & ~state == 0:
+        if self.goals & ~state == 0:
             return True
         effort.expanded += 1
         estimate, applicable, preferred = self.evaluate(state)
@@ -163,20 +127,24 @@ class Forward:
                     heapq.heappush(self._queues[number], batch)
         return False
 
-    def evaluate(self, state: Bits) -> tuple[int, list[int], list[int]]:
-        """The cost of a relaxed plan (-1 if there is none), the applicable operators, and those it begins with."""
-        words = np.frombuffer(state.to_bytes(self.width * 8, "little"), np.uint64)
-        estimate, applicable, preferred = evaluate(words, *self._arguments)
-        return estimate, self.applicable[:applicable].tolist(), self.preferred[:preferred].tolist()
-
     def _tie(self) -> int:
         """First in, first out; by chance with a seed."""
         return self._random.getrandbits(30) if self._random else next(self._counter)
 
-    def _steps(self) -> list[int]:
+    def _steps(self) -> list[GroundOperator]:
         """The operators that led to the last state."""
         found, node = [], self._nodes[-1]
         while node.parent >= 0:
-            found.append(node.operator)
+            found.append(self.operators[node.operator])
             node = self._nodes[node.parent]
-        return found[::-1]
+        return [step for step in reversed(found) if step.instance != _MEETS]
+
+
+def forward(task: Task, seed: int, *, landmarks: bool = False) -> Forward:
+    """The search for a task; several alternatives of the goals become one atom that internal operators add."""
+    size = len(task.atoms)
+    if len(task.goals) == 1:
+        return Forward(task.operators, task.initial, task.goals[0], size, seed, landmarks=landmarks)
+    meet = [GroundOperator(_MEETS, goal, 1 << size, 0, cost=0) for goal in task.goals]
+    operators = [*task.operators, *meet]
+    return Forward(operators, task.initial, 1 << size, size + 1, seed, landmarks=landmarks)

@@ -2,13 +2,14 @@
 1997). An effect that must not fire has one of its conditions false, which needs that atom's complement."""
 
 import itertools
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
-from engine.model.task import Bits, GroundOperator, Task, indices
+from engine.model.task import Bits, GroundOperator, Task, indices, progress
 from kb.terms import Function
 
-MAX_EFFECTS = 8
+MAX_EFFECTS = 8  # of one operator
+MAX_VARIANTS = 100_000  # of all operators
 
 
 class TooManyVariants(Exception):
@@ -18,7 +19,12 @@ class TooManyVariants(Exception):
 def unconditional(task: Task) -> list[GroundOperator]:
     """The operators of `task` without conditional effects. Raises `TooManyVariants`."""
     complements = _complements(task)
-    return [variant for operator in task.operators for variant in _variants(operator, complements)]
+    found: list[GroundOperator] = []
+    for operator in task.operators:
+        found.extend(_variants(operator, complements))
+        if operator.conditional and len(found) > MAX_VARIANTS:
+            raise TooManyVariants(f"conditional effects make more than {MAX_VARIANTS} plain operators")
+    return found
 
 
 def _complements(task: Task) -> dict[int, int]:
@@ -67,3 +73,29 @@ def _variant(
         if not contradictory:
             added = adds & ~cancels
             yield replace(operator, preconditions=more, adds=added, deletes=deletes & ~added, conditional=())
+
+
+def plainly(task: Task, steps: Sequence[GroundOperator]) -> list[GroundOperator]:
+    """A sequence from the initial state with each step as the plain operator that it is in its state.
+
+    An effect that does not fire there is kept from firing by the complement of one of its conditions.
+    """
+    complements = _complements(task)
+    state, made = task.initial, []
+    for operator in steps:
+        made.append(_plain(operator, state, complements) if operator.conditional else operator)
+        state = progress(state, operator)
+    return made
+
+
+def _plain(operator: GroundOperator, state: Bits, complements: dict[int, int]) -> GroundOperator:
+    needed, adds, deletes, cancels = operator.preconditions, operator.adds, operator.deletes, 0
+    for effect in operator.conditional:
+        false = effect.condition & ~state
+        if not false:
+            needed, adds = needed | effect.condition, adds | effect.adds
+            deletes, cancels = deletes | effect.deletes, cancels | effect.cancels
+        elif blocking := [complements[atom] for atom in indices(false) if atom in complements]:
+            needed |= 1 << blocking[0]
+    added = adds & ~cancels
+    return replace(operator, preconditions=needed, adds=added, deletes=deletes & ~added, conditional=())

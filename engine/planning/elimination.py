@@ -1,0 +1,87 @@
+"""Action elimination: steps that nobody needs are dropped (Nakhost & Müller 2010).
+
+A trial compares two runs, with and without a step, by the atoms in which their states differ, and looks only at later
+steps that touch one of these; so a trial is short where a step is needed, and a long plan costs little more than
+one pass.
+"""
+
+from collections.abc import Sequence
+
+from engine.model.task import Bits, GroundOperator, indices
+
+
+def eliminate(initial: Bits, steps: Sequence[GroundOperator], goals: Bits) -> list[GroundOperator]:
+    """The steps left when each one in turn is dropped, with all that then cannot run, if the goals still hold."""
+    trial = _Trial(initial, steps, goals)
+    for position in range(len(steps)):
+        if trial.alive >> position & 1:
+            dropped = trial.dropped_with(position)
+            if dropped is not None:
+                trial.drop(dropped)
+    return [steps[position] for position in indices(trial.alive)]
+
+
+class _Trial:
+    """The steps still alive (a bitset of positions), and what holds before each."""
+
+    def __init__(self, initial: Bits, steps: Sequence[GroundOperator], goals: Bits) -> None:
+        self.steps, self.goals = steps, goals
+        self.alive = (1 << len(steps)) - 1
+        self.touching: dict[int, Bits] = {}
+        for position, step in enumerate(steps):
+            for atom in indices(step.preconditions | step.adds | step.deletes):
+                self.touching[atom] = self.touching.get(atom, 0) | 1 << position
+        self.before = [initial] * (len(steps) + 1)
+        self.settled = [goals] * (len(steps) + 1)
+        self._follow(0)
+
+    def _follow(self, first: int) -> None:
+        """What holds before each step from `first` on, and which goals no later step adds."""
+        state = self.before[first]
+        for position in range(first, len(self.steps)):
+            self.before[position] = state
+            if self.alive >> position & 1:
+                step = self.steps[position]
+                state = state & ~step.deletes | step.adds
+        settled = self.goals
+        for position in range(len(self.steps) - 1, -1, -1):
+            self.settled[position] = settled
+            if self.alive >> position & 1:
+                settled &= ~self.steps[position].adds
+
+    def drop(self, positions: Bits) -> None:
+        """Take steps out."""
+        self.alive &= ~positions
+        self._follow((positions & -positions).bit_length() - 1)
+
+    def dropped_with(self, position: int) -> Bits | None:
+        """The steps that cannot run without the one at `position`, itself included; None if a goal is lost then."""
+        dropped = 1 << position
+        lost, gained = self._skipped(position, 0, 0)
+        later = self.alive & -1 << position + 1
+        while lost:
+            coming = self._touched(lost | gained) & later
+            if lost & self.settled[position] or not coming:
+                return None if lost & self.goals else dropped
+            position = (coming & -coming).bit_length() - 1
+            later &= -1 << position + 1
+            step = self.steps[position]
+            if step.preconditions & lost:
+                dropped |= 1 << position
+                lost, gained = self._skipped(position, lost, gained)
+            else:
+                lost, gained = lost & ~(step.adds | step.deletes), gained & ~(step.adds | step.deletes)
+        return dropped
+
+    def _skipped(self, position: int, lost: Bits, gained: Bits) -> tuple[Bits, Bits]:
+        """What is missing and what is left over after a step that ran in the one run and not in the other."""
+        step, state = self.steps[position], self.before[position]
+        ran = state & ~step.deletes | step.adds
+        stayed = state & ~lost | gained
+        return ran & ~stayed, stayed & ~ran
+
+    def _touched(self, atoms: Bits) -> Bits:
+        found = 0
+        for atom in indices(atoms):
+            found |= self.touching.get(atom, 0)
+        return found
