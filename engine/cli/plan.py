@@ -105,7 +105,7 @@ def _plan(wanted: Wanted, form: PlanForm, stats: bool, work: Work) -> Answer:
         content,
         text=lambda: _text(outcome, problem, stats),
         code=INTERRUPTED if interrupted.heard else exit_code(outcome),
-        raw=_ipc(outcome, task) if form is PlanForm.IPC else _picture(outcome, form),
+        raw=_ipc(outcome, task) if form is PlanForm.IPC else _picture(outcome, problem, form),
     )
 
 
@@ -131,7 +131,7 @@ def _text(outcome: "Outcome", problem: "Problem", stats: bool) -> "RenderableTyp
     return Group(*parts, text.statistics(outcome.statistics)) if stats else parts[0]
 
 
-def _picture(outcome: "Outcome", form: PlanForm) -> str | None:
+def _picture(outcome: "Outcome", problem: "Problem", form: PlanForm) -> str | None:
     """The plan as DOT or SVG, if it was asked for and there is one."""
     from engine.model.outcome import Found
 
@@ -140,11 +140,11 @@ def _picture(outcome: "Outcome", form: PlanForm) -> str | None:
     if form is PlanForm.DOT:
         from engine.report import dot
 
-        return dot.plan(outcome.plan)
+        return dot.plan(outcome.plan, problem)
     if form is PlanForm.SVG:
         from engine.report import svg
 
-        return svg.plan(outcome.plan)
+        return svg.plan(outcome.plan, problem)
     return None
 
 

@@ -3,7 +3,7 @@
 Start times are a forecast; the orders between steps are what a plan promises.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 from kb.model.plan import GOAL, Plan, StepId
@@ -82,15 +82,26 @@ def _names(problem: Problem, subject: Term | None) -> dict[str, str]:
 
 def purposes(problem: Problem, plan: Plan) -> dict[StepId, dict[str, list[str]]]:
     """For each step what it achieves, and for which steps ("goal" for the goal): why it is there."""
-    stages = {stage_atom(c, n): str(stage) for c in problem.chains for n, stage in enumerate(c.stages, 1)}
+    say = wording(problem)
     found: dict[StepId, dict[str, list[str]]] = {}
     for link in plan.links:
-        said = stages.get(link.condition, plainly(link.condition))
         consumer = "goal" if link.consumer == GOAL else str(link.consumer)
-        consumers = found.setdefault(link.producer, {}).setdefault(said, [])
+        consumers = found.setdefault(link.producer, {}).setdefault(say(link.condition), [])
         if consumer not in consumers:
             consumers.append(consumer)
     return found
+
+
+def wording(problem: Problem | None) -> Callable[[Atom], str]:
+    """How conditions are said: stages of the problem's workflow as their own atoms, `not p` for `not(p)`."""
+    chains = problem.chains if problem else ()
+    stages = {stage_atom(c, n): str(stage) for c in chains for n, stage in enumerate(c.stages, 1)}
+    stages |= {stage_atom(chain, 0): f"before {chain.stages[0]}" for chain in chains if chain.stages}
+
+    def say(condition: Atom) -> str:
+        return stages.get(condition) or plainly(condition)
+
+    return say
 
 
 def plainly(condition: Atom) -> str:

@@ -1,28 +1,31 @@
 """A plan in Graphviz's DOT language: orders as solid edges, causal links as dashed ones with their condition."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
-from engine.model.schedule import plainly
+from engine.model.schedule import wording
 from kb.model.plan import GOAL, START, Plan, StepId
+from kb.model.problem import Problem
+from kb.terms import Atom
 
 
-def plan(made: Plan) -> str:
-    """The partial order with its causal links."""
-    return "\n".join(["digraph plan {", *(f"  {line}" for line in _lines(made)), "}"]) + "\n"
+def plan(made: Plan, problem: Problem | None = None) -> str:
+    """The partial order with its causal links. Stages are said in the problem's words."""
+    lines = (f"  {line}" for line in _lines(made, wording(problem)))
+    return "\n".join(["digraph plan {", *lines, "}"]) + "\n"
 
 
-def _lines(made: Plan) -> Iterator[str]:
+def _lines(made: Plan, say: Callable[[Atom], str]) -> Iterator[str]:
     yield 'node [shape=box, style=rounded, fontname="Helvetica"];'
     yield 'edge [fontname="Helvetica", fontsize=10];'
     yield "start [shape=circle];"
     yield "goal [shape=doublecircle];"
     for step in made.steps:
-        held = f"\\n[{', '.join(map(str, step.resources))}]" if step.resources else ""
-        yield f'{step.id} [label="{step.id} {_escaped(str(step.operator))}{_escaped(held)}"];'
+        held = f"\\n[{_escaped(', '.join(map(str, step.resources)))}]" if step.resources else ""
+        yield f'{step.id} [label="{step.id} {_escaped(str(step.operator))}{held}"];'
     for earlier, later in orders(made):
         yield f"{_name(earlier)} -> {_name(later)};"
     for link in made.links:
-        label = _escaped(plainly(link.condition))
+        label = _escaped(say(link.condition))
         ends = f"{_name(link.producer)} -> {_name(link.consumer)}"
         yield f'{ends} [style=dashed, color=steelblue, fontcolor=steelblue, constraint=false, label="{label}"];'
 
@@ -43,4 +46,5 @@ def _name(step: StepId) -> str:
 
 
 def _escaped(text: str) -> str:
-    return text.replace('"', '\\"')
+    """Text in a quoted string, where a backslash would begin a line break or a name of Graphviz."""
+    return text.replace("\\", "\\\\").replace('"', '\\"')

@@ -1,66 +1,91 @@
-"""Places for the steps of a plan, layer below layer (Sugiyama, Tagawa & Toda 1981): few crossings, no overlaps."""
+"""Places for the nodes of an acyclic graph, layer below layer (Sugiyama, Tagawa & Toda 1981): few crossings, no overlaps."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 SWEEPS = 12
+Edge = tuple[int, int]
+Neighbours = Mapping[int, list[int]]
 
 
 @dataclass(frozen=True, slots=True)
 class Layout:
-    """The layer of each node (0 on top) and the horizontal centre of each, in the unit of the widths given."""
+    """The layer of each node (0 on top), the horizontal centre of each, and where long edges pass each layer.
+
+    Centres and bends are multiples of `grid`; `bends` has the layers between the ends of an edge, from the top.
+    """
 
     layer: Mapping[int, int]
     centre: Mapping[int, float]
-    width: float
+    bends: Mapping[Edge, tuple[float, ...]]
 
 
-def layout(widths: Mapping[int, float], edges: Sequence[tuple[int, int]], gap: float) -> Layout:
-    """Layers and centres of the nodes of an acyclic graph; `widths` lists the nodes in a topological order."""
-    layer = _layers(list(widths), edges)
-    pieces = dict(widths)
-    parts: list[tuple[int, int]] = []
-    rows: list[list[int]] = [[] for _ in range(max(layer.values(), default=0) + 1)]
-    for node in widths:
-        rows[layer[node]].append(node)
-    for (
-        upper,
-        lower,
-    ) in edges:  # long edges become chains of narrow pieces, so that they find their way round boxes
-        before = upper
-        for level in range(layer[upper] + 1, layer[lower]):
-            piece = -(len(pieces) + 2)
-            pieces[piece] = gap
-            rows[level].append(piece)
-            parts.append((before, piece))
-            before = piece
-        parts.append((before, lower))
-    above, below = _neighbours(parts, 1), _neighbours(parts, 0)
+@dataclass(frozen=True, slots=True)
+class _Rows:
+    """Nodes and pieces of long edges in layers, their widths, and the edges that are left between neighbouring layers."""
+
+    rows: list[list[int]]
+    widths: dict[int, float]
+    above: Neighbours
+    below: Neighbours
+    pieces: Mapping[Edge, list[int]]
+
+
+def layout(
+    widths: Mapping[int, float],
+    edges: Sequence[Edge],
+    gap: float,
+    grid: float = 1.0,
+    extra: Iterable[Edge] = (),
+) -> Layout:
+    """Layers, centres and bends of a graph; `widths` lists the nodes in a topological order of all edges.
+
+    `extra` edges point downwards, too, but draw nothing together. Boxes of one layer stay at least `gap - grid` apart.
+    """
+    layer = _layers(list(widths), [*edges, *extra])
+    rows = _rows(widths, layer, edges, gap)
     for sweep in range(SWEEPS):
-        _reorder(rows, above if sweep % 2 == 0 else below, sweep % 2 == 0)
-    centre = _centres(rows, pieces, above, below, gap)
-    left = min((centre[node] - pieces[node] / 2 for node in pieces), default=0.0)
-    right = max((centre[node] + pieces[node] / 2 for node in pieces), default=0.0)
-    return Layout(layer, {node: centre[node] - left for node in widths}, right - left)
+        _reorder(rows.rows, rows.below if sweep % 2 else rows.above, down=not sweep % 2)
+    placed = {node: round(x / grid) * grid for node, x in _centres(rows, gap).items()}
+    bends = {edge: tuple(placed[piece] for piece in pieces) for edge, pieces in rows.pieces.items()}
+    return Layout(layer, {node: placed[node] for node in widths}, bends)
 
 
-def _layers(nodes: list[int], edges: Sequence[tuple[int, int]]) -> dict[int, int]:
+def _layers(nodes: Sequence[int], edges: Iterable[Edge]) -> dict[int, int]:
     """The length of the longest way to each node."""
     into = _neighbours(edges, 1)
     layer: dict[int, int] = {}
     for node in nodes:
-        layer[node] = 1 + max((layer[before] for before in into.get(node, ())), default=-1)
+        layer[node] = 1 + max((layer.get(before, -1) for before in into.get(node, ())), default=-1)
     return layer
 
 
-def _neighbours(edges: Sequence[tuple[int, int]], end: int) -> dict[int, list[int]]:
+def _rows(widths: Mapping[int, float], layer: Mapping[int, int], edges: Sequence[Edge], gap: float) -> _Rows:
+    """Long edges become chains of narrow pieces, so that they find their way round the boxes."""
+    rows: list[list[int]] = [[] for _ in range(max(layer.values(), default=0) + 1)]
+    for node in widths:
+        rows[layer[node]].append(node)
+    every, parts, pieces = dict(widths), list[Edge](), dict[Edge, list[int]]()
+    fresh = min(widths, default=0) - 1
+    for upper, lower in edges:
+        chain = list(range(fresh, fresh - max(layer[lower] - layer[upper] - 1, 0), -1))
+        fresh -= len(chain)
+        for level, piece in enumerate(chain, layer[upper] + 1):
+            rows[level].append(piece)
+            every[piece] = gap
+        parts += zip([upper, *chain], [*chain, lower], strict=True)
+        pieces[upper, lower] = chain
+    return _Rows(rows, every, _neighbours(parts, 1), _neighbours(parts, 0), pieces)
+
+
+def _neighbours(edges: Iterable[Edge], end: int) -> dict[int, list[int]]:
     found: dict[int, list[int]] = {}
     for edge in edges:
         found.setdefault(edge[end], []).append(edge[1 - end])
     return found
 
 
-def _reorder(rows: list[list[int]], towards: Mapping[int, list[int]], down: bool) -> None:
+def _reorder(rows: list[list[int]], towards: Neighbours, down: bool) -> None:
     """Sort each row by the mean place of its neighbours in the row before."""
     place = {node: index for row in rows for index, node in enumerate(row)}
     for row in rows if down else reversed(rows):
@@ -73,26 +98,19 @@ def _mean(values: Sequence[float], otherwise: float) -> float:
     return sum(values) / len(values) if values else otherwise
 
 
-def _centres(
-    rows: list[list[int]],
-    widths: Mapping[int, float],
-    above: Mapping[int, list[int]],
-    below: Mapping[int, list[int]],
-    gap: float,
-) -> dict[int, float]:
+def _centres(rows: _Rows, gap: float) -> dict[int, float]:
     """Each node as near to the mean of its neighbours as its row allows."""
     centre: dict[int, float] = {}
-    for row in rows:
-        total = sum(widths[node] + gap for node in row) - gap
-        at = -total / 2
+    for row in rows.rows:
+        at = -(sum(rows.widths[node] + gap for node in row) - gap) / 2
         for node in row:
-            centre[node] = at + widths[node] / 2
-            at += widths[node] + gap
+            centre[node] = at + rows.widths[node] / 2
+            at += rows.widths[node] + gap
     for sweep in range(SWEEPS):
-        towards = above if sweep % 2 == 0 else below
-        for row in rows if sweep % 2 == 0 else rows[::-1]:
+        towards = rows.below if sweep % 2 else rows.above
+        for row in reversed(rows.rows) if sweep % 2 else rows.rows:
             wanted = [_mean([centre[n] for n in towards.get(node, ())], centre[node]) for node in row]
-            centre.update(zip(row, _spread(wanted, [widths[node] for node in row], gap), strict=True))
+            centre.update(zip(row, _spread(wanted, [rows.widths[node] for node in row], gap), strict=True))
     return centre
 
 

@@ -1,13 +1,24 @@
-"""Outcomes as rich tables."""
+"""Outcomes as rich tables.
 
-from rich.console import Group, RenderableType
+Colours are rich's business: none in a pipe, none with NO_COLOR. Tables are made for the width at hand, because rich alone
+would break atoms in the middle of words.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+from rich.console import Console, ConsoleOptions, Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
 from engine.model.outcome import Found, GaveUp, Infeasible, Outcome, Statistics
 from engine.model.schedule import History, earliest_starts, histories, makespan, purposes
-from kb.model.plan import Plan
+from engine.report.wrapping import wrapped
+from kb.model.plan import Plan, StepId
 from kb.model.problem import Problem
+
+LIST = 12  # characters of a line of step numbers
+JUDGED = 60  # steps that decide on the widths of columns
 
 
 def outcome(result: Outcome, problem: Problem) -> RenderableType:
@@ -22,38 +33,121 @@ def outcome(result: Outcome, problem: Problem) -> RenderableType:
 
 
 def plan_table(plan: Plan, problem: Problem) -> RenderableType:
-    """Steps, what they wait for, when they can start, and what for they are there; then the histories."""
+    """Steps, what they wait for, when they can start, and what for they are there; then the histories and sums."""
+    if not plan.steps:
+        return Text("Nothing to do: the goals hold already.")
     timed = any(step.duration for step in plan.steps)
     unit = problem.domain.time_unit
-    table = Table(box=None, pad_edge=False)
-    table.add_column("step", justify="right")
-    table.add_column("operator", overflow="fold")
-    table.add_column("after", overflow="fold")
-    if timed:
-        table.add_column(f"start ({unit})", justify="right")
-        table.add_column("for", justify="right")
-    table.add_column("achieves", overflow="fold", ratio=1)
-    starts, reasons = earliest_starts(plan), purposes(problem, plan)
-    for step in plan.steps:
-        times = [str(starts[step.id]), str(step.duration)] if timed else []
-        achieved = reasons.get(step.id, {})
-        why = "; ".join(f"{condition} for {', '.join(users)}" for condition, users in achieved.items())
-        table.add_row(str(step.id), str(step.operator), ", ".join(map(str, step.after)), *times, why)
-    said = [f"{len(plan.steps)} steps, cost {plan.cost}"]
+    said = [_counted(len(plan.steps), "step"), f"cost {plan.cost}"]
     if timed:
         said.append(f"{makespan(plan)} {unit} when every step starts as early as it may")
     made = histories(problem, plan)
-    return Group(table, *([_history_table(made, unit)] if made else []), Text(", ".join(said)))
+    steps = _Steps(plan, purposes(problem, plan), unit if timed else "")
+    between: list[RenderableType] = [Text(), _history_table(made, unit), Text()] if made else []
+    return Group(steps, *between, Text(", ".join(said)))
 
 
-def _history_table(made: tuple[History, ...], unit: str) -> RenderableType:
-    table = Table(box=None, pad_edge=False, title_justify="left")
-    table.add_column("object", no_wrap=True)
-    table.add_column(f"what is done to it (stage, from, for in {unit}, step)", overflow="fold")
+def _counted(number: int, noun: str) -> str:
+    return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
+
+
+@dataclass(frozen=True, slots=True)
+class _Steps:
+    """The table of steps, made when its width is known. Without a `unit` there are no times."""
+
+    plan: Plan
+    purposes: Mapping[StepId, Mapping[str, Sequence[str]]]
+    unit: str
+
+    def __rich_console__(self, console: Console, options: ConsoleOptions) -> Iterator[RenderableType]:
+        names, rows = self._narrow()
+        spare = options.max_width - sum(
+            max(map(_width, cells)) + 2 for cells in zip(names, *rows, strict=True)
+        )
+        reasons = [_reasons(self.purposes.get(step.id, {})) for step in self.plan.steps]
+        operators, achieved = _widths([str(step.operator) for step in self.plan.steps], reasons, spare - 2)
+        table = Table(box=None, pad_edge=False)
+        table.add_column(names[0], justify="right", no_wrap=True, style="cyan")
+        table.add_column("operator", overflow="fold")
+        table.add_column(names[1], overflow="fold")
+        for name in names[2:]:
+            table.add_column(name, justify="right", no_wrap=True)
+        table.add_column("achieves", overflow="fold")
+        for step, (number, *rest), reason in zip(self.plan.steps, rows, reasons, strict=True):
+            operator = Text(wrapped(str(step.operator), operators))
+            operator.highlight_regex(r"^\w+", "bold")
+            table.add_row(number, operator, *rest, _reason_text(reason, achieved))
+        yield table
+
+    def _narrow(self) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
+        """Head and rows of the columns that take what they need: numbers of steps, and times."""
+        starts = earliest_starts(self.plan)
+        rows = [
+            (str(step.id), wrapped(", ".join(map(str, step.after)), LIST, 0))
+            + ((str(starts[step.id]), str(step.duration)) if self.unit else ())
+            for step in self.plan.steps
+        ]
+        return ("step", "after") + ((f"start ({self.unit})", "lasts") if self.unit else ()), rows
+
+
+def _width(cell: str) -> int:
+    return max((len(line) for line in cell.splitlines()), default=0)
+
+
+def _reasons(achieved: Mapping[str, Sequence[str]]) -> list[str]:
+    """What a step achieves and for which steps, in their order, the goal last."""
+    return [
+        f"{condition} for {', '.join(sorted(users, key=lambda user: (user == 'goal', len(user), user)))}"
+        for condition, users in achieved.items()
+    ]
+
+
+def _widths(operators: Sequence[str], reasons: Sequence[Sequence[str]], spare: int) -> tuple[int, int]:
+    """How wide operators and reasons may be: as wide as they are, or else so that the table is as short as can be.
+
+    Long tables are judged by their first steps.
+    """
+    widest = max(len("operator"), *map(len, operators))
+    if widest + max(len("; ".join(reason)) for reason in reasons) <= spare:
+        return widest, spare - widest
+    rows = list(zip(operators, reasons, strict=True))[:JUDGED]
+
+    def lines(given: int) -> int:
+        return sum(
+            max(wrapped(operator, given).count("\n"), _stacked(reason, spare - given).count("\n"))
+            for operator, reason in rows
+        )
+
+    least, most = len("operator"), max(min(widest, spare - len("achieves")), len("operator"))
+    given = min(range(most, least - 1, -1), key=lines)
+    return given, max(spare - given, len("achieves"))
+
+
+def _stacked(reasons: Sequence[str], width: int) -> str:
+    """On one line if it fits, else each reason on lines of its own."""
+    line = "; ".join(reasons)
+    return line if len(line) <= width else "\n".join(wrapped(reason, width) for reason in reasons)
+
+
+def _reason_text(reasons: Sequence[str], width: int) -> Text:
+    made = Text(_stacked(reasons, width))
+    made.highlight_regex(r" for(?= (\d|goal\b))", "dim")
+    made.highlight_regex(r"\bgoal\b", "green")
+    return made
+
+
+def _history_table(made: Sequence[History], unit: str) -> Table:
+    """What is done to each object, in order: one line for each stage."""
+    table = Table(box=None, pad_edge=False)
+    table.add_column("history of", style="bold", overflow="fold")
+    table.add_column("done", overflow="fold")
+    for name in (f"start ({unit})", "lasts", "step"):
+        table.add_column(name, justify="right", no_wrap=True)
     for history in made:
         name = ", ".join([str(history.subject or history.chain), *history.names.values()])
-        done = [f"{each.stage} {each.start} {each.duration} #{each.step}" for each in history.happenings]
-        table.add_row(name, "; ".join(done))
+        for place, each in enumerate(history.happenings):
+            times = (str(each.start), str(each.duration), str(each.step))
+            table.add_row(Text(name if place == 0 else ""), Text(str(each.stage)), *times)
     return table
 
 
