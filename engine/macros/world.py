@@ -1,0 +1,173 @@
+"""What problems of one cell share: their domain and statics, evaluated once; and what a ground step does there."""
+
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+import networkx as nx
+
+from engine.macros.facts import Bindings, Facts, satisfiable, solve
+from engine.macros.schema import Following, NotGeneral, OperatorSchema, Schemas, stand_in
+from kb.asp import Grounder
+from kb.asp.vocabulary import guard, static_program
+from kb.model.conditions import Aggregate, Body, Literal, Parameter
+from kb.model.domain import Domain, Kind, Rule
+from kb.model.problem import Problem
+from kb.terms import Atom, Function, Term, Variable, match, substitute_atom
+
+State = frozenset[Atom]
+
+
+@dataclass(frozen=True, slots=True)
+class Change:
+    """What a step adds, and which atoms of the state end."""
+
+    adds: State
+    ends: State
+    events: tuple[Atom, ...] = ()
+
+    def applied(self, state: State) -> State:
+        """The state afterwards."""
+        return (state - self.ends) | self.adds
+
+
+class World:
+    """A domain with the statics of one cell."""
+
+    def __init__(self, problem: Problem, schemas: Schemas | None = None) -> None:
+        self.problem = problem
+        self.domain: Domain = problem.domain
+        self.schemas = schemas if schemas is not None else Schemas(problem.domain)
+        grounder = Grounder()
+        grounder.ground("\n".join([static_program(problem), *_aggregate_rules(problem.domain)]))
+        self.statics = Facts(grounder.everything())
+
+    @cached_property
+    def strata(self) -> list[list[Rule]]:
+        """The rules of derived predicates in an order in which negation looks only backwards."""
+        graph: nx.DiGraph[str] = nx.DiGraph()
+        for rule in self.schemas.rules:
+            graph.add_node(rule.head.name)
+            used = (part.atom.name for part in rule.body if isinstance(part, Literal))
+            graph.add_edges_from((rule.head.name, name) for name in used)
+        return [
+            rules
+            for part in nx.strongly_connected_components(graph)
+            if (rules := [rule for rule in self.schemas.rules if rule.head.name in part])
+        ]
+
+    def fits(self, problem: Problem) -> bool:
+        """Whether a problem has the same domain, objects and statics."""
+        own = self.problem
+        return problem.domain is own.domain and all(
+            one is other or one == other
+            for one, other in ((problem.statics, own.statics), (problem.objects, own.objects))
+        )
+
+    def binding(self, step: Function) -> tuple[OperatorSchema, dict[Variable, Term]]:
+        """A step's schema and the binding of its header."""
+        schema = self.schemas.named(step.name)
+        if len(step.arguments) != len(schema.operator.parameters):
+            raise NotGeneral(f"{step.name} takes {len(schema.operator.parameters)} arguments")
+        return schema, dict(zip(schema.operator.variables, step.arguments, strict=True))
+
+    def change(self, step: Function, state: Facts) -> Change:
+        """What a step does in a state in which it can be taken."""
+        schema, bindings = self.binding(step)
+        adds = {atom for each in schema.adds for atom in self._instances(each, bindings, state)}
+        ends = {
+            atom
+            for each in schema.denies
+            if self._needed(each, bindings, state)
+            for atom in state.matching(substitute_atom(each.atom, bindings))
+            if self._denies(each, atom, bindings)
+        }
+        events = tuple(substitute_atom(each, bindings) for each in schema.events)
+        return Change(frozenset(adds), frozenset(ends - adds), events)
+
+    def _instances(self, each: Following, bindings: Bindings, state: Facts) -> Iterator[Atom]:
+        for found in solve(each.guard, self.statics, bindings):
+            if not each.needs or holds(each.needs, self, state, found):
+                yield substitute_atom(each.atom, found)
+
+    def _needed(self, each: Following, bindings: Bindings, state: Facts) -> bool:
+        return not each.needs or holds(each.needs, self, state, bindings)
+
+    def _denies(self, each: Following, atom: Atom, bindings: Bindings) -> bool:
+        found = match(each.atom, atom, bindings)
+        return found is not None and satisfiable(each.guard, self.statics, found)
+
+
+def holds(body: Body, world: World, state: Facts, bindings: Bindings) -> bool:
+    """Whether some binding makes a body true in a state; derived atoms must be in `state` already."""
+    static = tuple(part for part in body if not world.schemas.is_dynamic(part))
+    dynamic = tuple(part for part in body if world.schemas.is_dynamic(part))
+    positive = tuple(part for part in dynamic if isinstance(part, Literal) and part.positive)
+    negative = tuple(part for part in dynamic if part not in positive)
+    return any(
+        satisfiable(negative, state, found)
+        for first in solve(positive, state, bindings)
+        for found in solve(static, world.statics, first)
+    )
+
+
+def with_derived(world: World, state: Iterable[Atom]) -> Facts:
+    """A state with its derived atoms, stratum by stratum, each closed by naive rounds."""
+    facts = dict.fromkeys(state)
+    for stratum in world.strata:
+        grown = True
+        while grown:
+            current = Facts(facts)
+            found = [
+                substitute_atom(rule.head, bindings)
+                for rule in stratum
+                for bindings in _solutions(rule.body, world, current)
+            ]
+            grown = any(atom not in facts for atom in found)
+            facts.update(dict.fromkeys(found))
+    return Facts(facts)
+
+
+def _solutions(body: Body, world: World, state: Facts) -> Iterator[Mapping[Variable, Term]]:
+    dynamic = tuple(p for p in body if world.schemas.is_dynamic(p) and isinstance(p, Literal) and p.positive)
+    negative = tuple(p for p in body if world.schemas.is_dynamic(p) and p not in dynamic)
+    static = tuple(p for p in body if not world.schemas.is_dynamic(p))
+    for first in solve(dynamic, state, {}):
+        for found in solve(static, world.statics, first):
+            if satisfiable(negative, state, found):
+                yield found
+
+
+def _aggregate_rules(domain: Domain) -> Iterator[str]:
+    bodies: list[tuple[Body, tuple[Parameter, ...]]] = [
+        (each.body, each.parameters) for each in domain.operators
+    ]
+    bodies += [((*d.body, *c.body), c.parameters) for d in domain.deductive_operators for c in d.consequences]
+    for body, parameters in bodies:
+        if any(isinstance(part, Aggregate) for part in body):
+            yield f"{stand_in(body, parameters)} :- {', '.join([*guard(parameters), *map(str, body)])}."
+
+
+def is_fluent(world: World, atom: Atom) -> bool:
+    """Whether an atom's predicate is a fluent."""
+    return world.schemas.kinds.get(atom.name) is Kind.FLUENT
+
+
+class Worlds:
+    """The worlds met lately, so that problems of one cell share one."""
+
+    def __init__(self, most: int = 8) -> None:
+        self._most = most
+        self._recent: list[World] = []
+
+    def of(self, problem: Problem) -> World:
+        """The world of a problem; a new one is evaluated when none of the recent ones fits."""
+        for index, world in enumerate(self._recent):
+            if world.fits(problem):
+                if index:
+                    self._recent.insert(0, self._recent.pop(index))
+                return world
+        shared = next((w.schemas for w in self._recent if w.domain is problem.domain), None)
+        world = World(problem, shared)
+        self._recent = [world, *self._recent[: self._most - 1]]
+        return world

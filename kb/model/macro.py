@@ -1,0 +1,146 @@
+"""The MACROP: a plan with variables for constants, and what must be true for any instance of it to be a plan (ITA, figure 4).
+
+A value that files and databases hold. Making one is `engine.macros`' business.
+"""
+
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+
+from kb.model.conditions import Aggregate, Body, BodyPart, Comparison, Literal, Parameter
+from kb.model.domain import Domain
+from kb.model.plan import CausalLink, StepId
+from kb.terms import (
+    Atom,
+    Function,
+    Number,
+    Substitution,
+    Term,
+    Variable,
+    substitute,
+    substitute_atom,
+    variables,
+)
+
+NO_TIME, ONE = Number(0), Number(1)
+
+
+@dataclass(frozen=True, slots=True)
+class MacroStep:
+    """One step of the body; `after` are its predecessors, `duration` and `cost` numbers or variables."""
+
+    id: StepId
+    operator: Function
+    after: tuple[StepId, ...] = ()
+    resources: tuple[Term, ...] = ()
+    duration: Term = NO_TIME
+    cost: Term = ONE
+
+
+@dataclass(frozen=True, slots=True)
+class MacroChain:
+    """A workflow chain that the body works through; names of chains are variables, too."""
+
+    name: Term
+    stages: tuple[Atom, ...]
+    after: tuple[Term, ...] = ()
+    subject: Term | None = None
+
+
+@dataclass(frozen=True)
+class Macrop:
+    """A generalised plan.
+
+    Any binding of the variables that satisfies `types`, `constraints` (n-ary, over statics), `disequalities` and none of
+    the `exclusions`, in a state where the `preconditions` hold, makes the body a plan for the `goals` and `chains`.
+    `adders` hold afterwards. `depends` maps each part of the domain that the proof of this rests on to its digest.
+    """
+
+    name: Function
+    domain: str
+    goals: tuple[Literal, ...]
+    preconditions: tuple[Literal, ...]
+    adders: tuple[Atom, ...]
+    types: tuple[Parameter, ...]
+    constraints: Body
+    disequalities: tuple[Comparison, ...]
+    exclusions: tuple[Body, ...]  # bodies over statics of which none has a binding
+    resources: tuple[Term, ...]
+    steps: tuple[MacroStep, ...]
+    links: tuple[CausalLink, ...]
+    chains: tuple[MacroChain, ...] = ()
+    depends: Mapping[str, str] = field(default_factory=dict)
+
+    @property
+    def parameters(self) -> tuple[Variable, ...]:
+        """The header's variables: those that the goals do not bind, then those of the goals in order."""
+        return tuple(each for each in self.name.arguments if isinstance(each, Variable))
+
+    @cached_property
+    def cost(self) -> int | None:
+        """The sum of the steps' costs; None if it depends on the binding."""
+        costs = [step.cost for step in self.steps]
+        return sum(each.value for each in costs if isinstance(each, Number)) if _fixed(costs) else None
+
+    @cached_property
+    def duration(self) -> int | None:
+        """The length of the longest chain of predecessors, in the domain's unit of time; None if a binding decides."""
+        if not _fixed([step.duration for step in self.steps]):
+            return None
+        ends: dict[StepId, int] = {}
+        for step in self.steps:
+            own = step.duration.value if isinstance(step.duration, Number) else 0
+            ends[step.id] = own + max((ends[before] for before in step.after), default=0)
+        return max(ends.values(), default=0)
+
+    def unary_constraints(self, domain: Domain) -> tuple[Parameter, ...]:
+        """The types that have to be tested: not those that a compound term in a precondition or goal already states."""
+        stated = set(self._stated(domain))
+        return tuple(
+            each
+            for each in self.types
+            if not any(v == each.variable and domain.is_subtype(t, each.type) for v, t in stated)
+        )
+
+    def _stated(self, domain: Domain) -> Iterator[tuple[Variable, str]]:
+        for literal in (*self.preconditions, *self.goals):
+            for argument in literal.atom.arguments:
+                yield from _typed_arguments(argument, domain)
+
+
+def _fixed(terms: Iterable[Term]) -> bool:
+    return all(isinstance(each, Number) for each in terms)
+
+
+def _typed_arguments(term: Term, domain: Domain) -> Iterator[tuple[Variable, str]]:
+    signature = domain.functions.get(term.name) if isinstance(term, Function) and term.arguments else None
+    if signature is None or not isinstance(term, Function):
+        return
+    for argument, type_ in zip(term.arguments, signature.arguments, strict=False):
+        if isinstance(argument, Variable):
+            yield argument, type_
+        else:
+            yield from _typed_arguments(argument, domain)
+
+
+def substitute_part(part: BodyPart, bindings: Substitution) -> BodyPart:
+    """A part of a body with its variables replaced."""
+    match part:
+        case Literal(atom, positive):
+            return Literal(substitute_atom(atom, bindings), positive)
+        case Comparison(left, relation, right):
+            return Comparison(substitute(left, bindings), relation, substitute(right, bindings))
+        case Aggregate():
+            return part
+
+
+def part_variables(part: BodyPart) -> Iterator[Variable]:
+    """The variables of a part of a body, in order, repeated as they repeat."""
+    match part:
+        case Literal(atom):
+            yield from variables(atom)
+        case Comparison(left, _, right):
+            yield from variables(left)
+            yield from variables(right)
+        case Aggregate(_, outer):
+            yield from outer

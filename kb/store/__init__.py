@@ -1,0 +1,1 @@
+"""Libraries of MACROPs in a database. The only doorway to SQLAlchemy."""
