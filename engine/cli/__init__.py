@@ -4,6 +4,7 @@ import typer
 
 from engine.cli.check import check, schema
 from engine.cli.explain import explain
+from engine.cli.export import export
 from engine.cli.golden import golden_plans
 from engine.cli.init import init
 from engine.cli.plan import plan, validate
@@ -18,7 +19,7 @@ def cellwright() -> None:
     """Plan and diagnose for robot work cells."""
 
 
-for command in (check, explain, init, plan, schema, validate):
+for command in (check, explain, export, init, plan, schema, validate):
     app.command()(command)
 app.command("test")(golden_plans)
 

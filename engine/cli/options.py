@@ -18,5 +18,6 @@ TimeLimit = Annotated[
 ]
 Seed = Annotated[int, typer.Option(min=0, help="the same seed gives the same answer on any machine")]
 Pddl = Annotated[bool, typer.Option("--pddl", help="the arguments are a PDDL domain and a PDDL problem")]
+Ground = Annotated[bool, typer.Option("--ground", help="write PDDL without variables, as plain STRIPS")]
 Strategy = Annotated[str, typer.Option(help="auto, backward, forward or landmarks")]
 Expansions = Annotated[int, typer.Option(min=0, help="states that the search may expand before it gives up")]

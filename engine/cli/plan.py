@@ -14,6 +14,7 @@ from engine.cli.options import (
     Expansions,
     Format,
     Goals,
+    Ground,
     Pddl,
     Seed,
     Stats,
@@ -156,17 +157,33 @@ def validate(
     problem: Annotated[
         str, typer.Option(help="check it against this problem instead of the one it carries")
     ] = "",
+    export: Annotated[
+        str, typer.Option(help="FILE is what a PDDL planner found for the export of this target")
+    ] = "",
+    goals: Goals = "",
+    command: Command = "",
+    ground: Ground = False,
     format: Format = Form.TEXT,
 ) -> None:
     """Check the plan in FILE, or, with --pddl, the plan MADE for a PDDL task, with the independent checker."""
     if pddl and (task is None or made is None):
         raise typer.BadParameter("--pddl takes a domain, a problem and a plan")
+    if export:
+        give(lambda: _validate_export(file, Wanted(export, goals, command), ground), format)
     give(
         lambda: (
             _validate(file, problem) if not (pddl and task and made) else _validate_pddl(file, task, made)
         ),
         format,
     )
+
+
+def _validate_export(file: Path, wanted: Wanted, ground: bool) -> Answer:
+    from engine import pipeline
+    from engine.exchange.pddl import read_exported_plan
+
+    problem = pipeline.problem_of(wanted.target, wanted.goals, wanted.command)
+    return _judged(problem, read_exported_plan(problem, file, lifted=not ground), str(file))
 
 
 def _validate_pddl(domain: Path, task: Path, made: Path) -> Answer:

@@ -58,13 +58,20 @@ def desk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     (tmp_path / "shelf.pddl").write_text(DOMAIN)
     (tmp_path / "box.pddl").write_text(PROBLEM)
     (tmp_path / "plan.ipc").write_text("(lift box)\n")
+    run(f"cellwright export pddl {PLACEHOLDERS['TARGET']} --output exported")
+    planned = run("cellwright plan --pddl exported/domain.pddl exported/problem.pddl --format ipc")
+    (tmp_path / "exported.ipc").write_text(planned.stdout)
     (tmp_path / "plan.json").write_text(run(f"cellwright plan {PLACEHOLDERS['TARGET']} --format json").stdout)
     return tmp_path
 
 
+def _plan_for(line: str) -> str:
+    return "plan.ipc" if "--pddl" in line else "exported.ipc" if "--export" in line else "plan.json"
+
+
 def filled(line: str) -> str:
     """The line with files of the desk in place of words in capitals."""
-    words = {**PLACEHOLDERS, "PLAN": "plan.ipc" if "--pddl" in line else "plan.json"}
+    words = {**PLACEHOLDERS, "PLAN": _plan_for(line)}
     if line.startswith("cellwright init "):
         words["FOLDER"] = "new"
     return " ".join(words.get(word, word) for word in line.split(" "))

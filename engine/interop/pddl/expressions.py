@@ -105,3 +105,18 @@ def _tokens(text: str) -> Iterator[tuple[str, int]]:
     for found in _TOKEN.finditer(text):
         if not found[0].startswith(";"):
             yield found[0], found.start()
+
+
+_ACTION = re.compile(
+    r"^\s*(?:\d+(?:\.\d+)?\s*:)?\s*\(?\s*([^();\n\[\]]*?)\s*\)?\s*(?:\[[^\n]*)?(?:;[^\n]*)?$", re.MULTILINE
+)
+
+
+def actions(text: str) -> Iterator[tuple[list[str], int]]:
+    """The actions of a plan file, one a line: their words in small letters, and where they stand.
+
+    Parentheses, a time before (`3: (...)`), a duration behind (`[1]`) and comments are left out.
+    """
+    for found in _ACTION.finditer(text):
+        if words := found[1].lower().split():
+            yield words, found.start(1)

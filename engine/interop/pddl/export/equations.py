@@ -1,0 +1,39 @@
+"""Patterns matched against terms that have variables of their own."""
+
+from dataclasses import dataclass, field
+
+from kb.terms import ANYTHING, Function, Term, Variable, is_ground
+
+
+@dataclass
+class Equations:
+    """A pattern matched against terms with variables of their own.
+
+    `bindings` are those of the pattern's variables; `open` are equations that only the other variables can decide.
+    """
+
+    bindings: dict[Variable, Term] = field(default_factory=dict)
+    open: list[tuple[Term, Term]] = field(default_factory=list)
+
+    def add(self, pattern: Term, value: Term) -> bool:
+        """Take one more equation; False if it can never hold."""
+        match pattern, value:
+            case _ if pattern == ANYTHING or value == ANYTHING:
+                return True
+            case Variable(), _ if pattern not in self.bindings:
+                self.bindings[pattern] = value
+                return True
+            case Variable(), _:
+                return self._equal(self.bindings[pattern], value)
+            case Function(name, parts), Function(other, values) if parts or values:
+                same = name == other and len(parts) == len(values)
+                return same and all([self.add(*pair) for pair in zip(parts, values, strict=True)])
+            case _:
+                return self._equal(pattern, value)
+
+    def _equal(self, one: Term, other: Term) -> bool:
+        if one != other:
+            if is_ground(one) and is_ground(other):
+                return False
+            self.open.append((one, other))
+        return True

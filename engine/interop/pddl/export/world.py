@@ -1,0 +1,154 @@
+"""What an export takes for granted: static facts, objects and their types, evaluated once by clingo."""
+
+from collections import defaultdict
+from collections.abc import Iterable, Iterator
+from functools import cached_property
+
+from engine.model.task import Task
+from kb.asp import AspError, Grounder
+from kb.asp.vocabulary import guard, static_program
+from kb.model.conditions import Body, Parameter
+from kb.model.domain import NUMERIC_TYPES, OBJECT, Kind
+from kb.model.problem import Problem
+from kb.terms import Atom, Function, Number, Term, Text, Variable, natural_key
+
+NUMERAL, WORDS, CHAIN = "_numeral", "_text", "_chain"  # in PDDL, numbers, texts and chains are objects
+
+
+class NotLiftable(Exception):
+    """A construct that lifted PDDL cannot say; the ground task can."""
+
+
+class World:
+    """A problem's statics: facts by predicate, the extension of each type, and one type for each object."""
+
+    def __init__(self, problem: Problem, task: Task) -> None:
+        self.problem, self.domain, self.task = problem, problem.domain, task
+        self.kinds = {name: predicate.kind for name, predicate in self.domain.predicates.items()}
+        self._grounder = Grounder()
+        self._grounder.ground(static_program(problem))
+        self.facts: dict[str, list[Atom]] = defaultdict(list)
+        for fact in self._grounder.everything():
+            self.facts[fact.name].append(fact)
+        self.known = {fact for facts in self.facts.values() for fact in facts}
+        self._tables = 0
+
+    @cached_property
+    def _minimal(self) -> dict[Term, list[str]]:
+        """The most specific types of each object, in order of declaration."""
+        types: dict[Term, list[str]] = defaultdict(list)
+        for name in self.domain.types:
+            for fact in self.facts[name]:
+                types[fact.arguments[0]].append(name)
+        return {
+            term: [one for one in names if not any(self._below(other, one) for other in names)]
+            for term, names in types.items()
+        }
+
+    def _below(self, name: str, ancestor: str) -> bool:
+        return name != ancestor and self.domain.is_subtype(name, ancestor)
+
+    @cached_property
+    def shared(self) -> frozenset[str]:
+        """Types whose objects PDDL would have to declare under two parents: they become static predicates."""
+        found = set()
+        for first, *others in self._minimal.values():
+            above = {name for other in others for name in self.ancestors(other)}
+            found.update(above - set(self.ancestors(first)))
+        return frozenset(found)
+
+    def ancestors(self, name: str) -> tuple[str, ...]:
+        """A type and the declared ones above it."""
+        found: list[str] = []
+        while name in self.domain.types and name not in found:
+            found.append(name)
+            name = self.domain.types[name].parent
+        return tuple(found)
+
+    def type_of(self, term: Term) -> str:
+        """The type under which an object is declared."""
+        if isinstance(term, Number):
+            return NUMERAL
+        if isinstance(term, Text):
+            return WORDS
+        if isinstance(term, Function) and term.name == CHAIN:
+            return CHAIN
+        return self.plain(self._minimal.get(term, [OBJECT])[0])
+
+    def plain(self, name: str) -> str:
+        """The nearest type that PDDL can declare."""
+        if name in NUMERIC_TYPES:
+            return NUMERAL
+        if name == "text":
+            return WORDS
+        return next((each for each in self.ancestors(name) if each not in self.shared), self._built_in(name))
+
+    def _built_in(self, name: str) -> str:
+        return name if name in (NUMERAL, WORDS, CHAIN) else OBJECT
+
+    def is_subtype(self, name: str, ancestor: str) -> bool:
+        """Whether every object of one type is of another."""
+        return ancestor == OBJECT or name == ancestor or ancestor in self.ancestors(name)
+
+    @cached_property
+    def terms(self) -> tuple[Term, ...]:
+        """Every object, and all that it is made of, in natural order."""
+        found: dict[Term, None] = {}
+        for name in self.domain.types:
+            for fact in self.facts[name]:
+                found.update(dict.fromkeys(_subterms(fact.arguments[0])))
+        for atom in self.task.atoms:
+            if self.kinds.get(atom.name) is Kind.FLUENT:
+                found.update(dict.fromkeys(sub for term in atom.arguments for sub in _subterms(term)))
+        return tuple(sorted(found, key=natural_key))
+
+    @cached_property
+    def initial(self) -> tuple[Atom, ...]:
+        """The fluents that are true at the start, with everything that follows from those given."""
+        start = self.task.names(self.task.initial)
+        return tuple(atom for atom in start if self.kinds.get(atom.name) is Kind.FLUENT)
+
+    def is_static(self, name: str) -> bool:
+        """Whether no operator can change the predicate."""
+        return self.kinds.get(name, Kind.STATIC) is Kind.STATIC
+
+    def table(self, body: Body, parameters: Iterable[Parameter]) -> list[tuple[Term, ...]]:
+        """Every binding of the parameters that satisfies a static body. Raises `NotLiftable` if they are unbound."""
+        parameters = tuple(parameters)
+        self._tables += 1
+        name = f"_export_{self._tables}"
+        head = Function(name, tuple(parameter.variable for parameter in parameters))
+        text = ", ".join([*guard(parameters), *map(str, body)])
+        try:
+            self._grounder.ground(f"{head} :- {text}." if text else f"{head}.")
+        except AspError as error:
+            raise NotLiftable(str(error)) from None
+        return sorted(
+            self._grounder.atoms(name, len(parameters)), key=lambda row: [natural_key(t) for t in row]
+        )
+
+    def signature(self, name: str) -> tuple[str, ...]:
+        """The argument types of a predicate or type; nothing is known of what rules alone speak of."""
+        if name in self.domain.types:
+            return (name,)
+        predicate = self.domain.predicates.get(name)
+        return predicate.arguments if predicate else ()
+
+
+def _subterms(term: Term) -> Iterator[Term]:
+    yield term
+    if isinstance(term, Function):
+        for argument in term.arguments:
+            yield from _subterms(argument)
+
+
+class Fresh:
+    """Variables that stand nowhere else."""
+
+    def __init__(self) -> None:
+        self._count = 0
+
+    def variable(self, like: str) -> Variable:
+        """A new variable with a telling name; the number keeps it apart."""
+        self._count += 1
+        return Variable(f"{like[:1].upper()}{like[1:]}__{self._count}")

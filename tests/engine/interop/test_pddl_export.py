@@ -1,0 +1,101 @@
+"""A problem and its export have the same plans."""
+
+from pathlib import Path
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from engine import pipeline
+from engine.grounding import ground
+from engine.interop.pddl import PddlProblem, read_pddl
+from engine.interop.pddl.export import PddlText, export, import_plan, write_plan
+from engine.interop.pddl.plans import read_plan
+from engine.interop.pddl.plans import write_plan as write_pddl_plan
+from engine.model.outcome import Found, Infeasible
+from engine.planning import Limits
+from engine.validation import validate
+from kb.diagnostics import InvalidInput
+from kb.loader import find, problem_files
+from kb.model.problem import Problem
+from tests.properties.problems import problems, shortest
+
+TESTED = Path(__file__).parents[2] / "domains"
+BUNDLED = [file for name in ("bulkhead", "themse") for file in problem_files(find(name))]
+TARGETS = [*BUNDLED, *sorted(TESTED.glob("*/problems/*.yaml"))]
+
+
+def reread(text: PddlText, folder: Path) -> PddlProblem:
+    """What our own reader makes of an export."""
+    (folder / "domain.pddl").write_text(text.domain)
+    (folder / "problem.pddl").write_text(text.problem)
+    return read_pddl(folder / "domain.pddl", folder / "problem.pddl")
+
+
+@pytest.mark.parametrize("lifted", [True, False], ids=["lifted", "ground"])
+@pytest.mark.parametrize("file", TARGETS, ids=lambda file: f"{file.parents[1].name}-{file.stem}")
+def test_an_export_has_the_plans_of_its_problem(file: Path, lifted: bool, tmp_path: Path) -> None:
+    problem = pipeline.problem_of(str(file))
+    text = export(problem, ground(problem), lifted)
+    read = reread(text, tmp_path)
+    own, theirs = pipeline.plan(problem), pipeline.plan(read.problem)
+    assert isinstance(own, Infeasible) == isinstance(theirs, Infeasible)
+    if isinstance(own, Found):
+        assert isinstance(theirs, Found)
+        imported = import_plan(text, write_pddl_plan(read, theirs.plan))
+        assert pipeline.check_plan(problem, imported) == []
+        (tmp_path / "plan").write_text(write_plan(text, own.plan))
+        assert pipeline.check_plan(read.problem, read_plan(read, tmp_path / "plan")) == []
+
+
+@pytest.mark.parametrize("file", BUNDLED, ids=lambda file: file.stem)
+def test_both_cells_are_exported_lifted(file: Path) -> None:
+    problem = pipeline.problem_of(str(file))
+    text = export(problem, ground(problem))
+    assert (text.lifted, text.why_ground) == (True, "")
+
+
+def _agrees(problem: Problem, lifted: bool, folder: Path) -> None:
+    """The export of a random problem has a plan if brute force finds one, and it is one for the problem."""
+    try:
+        text = export(problem, ground(problem), lifted)
+    except InvalidInput:  # contradictions and ambiguities have no export
+        return
+    read = reread(text, folder)
+    found = pipeline.plan(read.problem, Limits(expansions=20_000))
+    length = shortest(problem)
+    assert isinstance(found, Found) == (length is not None)
+    if isinstance(found, Found):
+        assert validate(problem, import_plan(text, write_pddl_plan(read, found.plan))) == []
+
+
+@pytest.mark.parametrize("lifted", [True, False], ids=["lifted", "ground"])
+@settings(deadline=None, max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(problem=problems(conditional=True))
+def test_random_problems_are_exported(problem: Problem, lifted: bool, tmp_path: Path) -> None:
+    _agrees(problem, lifted, tmp_path)
+
+
+@pytest.mark.parametrize("lifted", [True, False], ids=["lifted", "ground"])
+@settings(deadline=None, max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(problem=problems(deductive=True))
+def test_deduction_is_compiled(problem: Problem, lifted: bool, tmp_path: Path) -> None:
+    _agrees(problem, lifted, tmp_path)
+
+
+@given(line=st.sampled_from(["(lift", "lift)", "3: (lift) [1]", "  (LIFT) ; now", "(lift) ;"]))
+def test_plans_are_read_as_planners_print_them(line: str) -> None:
+    from engine.interop.pddl.expressions import actions
+
+    assert [words for words, _ in actions(f"; cost = 3\n\n{line}\n")] == [["lift"]]
+
+
+def test_what_is_no_action_of_the_export_is_pointed_at() -> None:
+    problem = pipeline.problem_of("bulkhead/one_point")
+    text = export(problem, ground(problem))
+    with pytest.raises(InvalidInput) as error:
+        import_plan(text, "(move t3_746 meas-m1 meas-m2)\n(mvoe t3_746)\n(move t3_746)\n", "sas_plan")
+    said = [str(each) for each in error.value.diagnostics]
+    assert "sas_plan:2:2" in said[0]
+    assert "did you mean 'move'?" in said[0]
+    assert "sas_plan:3:2" in said[1]
