@@ -15,7 +15,8 @@ from engine.validation import validate
 from kb.check import check_domain, unreachable
 from kb.commands import understand
 from kb.diagnostics import Diagnostic, InvalidInput, Source
-from kb.loader import Loaded, find, load, problem_files, with_goals
+from kb.loader import CELL_FILE, Loaded, find, load, problem_files, with_goals
+from kb.model.domain import Domain
 from kb.model.plan import Plan, in_sequence
 from kb.model.problem import Problem
 
@@ -99,8 +100,11 @@ class CheckReport:
     diagnostics: tuple[Diagnostic, ...]
 
 
-def check(target: str) -> CheckReport:
-    """Everything that is wrong with a problem, or with a domain and all its problems."""
+def check(target: str, reach: bool = True) -> CheckReport:
+    """Everything that is wrong with a problem, or with a domain and all its problems, and with the cell beside it.
+
+    With `reach`, places of the cell that no arm reaches are told, too.
+    """
     path = find(target)
     found: list[Diagnostic] = []
     loaded = _loaded(path, found)
@@ -116,7 +120,18 @@ def check(target: str) -> CheckReport:
     if loaded is not None and loaded.problem is None and len(tasks) == len(problems) > 0:
         reached = frozenset[str]().union(*map(reachable_operators, tasks))
         found += unreachable(loaded.domain, reached)
+    if loaded is not None and (cell := Path(loaded.domain.path).with_name(CELL_FILE)).is_file():
+        paths.append(cell)
+        found += _checked_cell(cell, loaded.domain, reach)
     return CheckReport(tuple(map(str, paths)), tuple(sorted(set(found))))
+
+
+def _checked_cell(cell: Path, domain: Domain, reach: bool) -> list[Diagnostic]:
+    """What is wrong with a cell; geometry is imported for domains that have one."""
+    from engine.geometry.checking import check_cell
+    from engine.plugins import geometry_backend
+
+    return check_cell(cell, domain, geometry_backend if reach else None)
 
 
 def _grounded(problem: Problem, found: list[Diagnostic]) -> Task | None:

@@ -9,20 +9,24 @@ from engine.cli.answers import Answer, Form, give
 from engine.cli.exits import BAD_INPUT, FINDINGS
 from engine.cli.options import Format, Target
 
+NoReach = Annotated[
+    bool, typer.Option("--no-reach", help="do not ask which places of the cell the arms reach")
+]
 
-def check(target: Target, format: Format = Form.TEXT) -> None:
-    """Report everything that is wrong with TARGET: files, names, types, rules, and what its problems ground to."""
-    give(lambda: _check(target), format)
+
+def check(target: Target, no_reach: NoReach = False, format: Format = Form.TEXT) -> None:
+    """Report everything that is wrong with TARGET: files, names, types, rules, what its problems ground to, its cell."""
+    give(lambda: _check(target, not no_reach), format)
 
 
-def _check(target: str) -> Answer:
+def _check(target: str, reach: bool) -> Answer:
     from rich.text import Text
 
     from engine import pipeline
     from engine.report.findings import summary
     from kb.diagnostics import errors
 
-    report = pipeline.check(target)
+    report = pipeline.check(target, reach)
     found = report.diagnostics
     code = BAD_INPUT if errors(found) else FINDINGS if found else 0
     said = f"{summary(found)} in {len(report.checked)} file{'' if len(report.checked) == 1 else 's'}"
@@ -36,6 +40,8 @@ class Kind(StrEnum):
     DOMAIN = "domain"
     PROBLEM = "problem"
     PLAN = "plan"
+    CELL = "cell"
+    ARM = "arm"
 
 
 def schema(kind: Annotated[Kind, typer.Argument(help="the kind of file")]) -> None:

@@ -67,8 +67,7 @@ def _placed(body: str, at: Located, shapes: tuple[PlacedShape, ...]) -> Iterator
 def _link_pieces(world: World) -> Iterator[Piece]:
     for name, mounted in world.cell.arms.items():
         for link in mounted.arm.links:
-            frame = f"{name}.{link.name}"
-            yield from _placed(frame, world.locate(frame), link.shapes)
+            yield from _placed(f"{name}.{link.name}", world.locate_link(name, link), link.shapes)
 
 
 def _body_pieces(world: World, leave_out: Collection[str]) -> Iterator[Piece]:

@@ -13,7 +13,7 @@ import numpy as np
 from engine.geometry import transforms
 from engine.geometry.kinematics import ArmModel, carrier_poses
 from engine.model.geometry import Floats, Joints
-from kb.model.cell import WORLD, Cell, Placement
+from kb.model.cell import WORLD, Cell, Link, Placement
 
 NO_JOINTS = Joints(
     np.zeros(0, dtype=np.int64),
@@ -98,8 +98,12 @@ class World:
             return self._on_arm(arm, last, T)
         for link in mounted.arm.links:
             if link.name == part:
-                return self._on_arm(arm, link.carrier, transforms.of_offsets(link.offset))
+                return self.locate_link(arm, link)
         raise KeyError(f"no frame '{arm}.{part}'")
+
+    def locate_link(self, arm: str, link: Link) -> Located:
+        """The carrier of a link, and its pose there; whatever it is called (`base`, `flange` and `tool` are frames)."""
+        return self._on_arm(arm, link.carrier, transforms.of_offsets(link.offset))
 
     def _on_arm(self, arm: str, carrier: int, T: Floats) -> Located:
         if carrier == 0:

@@ -10,13 +10,14 @@ from kb.loader.names import Names
 from kb.loader.plan import load_plan
 from kb.loader.problem import goal_condition, read_problem
 from kb.loader.reader import Findings, Reader, require, validate_shape
-from kb.loader.references import DOMAIN_FILE, bundled, domain_file, find, reference
+from kb.loader.references import CELL_FILE, DOMAIN_FILE, bundled, domain_file, find, reference
 from kb.loader.tree import Node
 from kb.model.conditions import TRUE
 from kb.model.domain import Domain
 from kb.model.problem import Problem
 
 __all__ = [
+    "CELL_FILE",
     "DOMAIN_FILE",
     "Loaded",
     "bundled",

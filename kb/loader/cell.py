@@ -25,7 +25,6 @@ from kb.model.cell import (
 )
 from kb.terms import Function
 
-CELL_FILE = "cell.yaml"
 ARM_FRAMES = ("base", "flange", "tool")
 
 
@@ -126,9 +125,9 @@ class _CellReader:
     ) -> None:
         """Collect every frame by name, then check that each stands on a known one and none on itself."""
         for name, arm in arms.items():
-            self.placements[f"{name}.base"] = arm.base
-            for frame in ("flange", "tool", *(f"{link.name}" for link in arm.arm.links)):
+            for frame in ("flange", "tool", *(link.name for link in arm.arm.links)):
                 self.placements[f"{name}.{frame}"] = Placement(f"{name}.base")
+            self.placements[f"{name}.base"] = arm.base  # a link of that name may stand off it
         self.placements |= frames
         for name, body in bodies.items():
             self.placements[name] = body.placement

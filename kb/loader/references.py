@@ -10,6 +10,7 @@ from kb.loader.reader import Reader
 from kb.model.domain import Domain
 
 DOMAIN_FILE = "domain.yaml"
+CELL_FILE = "cell.yaml"
 SUFFIXES = (".yaml", ".yml")  # messages show lines: a problem may not have those of any file shown
 HEAD_BYTES = 65_536  # where a file that calls itself a domain says so
 

@@ -1,0 +1,73 @@
+"""What is wrong with a `cell.yaml`: its shapes, and the places that no configuration of an arm reaches."""
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+from engine.geometry.parts import check_polyhedron, cores
+from engine.geometry.reach import unreached
+from engine.geometry.world import World
+from engine.ports import GeometryBackend
+from kb.diagnostics import Diagnostic, InvalidInput, errors, nearest
+from kb.loader.cell import read_cell
+from kb.loader.reader import Findings
+from kb.model.cell import Cell, PlacedShape, Polyhedron
+from kb.model.domain import Domain
+
+
+def check_cell(
+    path: Path, domain: Domain, backend: Callable[[], GeometryBackend] | None = None
+) -> list[Diagnostic]:
+    """Everything that is wrong with a cell file, in order of place.
+
+    Without a backend nobody asks what the arms reach. What depends on a sound file is asked of sound files alone.
+    """
+    findings = Findings()
+    try:
+        cell = read_cell(path, findings)
+    except InvalidInput as error:
+        return list(error.diagnostics)
+    found = [*findings.diagnostics]
+    if errors(found):
+        return sorted(set(found))
+    found += [
+        *_strangers(cell, domain),
+        *(wrong for each in _shapes(cell) for wrong in _shape_problems(each)),
+    ]
+    if backend is not None and not errors(found):
+        found += _unreached(cell, backend())
+    return sorted(set(found))
+
+
+def _strangers(cell: Cell, domain: Domain) -> Iterator[Diagnostic]:
+    """Places whose name no term of the domain can be."""
+    known = {*domain.functions, *domain.objects}
+    for name, place in cell.places.items():
+        functor = name.partition("(")[0]
+        if functor not in known:
+            hint = nearest(functor, known) or "places are called as the domain's terms are"
+            message = f"the domain knows no '{functor}'"
+            yield Diagnostic(place.placement.where, "K101", message, hint, warning=True)
+
+
+def _shapes(cell: Cell) -> Iterator[PlacedShape]:
+    for mounted in cell.arms.values():
+        for link in mounted.arm.links:
+            yield from link.shapes
+    for body in cell.bodies.values():
+        yield from body.shapes
+    yield from (PlacedShape(region.shape) for region in cell.regions.values())
+
+
+def _shape_problems(placed: PlacedShape) -> list[Diagnostic]:
+    try:
+        cores(placed.shape)
+    except InvalidInput as error:
+        return list(error.diagnostics)
+    return check_polyhedron(placed.shape) if isinstance(placed.shape, Polyhedron) else []
+
+
+def _unreached(cell: Cell, backend: GeometryBackend) -> Iterator[Diagnostic]:
+    for name, answer in unreached(World.of(cell), backend).items():
+        where = cell.places[name].placement.where
+        message = f"no configuration reaches {name}: {answer.reason}"
+        yield Diagnostic(where, "K705", message, answer.hint, warning=True)
