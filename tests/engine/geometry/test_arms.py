@@ -47,23 +47,17 @@ def test_forward_kinematics_is_the_product_of_the_published_table(models: dict[s
     assert np.abs(models["puma_560"].flange_pose(q) - T).max() < 1e-15
 
 
-def test_every_inverse_solution_reaches_its_pose(model: ArmModel, rng: np.random.Generator) -> None:
-    poses = model.flange_pose(model.random(2000, rng))
+def test_inverse_kinematics_of_ten_thousand_poses_is_exact_and_misses_nothing(
+    model: ArmModel, rng: np.random.Generator
+) -> None:
+    """Every answer takes its pose, and the configuration a pose was made from is among them."""
+    q = model.random(10_000, rng)
+    poses = model.flange_pose(q)
     found = InverseKinematics(model).solve(poses)
     row, branch = np.nonzero(found.valid)
     assert worst_error(model, poses[row], found.q[row, branch]) < 1e-9
-
-
-def test_every_configuration_is_among_the_inverse_solutions_of_its_pose(
-    model: ArmModel, rng: np.random.Generator
-) -> None:
-    q = model.random(2000, rng)
-    singular = np.linalg.svd(model.jacobian(q), compute_uv=False)[:, -1] < 1e-4
-    found = InverseKinematics(model).solve(model.flange_pose(q))
     missed = np.abs(wrapped(found.q - q[:, None])).max(axis=-1)
-    nearest = np.where(found.valid, missed, np.inf).min(axis=1)
-    assert nearest[~singular].max() < 1e-6
-    assert singular.mean() < 0.03
+    assert np.where(found.valid, missed, np.inf).min(axis=1).max() < 1e-6
 
 
 def test_a_pose_out_of_reach_has_no_solution(model: ArmModel) -> None:
