@@ -1,56 +1,104 @@
-"""Sets of ground atoms with indexes, and bodies solved over them by join: what lookup spends its time on."""
+"""Sets of ground atoms with indexes: values that a step changes at the cost of the predicates it touches."""
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator
 
-from kb.model.conditions import Aggregate, Body, BodyPart, Comparison, Literal
 from kb.model.domain import NUMERIC_TYPES, OBJECT
-from kb.model.macro import substitute_part
-from kb.terms import (
-    Atom,
-    Function,
-    Number,
-    Operation,
-    Term,
-    Text,
-    Variable,
-    is_ground,
-    match,
-)
+from kb.terms import Atom, Function, Number, Term, Text, is_ground, match
 
-Bindings = Mapping[Variable, Term]
+SMALL = 4  # so few atoms are tried one by one
+
+
+class Extent:
+    """The atoms of one predicate. Indexes by argument are made when first asked for and handed on by `after`."""
+
+    __slots__ = ("_indexes", "atoms")
+
+    def __init__(
+        self, atoms: dict[Atom, None], indexes: dict[int, dict[Term, tuple[Atom, ...]]] | None = None
+    ) -> None:
+        self.atoms = atoms
+        self._indexes: dict[int, dict[Term, tuple[Atom, ...]]] = indexes if indexes is not None else {}
+
+    def after(self, ends: Iterable[Atom], adds: Iterable[Atom]) -> "Extent":
+        """Without some atoms, with others."""
+        atoms = self.atoms.copy()
+        indexes = {position: index.copy() for position, index in self._indexes.items()}
+        for atom in ends:
+            if atom in atoms:
+                del atoms[atom]
+                for position, index in indexes.items():
+                    key = atom.arguments[position]
+                    index[key] = tuple(other for other in index[key] if other != atom)
+        for atom in adds:
+            if atom not in atoms:
+                atoms[atom] = None
+                for position, index in indexes.items():
+                    key = atom.arguments[position]
+                    index[key] = (*index.get(key, ()), atom)
+        return Extent(atoms, indexes)
+
+    def where(self, position: int, value: Term) -> tuple[Atom, ...]:
+        """The atoms with a value as one of their arguments."""
+        index = self._indexes.get(position)
+        if index is None:
+            gathered: dict[Term, list[Atom]] = {}
+            for atom in self.atoms:
+                gathered.setdefault(atom.arguments[position], []).append(atom)
+            index = self._indexes[position] = {key: tuple(found) for key, found in gathered.items()}
+        return index.get(value, ())
+
+
+NOTHING = Extent({})
 
 
 class Facts:
-    """Ground atoms by predicate, indexed by argument when that is first asked for."""
+    """Ground atoms by predicate, in the order given. Iterating gives them all."""
 
-    def __init__(self, atoms: Iterable[Atom]) -> None:
-        self._named: dict[str, list[Atom]] = {}
+    __slots__ = ("_extents",)
+
+    def __init__(self, atoms: Iterable[Atom] = ()) -> None:
+        gathered: dict[str, dict[Atom, None]] = {}
         for atom in atoms:
-            self._named.setdefault(atom.name, []).append(atom)
-        self._members: dict[str, set[Atom]] = {}
-        self._indexes: dict[tuple[str, int], dict[Term, list[Atom]]] = {}
+            gathered.setdefault(atom.name, {})[atom] = None
+        self._extents = {name: Extent(found) for name, found in gathered.items()}
 
     def __contains__(self, atom: Atom) -> bool:
-        members = self._members.get(atom.name)
-        if members is None:
-            members = self._members[atom.name] = set(self._named.get(atom.name, ()))
-        return atom in members
+        extent = self._extents.get(atom.name)
+        return extent is not None and atom in extent.atoms
 
-    def named(self, name: str) -> list[Atom]:
-        """Every atom of a predicate, in the order given."""
-        return self._named.get(name, [])
+    def __iter__(self) -> Iterator[Atom]:
+        for extent in self._extents.values():
+            yield from extent.atoms
 
-    def matching(self, pattern: Atom) -> list[Atom]:
-        """A superset of the atoms that match a pattern: those that agree in its first ground argument."""
-        candidates = self._named.get(pattern.name)
-        if candidates is None:
-            return []
-        if len(candidates) <= 4:
-            return candidates
+    def after(self, ends: Collection[Atom], adds: Collection[Atom]) -> "Facts":
+        """The facts when some end and others are added; those added stay."""
+        changed = Facts()
+        changed._extents = self._extents.copy()
+        for name in {atom.name for atom in (*ends, *adds)}:
+            lost = [atom for atom in ends if atom.name == name and atom not in adds]
+            gained = [atom for atom in adds if atom.name == name]
+            changed._extents[name] = self._extents.get(name, NOTHING).after(lost, gained)
+        return changed
+
+    def named(self, name: str) -> Collection[Atom]:
+        """Every atom of a predicate."""
+        return self._extents.get(name, NOTHING).atoms
+
+    def matching(self, pattern: Atom) -> Collection[Atom]:
+        """A superset of the atoms that match a pattern: those that agree in one ground argument, the rarest of few."""
+        extent = self._extents.get(pattern.name)
+        if extent is None:
+            return ()
+        if len(extent.atoms) <= SMALL:
+            return extent.atoms
+        best: Collection[Atom] = extent.atoms
         for position, argument in enumerate(pattern.arguments):
             if is_ground(argument):
-                return self._index(pattern.name, position).get(argument, [])
-        return candidates
+                found = extent.where(position, argument)
+                if len(found) <= SMALL:
+                    return found
+                best = found if len(found) < len(best) else best
+        return best
 
     def any_match(self, pattern: Atom) -> bool:
         """Whether some atom matches; `_` and variables stand for anything."""
@@ -65,141 +113,3 @@ class Facts:
         if type_ == "text":
             return isinstance(term, Text)
         return type_ == OBJECT or Function(type_, (term,)) in self
-
-    def _index(self, name: str, position: int) -> dict[Term, list[Atom]]:
-        found = self._indexes.get((name, position))
-        if found is None:
-            found = self._indexes[(name, position)] = {}
-            for atom in self._named[name]:
-                found.setdefault(atom.arguments[position], []).append(atom)
-        return found
-
-
-def evaluate(term: Term) -> Term | None:
-    """A ground term with its arithmetic done as clingo does it; None where it has no value."""
-    if not isinstance(term, Operation):
-        return term
-    left, right = evaluate(term.left), evaluate(term.right)
-    if not isinstance(left, Number) or not isinstance(right, Number):
-        return None
-    return _calculate(term.operator, left.value, right.value)
-
-
-def _calculate(operator: str, left: int, right: int) -> Term | None:
-    if operator == "+":
-        return Number(left + right)
-    if operator == "-":
-        return Number(left - right)
-    if operator == "*":
-        return Number(left * right)
-    if right == 0:
-        return None
-    quotient = abs(left) // abs(right)
-    quotient = quotient if (left < 0) == (right < 0) else -quotient
-    return Number(quotient if operator == "/" else left - quotient * right)
-
-
-def _order(term: Term) -> tuple[object, ...]:
-    """clingo's order of terms: numbers, constants, texts, then compound terms by arity, name and arguments."""
-    match term:
-        case Number(value):
-            return (0, value)
-        case Function(name, ()):
-            return (1, name)
-        case Text(value):
-            return (2, value)
-        case Function(name, arguments):
-            return (3, len(arguments), name, tuple(map(_order, arguments)))
-        case _:
-            raise ValueError(f"{term} is not ground")
-
-
-def compare(left: Term, relation: str, right: Term) -> bool:
-    """Whether a ground comparison is true; false where arithmetic has no value."""
-    one, other = evaluate(left), evaluate(right)
-    if one is None or other is None:
-        return False
-    if relation in ("=", "!="):
-        return (one == other) == (relation == "=")
-    low, high = _order(one), _order(other)
-    if relation in ("<", "<="):
-        return low < high or (relation == "<=" and low == high)
-    return low > high or (relation == ">=" and low == high)
-
-
-def solve(body: Body, facts: Facts, bindings: Bindings) -> Iterator[dict[Variable, Term]]:
-    """Every binding that extends `bindings` and satisfies `body`; negated literals mean absence."""
-    if not body:
-        yield dict(bindings)
-        return
-    parts = [substitute_part(part, bindings) for part in body]
-    index = _cheapest(parts, facts)
-    rest = body[:index] + body[index + 1 :]
-    for extended in _extensions(parts[index], facts, bindings):
-        yield from solve(rest, facts, extended)
-
-
-def satisfiable(body: Body, facts: Facts, bindings: Bindings) -> bool:
-    """Whether a body has a binding."""
-    return next(solve(body, facts, bindings), None) is not None
-
-
-def _cheapest(parts: list[BodyPart], facts: Facts) -> int:
-    best, best_cost = 0, float("inf")
-    for index, part in enumerate(parts):
-        cost = _cost(part, facts)
-        if cost == 0:
-            return index
-        if cost < best_cost:
-            best, best_cost = index, cost
-    return best
-
-
-def _cost(part: BodyPart, facts: Facts) -> float:
-    """How many bindings a part may yield; 0 for a test."""
-    match part:
-        case Comparison(left, relation, right):
-            sides = is_ground(left), is_ground(right)
-            return 0 if all(sides) or (relation == "=" and any(sides)) else float("inf")
-        case Literal(atom, positive):
-            if is_ground(atom):
-                return 0
-            return 1 + len(facts.matching(atom)) if positive else 1e9
-        case Aggregate():
-            raise ValueError(f"aggregates are evaluated beforehand: {part}")
-
-
-def _extensions(part: BodyPart, facts: Facts, bindings: Bindings) -> Iterator[Bindings]:
-    match part:
-        case Literal(atom, True):
-            for other in facts.matching(atom):
-                extended = match(atom, other, bindings)
-                if extended is not None:
-                    yield extended
-        case Literal(atom):
-            absent = (
-                atom not in facts
-                if is_ground(atom)
-                else not any(match(atom, other, {}) is not None for other in facts.matching(atom))
-            )
-            if absent:
-                yield bindings
-        case Comparison():
-            yield from _comparison(part, bindings)
-        case _:
-            return
-
-
-def _comparison(part: Comparison, bindings: Bindings) -> Iterator[Bindings]:
-    left_ground, right_ground = is_ground(part.left), is_ground(part.right)
-    if left_ground and right_ground:
-        if compare(part.left, part.relation, part.right):
-            yield bindings
-        return
-    if part.relation != "=" or not (left_ground or right_ground):
-        return
-    pattern, ground = (part.right, part.left) if left_ground else (part.left, part.right)
-    value = evaluate(ground)
-    extended = match(pattern, value, bindings) if value is not None else None
-    if extended is not None:
-        yield extended

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 
-from engine.macros.facts import evaluate
+from engine.macros.bodies import evaluate
 from engine.macros.schema import NotGeneral
 from kb.model.macro import Macrop, MacroStep
 from kb.model.plan import CausalLink, Plan, Step

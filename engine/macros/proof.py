@@ -8,7 +8,8 @@ for partial orders Kambhampati & Kedar 1994). What the proof relies on not to ha
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
-from engine.macros.facts import Facts, solve
+from engine.macros.bodies import solve
+from engine.macros.facts import Facts
 from engine.macros.schema import Following, NotGeneral, OperatorSchema
 from engine.macros.terms import Equalities
 from engine.macros.world import Change, State, World, with_derived
@@ -16,7 +17,7 @@ from kb.model.conditions import Body, BodyPart, Comparison, Literal
 from kb.model.domain import Kind
 from kb.model.macro import part_variables, substitute_part
 from kb.model.plan import GOAL, START, Plan, Step, StepId
-from kb.terms import Atom, Function, Term, Variable, is_ground, match, substitute_atom, variables
+from kb.terms import Atom, Function, Term, Variable, is_ground, match, ordered, substitute_atom, variables
 
 MAX_DEPTH = 40
 
@@ -77,12 +78,12 @@ class Proof:
         return self._header[step]
 
     def _execute(self) -> None:
-        state = self.initial
+        facts = Facts(ordered(self.initial))
         for step in self.plan.steps:
-            self.states[step.id] = with_derived(self.world, state)
+            self.states[step.id] = with_derived(self.world, facts)
             self.changes[step.id] = self.world.change(step.operator, self.states[step.id])
-            state = self.changes[step.id].applied(state)
-        self.states[GOAL] = with_derived(self.world, state)
+            facts = self.changes[step.id].applied(facts)
+        self.states[GOAL] = with_derived(self.world, facts)
 
     def justify(self, step: Step) -> None:
         """Collect what one step rests on: its constraints, and its precondition by what its links provide."""
@@ -223,21 +224,18 @@ class Proof:
             return
         index = self._next(body, ground)
         part, rest = body[index], body[:index] + body[index + 1 :]
-        if isinstance(part, Literal) and part.positive and self._is_derived(part.atom):
+        if isinstance(part, Literal) and part.positive and self.world.schemas.is_derived(part.atom):
             yield from self._by_rule(part.atom, rest, ground, available, consumer, depth)
             return
         for extended in self._solutions(part, ground, available, consumer):
             for found, leaves, equations in self._prove(rest, extended, available, consumer, depth):
                 yield found, (part, *leaves), equations
 
-    def _is_derived(self, atom: Atom) -> bool:
-        return self.world.schemas.kinds.get(atom.name) is Kind.DERIVED
-
     def _next(self, body: Body, ground: dict[Variable, Term]) -> int:
         def rank(part: BodyPart) -> int:
             closed = all(variable in ground for variable in part_variables(part))
             positive = isinstance(part, Literal) and part.positive
-            derived = isinstance(part, Literal) and self._is_derived(part.atom)
+            derived = isinstance(part, Literal) and self.world.schemas.is_derived(part.atom)
             return 0 if closed and not derived else 1 if positive and not derived else 2 if derived else 3
 
         return min(range(len(body)), key=lambda index: rank(body[index]))

@@ -1,40 +1,65 @@
-"""What a MACROP is looked up for: goals that are not yet true, workflow chains, and the state."""
+"""What a MACROP is looked up for: goals that are not yet true, workflow chains, and the situation."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
 
 from engine.macros.facts import Facts
-from engine.macros.world import State, World, holds, with_derived
+from engine.macros.world import World, holds, with_derived
 from kb.model.conditions import Condition, Exists, Literal, goal_parts
 from kb.model.macro import Macrop
 from kb.model.problem import Chain, Problem
-from kb.terms import ANYTHING, Atom, substitute_atom
+from kb.terms import ANYTHING, Atom, ordered, substitute_atom
+
+
+@dataclass(frozen=True, slots=True)
+class Situation:
+    """A state of a world. Successors share what a step does not touch, so that moving on is cheap."""
+
+    world: World
+    facts: Facts
+
+    @classmethod
+    def of(cls, world: World, state: Iterable[Atom]) -> "Situation":
+        """The situation of a state, in an order that repeats."""
+        return cls(world, Facts(ordered(state)))
+
+    @property
+    def state(self) -> frozenset[Atom]:
+        """The true atoms."""
+        return frozenset(self.facts)
 
 
 @dataclass(frozen=True, slots=True)
 class Query:
     """A problem as lookup sees it. In goals `_` stands for anything."""
 
-    world: World
-    state: State
-    facts: Facts
+    situation: Situation
     goals: tuple[Literal, ...]
     chains: tuple[Chain, ...]
 
+    @property
+    def world(self) -> World:
+        """The world that is asked about."""
+        return self.situation.world
 
-def query(problem: Problem, world: World, state: State) -> Query | None:
+    @property
+    def facts(self) -> Facts:
+        """The fluents that are true."""
+        return self.situation.facts
+
+
+def query(problem: Problem, situation: Situation) -> Query | None:
     """The query of a problem; None if a goal is no literal, or nothing is left to do."""
-    facts = with_derived(world, state)
-    goals: list[Literal] = []
+    goals: dict[Literal, None] = {}
     for goal in goal_parts(problem.goal):
         literal = goal_literal(goal)
         if literal is None:
             return None
-        if not _is_met(literal, world, facts):
-            goals.append(literal)
+        if not is_met(literal, situation):
+            goals[literal] = None
     if not goals and not problem.chains:
         return None
-    return Query(world, state, facts, tuple(dict.fromkeys(goals)), problem.chains)
+    return Query(situation, tuple(goals), problem.chains)
 
 
 def goal_literal(goal: Condition) -> Literal | None:
@@ -46,10 +71,14 @@ def goal_literal(goal: Condition) -> Literal | None:
     return None
 
 
-def _is_met(literal: Literal, world: World, facts: Facts) -> bool:
+def is_met(literal: Literal, situation: Situation) -> bool:
+    """Whether a goal holds; those of derived predicates are worked out."""
+    world, facts = situation.world, situation.facts
     if not world.schemas.is_dynamic(literal):
         return holds((literal,), world, facts, {})
-    return bool(facts.any_match(literal.atom)) == literal.positive
+    if world.schemas.is_derived(literal.atom):
+        facts = with_derived(world, facts)
+    return facts.any_match(literal.atom) == literal.positive
 
 
 def signature(goals: Iterable[Literal], chains: Iterable[tuple[Atom, ...]]) -> str:

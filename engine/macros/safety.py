@@ -8,7 +8,7 @@ import itertools
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
-from engine.macros.facts import satisfiable
+from engine.macros.bodies import satisfiable
 from engine.macros.proof import Need, Proof
 from engine.macros.schema import Following, NotGeneral
 from engine.macros.terms import apart, equations, simplified

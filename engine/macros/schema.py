@@ -63,7 +63,7 @@ class Schemas:
         self._operators = {each.name: each for each in domain.operators}
         self._made: dict[str, OperatorSchema] = {}
         self._fresh = itertools.count(1)
-        self._normaliser = Normaliser(prefix="_universal")
+        self._normaliser = Normaliser()
         self.rules = tuple(
             Rule(self._closed(each.head), tuple(map(self._named_apart, each.body))) for each in domain.rules
         )
@@ -71,10 +71,11 @@ class Schemas:
 
     def is_dynamic(self, part: BodyPart) -> bool:
         """Whether a part of a body depends on the state."""
-        return isinstance(part, Literal) and (
-            self.kinds.get(part.atom.name) in (Kind.FLUENT, Kind.DERIVED)
-            or part.atom.name.startswith("_universal")
-        )
+        return isinstance(part, Literal) and self.kinds.get(part.atom.name) in (Kind.FLUENT, Kind.DERIVED)
+
+    def is_derived(self, atom: Atom) -> bool:
+        """Whether an atom follows from rules over fluents."""
+        return self.kinds.get(atom.name) is Kind.DERIVED
 
     def fresh(self, variable: Variable) -> Variable:
         """A variable that stands nowhere else."""
@@ -89,8 +90,14 @@ class Schemas:
         return self._made[name]
 
     def disjuncts(self, condition: Condition, types: dict[Variable, str]) -> tuple[Body, ...]:
-        """The alternatives of a condition, each a body with `_` replaced by variables of their own."""
+        """The alternatives of a condition, each a body with `_` replaced by variables of their own.
+
+        Raises `NotGeneral` for a condition on all objects: what is true of these need not be of others.
+        """
         found = self._normaliser.disjuncts(condition, types)
+        if self._normaliser.rules:
+            self._normaliser.rules.clear()
+            raise NotGeneral(f"the condition speaks of all objects: {condition}")
         return tuple(tuple(self._named_apart(part) for part in body) for body in found)
 
     def _deductive_apart(self, each: DeductiveOperator) -> DeductiveOperator:

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Mapping
 
-from engine.macros.facts import compare
+from engine.macros.bodies import compare
 from engine.macros.schema import NotGeneral
 from kb.model.conditions import Body, BodyPart, Comparison
 from kb.model.macro import substitute_part

@@ -1,17 +1,18 @@
 """What problems of one cell share: their domain and statics, evaluated once; and what a ground step does there."""
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
 import networkx as nx
 
-from engine.macros.facts import Bindings, Facts, satisfiable, solve
+from engine.macros.bodies import Bindings, satisfiable, solve
+from engine.macros.facts import Facts
 from engine.macros.schema import Following, NotGeneral, OperatorSchema, Schemas, stand_in
 from kb.asp import Grounder
 from kb.asp.vocabulary import guard, static_program
 from kb.model.conditions import Aggregate, Body, Literal, Parameter
-from kb.model.domain import Domain, Kind, Rule
+from kb.model.domain import Domain, Rule
 from kb.model.problem import Problem
 from kb.terms import Atom, Function, Term, Variable, match, substitute_atom
 
@@ -22,13 +23,13 @@ State = frozenset[Atom]
 class Change:
     """What a step adds, and which atoms of the state end."""
 
-    adds: State
-    ends: State
+    adds: tuple[Atom, ...]
+    ends: tuple[Atom, ...]
     events: tuple[Atom, ...] = ()
 
-    def applied(self, state: State) -> State:
-        """The state afterwards."""
-        return (state - self.ends) | self.adds
+    def applied(self, facts: Facts) -> Facts:
+        """The facts afterwards."""
+        return facts.after(self.ends, self.adds)
 
 
 class World:
@@ -71,31 +72,32 @@ class World:
             raise NotGeneral(f"{step.name} takes {len(schema.operator.parameters)} arguments")
         return schema, dict(zip(schema.operator.variables, step.arguments, strict=True))
 
-    def change(self, step: Function, state: Facts) -> Change:
-        """What a step does in a state in which it can be taken."""
+    def change(self, step: Function, facts: Facts) -> Change:
+        """What a step does in a state in which it can be taken; `facts` have the derived atoms that effects ask for."""
         schema, bindings = self.binding(step)
-        adds = {atom for each in schema.adds for atom in self._instances(each, bindings, state)}
-        ends = {
-            atom
-            for each in schema.denies
-            if self._needed(each, bindings, state)
-            for atom in state.matching(substitute_atom(each.atom, bindings))
-            if self._denies(each, atom, bindings)
-        }
+        adds = dict.fromkeys(atom for each in schema.adds for atom in self._instances(each, bindings, facts))
+        ends = dict.fromkeys(atom for each in schema.denies for atom in self._ended(each, bindings, facts))
         events = tuple(substitute_atom(each, bindings) for each in schema.events)
-        return Change(frozenset(adds), frozenset(ends - adds), events)
+        return Change(tuple(adds), tuple(atom for atom in ends if atom not in adds), events)
 
-    def _instances(self, each: Following, bindings: Bindings, state: Facts) -> Iterator[Atom]:
+    def _instances(self, each: Following, bindings: Bindings, facts: Facts) -> Iterator[Atom]:
         for found in solve(each.guard, self.statics, bindings):
-            if not each.needs or holds(each.needs, self, state, found):
+            if not each.needs or holds(each.needs, self, facts, found):
                 yield substitute_atom(each.atom, found)
 
-    def _needed(self, each: Following, bindings: Bindings, state: Facts) -> bool:
-        return not each.needs or holds(each.needs, self, state, bindings)
+    def _ended(self, each: Following, bindings: Bindings, facts: Facts) -> Iterator[Atom]:
+        for atom in facts.matching(substitute_atom(each.atom, bindings)):
+            if self.fires(each, atom, bindings, facts):
+                yield atom
 
-    def _denies(self, each: Following, atom: Atom, bindings: Bindings) -> bool:
+    def fires(self, each: Following, atom: Atom, bindings: Bindings, facts: Facts) -> bool:
+        """Whether a consequence of a step is this atom."""
         found = match(each.atom, atom, bindings)
-        return found is not None and satisfiable(each.guard, self.statics, found)
+        if found is None:
+            return False
+        if not each.needs:
+            return satisfiable(each.guard, self.statics, found)
+        return any(holds(each.needs, self, facts, other) for other in solve(each.guard, self.statics, found))
 
 
 def holds(body: Body, world: World, state: Facts, bindings: Bindings) -> bool:
@@ -111,21 +113,20 @@ def holds(body: Body, world: World, state: Facts, bindings: Bindings) -> bool:
     )
 
 
-def with_derived(world: World, state: Iterable[Atom]) -> Facts:
+def with_derived(world: World, facts: Facts) -> Facts:
     """A state with its derived atoms, stratum by stratum, each closed by naive rounds."""
-    facts = dict.fromkeys(state)
     for stratum in world.strata:
-        grown = True
-        while grown:
-            current = Facts(facts)
+        while True:
             found = [
-                substitute_atom(rule.head, bindings)
+                atom
                 for rule in stratum
-                for bindings in _solutions(rule.body, world, current)
+                for bindings in _solutions(rule.body, world, facts)
+                if (atom := substitute_atom(rule.head, bindings)) not in facts
             ]
-            grown = any(atom not in facts for atom in found)
-            facts.update(dict.fromkeys(found))
-    return Facts(facts)
+            if not found:
+                break
+            facts = facts.after((), found)
+    return facts
 
 
 def _solutions(body: Body, world: World, state: Facts) -> Iterator[Mapping[Variable, Term]]:
@@ -146,11 +147,6 @@ def _aggregate_rules(domain: Domain) -> Iterator[str]:
     for body, parameters in bodies:
         if any(isinstance(part, Aggregate) for part in body):
             yield f"{stand_in(body, parameters)} :- {', '.join([*guard(parameters), *map(str, body)])}."
-
-
-def is_fluent(world: World, atom: Atom) -> bool:
-    """Whether an atom's predicate is a fluent."""
-    return world.schemas.kinds.get(atom.name) is Kind.FLUENT
 
 
 class Worlds:

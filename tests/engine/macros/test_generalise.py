@@ -9,11 +9,11 @@ from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 from macro_cells import GOLDEN, Example, atom, bundled, golden
 
-from engine.macros.facts import Facts, satisfiable
+from engine.macros.bodies import satisfiable
 from engine.macros.generalise import NotGeneral, generalise
 from engine.macros.instantiate import instantiate
 from engine.macros.matching import Program, Work, matches
-from engine.macros.query import Query
+from engine.macros.query import Query, Situation
 from engine.macros.world import World
 from engine.validation import validate
 from kb.model.conditions import And, Literal
@@ -137,9 +137,9 @@ def test_matching_agrees_with_brute_force() -> None:
     """All bindings of a small macrop, tried one by one."""
     found = bundled("bulkhead/one_point")
     macrop, world = found.learned.macrop, found.world
-    facts = Facts(found.initial)
+    situation = Situation.of(world, found.initial)
     goal = Literal(atom("measured(us_probe, t3_746, meas(m2))"))
-    asked = Query(world, found.initial, facts, (goal,), ())
+    asked = Query(situation, (goal,), ())
     joined = {tuple(b[p] for p in macrop.parameters) for b in matches(Program(macrop), asked, Work())}
     objects = [Function(name) for name in (*found.problem.objects, *found.problem.domain.objects)]
     tried = set()
@@ -150,7 +150,7 @@ def test_matching_agrees_with_brute_force() -> None:
             Variable("Arm1"): Function("t3_746"),
             Variable("Id2"): Function("m2"),
         }
-        held = all(substitute_atom(p.atom, bindings) in facts for p in macrop.preconditions)
+        held = all(substitute_atom(p.atom, bindings) in situation.facts for p in macrop.preconditions)
         if held and constraints_hold(macrop, world, bindings):
             tried.add(tuple(bindings[p] for p in macrop.parameters))
     assert joined
