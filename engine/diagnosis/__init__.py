@@ -1,0 +1,1 @@
+"""The exception handler: which test next, what caused it, what puts it right."""
