@@ -1,56 +1,13 @@
 """The built-in geometry backend: compiled kernels over packed arrays."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 import numpy as np
 
-from engine.geometry import transforms
-from engine.model.geometry import Contact, Floats, Ints, Piece, Scene, Truths
+from engine.geometry.packing import pack
+from engine.model.geometry import Contact, Floats, Ints, Scene, Truths
 
 CHUNK = 1024  # configurations whose carrier poses are held at a time
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Packed:
-    """A scene as the kernels want it; see `engine.geometry.kernels.checks`."""
-
-    vertices: Floats  # (v, 3) in their carriers
-    stretch: Ints  # (p, 2) first row and number of rows
-    radius: Floats  # (p,)
-    carrier: Ints  # (p,)
-    ball: Floats  # (p, 4) centre in the carrier, radius
-    block: Floats  # (p, 15) axes as rows, middle in the carrier, half sizes; around the vertices alone
-    is_block: Truths  # (p,) whether the block is the piece itself
-    pairs: Ints  # (m, 2)
-
-
-def pack(scene: Scene) -> Packed:
-    """The arrays of a scene."""
-    placed = [transforms.apply(piece.T_carrier_piece, piece.vertices) for piece in scene.pieces]
-    counts = np.array([len(vertices) for vertices in placed], dtype=np.int64)
-    starts = np.concatenate([[0], np.cumsum(counts)[:-1]]) if len(counts) else counts
-    bounds = [_bounds(piece) for piece in scene.pieces]
-    return Packed(
-        np.ascontiguousarray(np.concatenate([np.zeros((0, 3)), *placed])),
-        np.stack([starts, counts], axis=1).astype(np.int64).reshape(-1, 2),
-        np.array([piece.radius_m for piece in scene.pieces], dtype=float),
-        np.array([piece.carrier for piece in scene.pieces], dtype=np.int64),
-        np.array([ball for ball, _ in bounds]).reshape(-1, 4),
-        np.array([block for _, block in bounds]).reshape(-1, 15),
-        np.array([piece.box and not piece.radius_m for piece in scene.pieces], dtype=bool),
-        np.ascontiguousarray(scene.pairs, dtype=np.int64).reshape(-1, 2),
-    )
-
-
-def _bounds(piece: Piece) -> tuple[Floats, Floats]:
-    """The ball around a piece, and the block around its vertices along the axes of its own frame."""
-    low, high = piece.vertices.min(axis=0), piece.vertices.max(axis=0)
-    middle = (low + high) / 2
-    reach = float(np.linalg.norm(piece.vertices - middle, axis=1).max()) + piece.radius_m
-    centre = transforms.apply(piece.T_carrier_piece, middle[None])[0]
-    axes = piece.T_carrier_piece[:3, :3].T
-    return np.append(centre, reach), np.concatenate([axes.ravel(), centre, (high - low) / 2])
 
 
 class BuiltinChecker:
@@ -58,7 +15,8 @@ class BuiltinChecker:
 
     def __init__(self, scene: Scene) -> None:
         self._scene = scene
-        self._packed = pack(scene)
+        self._pieces = pack(scene.pieces)
+        self._pairs = np.ascontiguousarray(scene.pairs, dtype=np.int64).reshape(-1, 2)
 
     @property
     def scene(self) -> Scene:
@@ -73,45 +31,36 @@ class BuiltinChecker:
         """A pair that touches for each of the batch, as an index into the scene's pairs (n,); -1 for none."""
         from engine.geometry.kernels.checks import first_contacts
 
-        p = self._packed
         found = np.full(len(where), -1, dtype=np.int64)
         for first, poses in self._poses(where):
-            out = found[first : first + len(poses)]
-            first_contacts(
-                poses, p.vertices, p.stretch, p.radius, p.carrier, p.ball, p.block, p.is_block, p.pairs, out
-            )
+            first_contacts(poses, self._pieces, self._pairs, found[first : first + len(poses)])
         return found
 
     def clearance(self, where: Floats, beyond_m: float = 1.0) -> Floats:
         """The least signed distance (n,), at most `beyond_m`."""
         from engine.geometry.kernels.checks import nearest_pairs
 
-        p, n = self._packed, len(where)
+        n = len(where)
         distance, pair, witness = np.empty(n), np.empty(n, dtype=np.int64), np.empty((n, 9))
         for first, poses in self._poses(where):
             rows = slice(first, first + len(poses))
-            nearest_pairs(
-                *(poses, p.vertices, p.stretch, p.radius, p.carrier, p.ball, p.block, p.pairs, beyond_m),
-                *(distance[rows], pair[rows], witness[rows]),
-            )
+            out = distance[rows], pair[rows], witness[rows]
+            nearest_pairs(poses, self._pieces, self._pairs, float(beyond_m), *out)
         return distance
 
     def contacts(self, where: Floats, within_m: float = 0.0) -> tuple[Contact, ...]:
         """Every pair of bodies nearer than `within_m`, nearest first."""
         from engine.geometry.kernels.checks import near_pairs
 
-        p = self._packed
-        distance, witness = np.empty(len(p.pairs)), np.empty((len(p.pairs), 9))
+        pairs = self._pairs
+        distance, witness = np.empty(len(pairs)), np.empty((len(pairs), 9))
         for _, poses in self._poses(np.asarray(where, dtype=float)[None]):
-            near_pairs(
-                *(poses[0], p.vertices, p.stretch, p.radius, p.carrier, p.ball, p.block, p.pairs),
-                *(float(within_m), distance, witness),
-            )
+            near_pairs(poses[0], self._pieces, pairs, float(within_m), distance, witness)
         near = np.nonzero(distance <= within_m)[0]
         return nearest_of_bodies(
             Contact(
-                self._scene.pieces[p.pairs[m, 0]].body,
-                self._scene.pieces[p.pairs[m, 1]].body,
+                self._scene.pieces[pairs[m, 0]].body,
+                self._scene.pieces[pairs[m, 1]].body,
                 float(distance[m]),
                 *(part.copy() for part in np.split(witness[m], 3)),
             )

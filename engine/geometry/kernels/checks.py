@@ -1,8 +1,5 @@
-"""Collision of whole scenes, configuration after configuration.
-
-A scene is a bundle of arrays (`engine.geometry.builtin` packs them): vertices in their carriers' frames; for each
-piece its stretch of rows, radius, carrier, bounding ball and bounding block; and the pairs to be checked. A pair is
-looked at closely only when its bounding volumes meet.
+"""Collision of whole scenes, configuration after configuration. A pair is looked at closely only when its bounding
+volumes meet.
 """
 
 import math
@@ -13,6 +10,7 @@ from engine.geometry.kernels import compiled
 from engine.geometry.kernels.distance import separation
 from engine.geometry.kernels.gjk import core_distance
 from engine.geometry.kernels.volumes import far_apart, segment_block_gap, segment_gap
+from engine.geometry.packing import Pieces
 from engine.model.geometry import Floats, Ints, Truths
 
 
@@ -62,161 +60,106 @@ def _motion(axis: Floats, angle: float, out: Floats) -> None:
 
 
 @compiled
-def place_centres(pose: Floats, carrier: Ints, ball: Floats, centres: Floats) -> None:
-    """The centres (p, 3) of the bounding balls (p, 4) in the world."""
-    for p in range(carrier.shape[0]):
-        T = pose[carrier[p]]
+def place_centres(pose: Floats, p: Pieces, centres: Floats) -> None:
+    """The centres (n, 3) of the bounding balls in the world."""
+    for i in range(p.carrier.shape[0]):
+        T = pose[p.carrier[i]]
         for r in range(3):
-            centres[p, r] = T[r, 0] * ball[p, 0] + T[r, 1] * ball[p, 1] + T[r, 2] * ball[p, 2] + T[r, 3]
+            centres[i, r] = T[r, 0] * p.ball[i, 0] + T[r, 1] * p.ball[i, 1] + T[r, 2] * p.ball[i, 2] + T[r, 3]
 
 
 @compiled
-def place(pose: Floats, vertices: Floats, start: int, count: int, out: Floats) -> None:
-    """The vertices of one piece in the world."""
-    for i in range(start, start + count):
+def place(pose: Floats, p: Pieces, i: int, world: Floats) -> None:
+    """The vertices of piece `i` in the world."""
+    T, vertices = pose[p.carrier[i]], p.vertices
+    for row in range(p.stretch[i, 0], p.stretch[i, 0] + p.stretch[i, 1]):
         for r in range(3):
-            out[i, r] = (
-                pose[r, 0] * vertices[i, 0]
-                + pose[r, 1] * vertices[i, 1]
-                + pose[r, 2] * vertices[i, 2]
-                + pose[r, 3]
+            world[row, r] = (
+                T[r, 0] * vertices[row, 0] + T[r, 1] * vertices[row, 1] + T[r, 2] * vertices[row, 2] + T[r, 3]
             )
 
 
 @compiled
-def first_contacts(
-    poses: Floats,
-    vertices: Floats,
-    stretch: Ints,
-    radius: Floats,
-    carrier: Ints,
-    ball: Floats,
-    block: Floats,
-    is_block: Truths,
-    pairs: Ints,
-    out: Ints,
-) -> None:
-    """For each of the carrier poses (n, k + 1, 3, 4) the first pair that touches (n,), or -1."""
-    count = carrier.shape[0]
-    world, centres, simplex = vertices.copy(), np.empty((count, 3)), np.empty((5, 10))
+def touches(pose: Floats, world: Floats, p: Pieces, i: int, j: int, by: float, simplex: Floats) -> bool:
+    """Whether two placed pieces are within `by` (at least 0) of each other.
+
+    Points, segments and blocks by formulas of their own, the rest by GJK.
+    """
+    a, na, b, nb = p.stretch[i, 0], p.stretch[i, 1], p.stretch[j, 0], p.stretch[j, 1]
+    reach = p.radius[i] + p.radius[j] + by
+    if na <= 2 and nb <= 2:
+        return bool(segment_gap(world, a, na, b, nb) <= reach * reach)
+    if na <= 2 and p.is_block[j]:
+        return bool(segment_block_gap(world, a, na, pose[p.carrier[j]], p.block[j]) <= reach * reach)
+    if nb <= 2 and p.is_block[i]:
+        return bool(segment_block_gap(world, b, nb, pose[p.carrier[i]], p.block[i]) <= reach * reach)
+    return bool(core_distance(world, a, na, b, nb, reach, simplex) <= reach)
+
+
+@compiled
+def piece_separation(world: Floats, p: Pieces, i: int, j: int, simplex: Floats, out: Floats) -> float:
+    """The signed distance of two placed pieces, with points and normal in `out` (9,)."""
+    a, na, b, nb = p.stretch[i, 0], p.stretch[i, 1], p.stretch[j, 0], p.stretch[j, 1]
+    return separation(world, a, na, p.radius[i], b, nb, p.radius[j], simplex, out)
+
+
+@compiled
+def first_contacts(poses: Floats, p: Pieces, pairs: Ints, out: Ints) -> None:
+    """For each of the carrier poses (n, k + 1, 3, 4) the first pair (m, 2) that touches (n,), or -1."""
+    count = p.carrier.shape[0]
+    world, centres, simplex = p.vertices.copy(), np.empty((count, 3)), np.empty((5, 10))
     placed = np.full(count, -1)
-    placed[carrier == 0] = poses.shape[0]
+    placed[p.carrier == 0] = poses.shape[0]
     for n in range(poses.shape[0]):
         pose = poses[n]
-        place_centres(pose, carrier, ball, centres)
+        place_centres(pose, p, centres)
         out[n] = -1
         for m in range(pairs.shape[0]):
             i, j = pairs[m, 0], pairs[m, 1]
-            if far_apart(pose, carrier, ball, block, radius, centres, i, j, 0.0):
+            if far_apart(pose, p, centres, i, j, 0.0):
                 continue
-            for p in (i, j):
-                if placed[p] != n and placed[p] != poses.shape[0]:
-                    place(pose[carrier[p]], vertices, stretch[p, 0], stretch[p, 1], world)
-                    placed[p] = n
-            if touches(pose, world, stretch, radius, carrier, block, is_block, i, j, simplex):
+            for each in (i, j):
+                if placed[each] != n and placed[each] != poses.shape[0]:
+                    place(pose, p, each, world)
+                    placed[each] = n
+            if touches(pose, world, p, i, j, 0.0, simplex):
                 out[n] = m
                 break
 
 
 @compiled
-def touches(
-    pose: Floats,
-    world: Floats,
-    stretch: Ints,
-    radius: Floats,
-    carrier: Ints,
-    block: Floats,
-    is_block: Truths,
-    i: int,
-    j: int,
-    simplex: Floats,
-) -> bool:
-    """Whether two placed pieces touch: points, segments and blocks by formulas of their own, the rest by GJK."""
-    a, na, b, nb = stretch[i, 0], stretch[i, 1], stretch[j, 0], stretch[j, 1]
-    reach = radius[i] + radius[j]
-    if na <= 2 and nb <= 2:
-        return bool(segment_gap(world, a, na, b, nb) <= reach * reach)
-    if na <= 2 and is_block[j]:
-        return bool(segment_block_gap(world, a, na, pose[carrier[j]], block[j]) <= reach * reach)
-    if nb <= 2 and is_block[i]:
-        return bool(segment_block_gap(world, b, nb, pose[carrier[i]], block[i]) <= reach * reach)
-    return bool(core_distance(world, a, na, b, nb, reach, simplex) <= reach)
-
-
-@compiled
 def nearest_pairs(
-    poses: Floats,
-    vertices: Floats,
-    stretch: Ints,
-    radius: Floats,
-    carrier: Ints,
-    ball: Floats,
-    block: Floats,
-    pairs: Ints,
-    beyond: float,
-    distance: Floats,
-    pair: Ints,
-    witness: Floats,
+    poses: Floats, p: Pieces, pairs: Ints, beyond: float, distance: Floats, pair: Ints, witness: Floats
 ) -> None:
     """The least signed distance (n,) below `beyond`, its pair (n,) or -1, and its points and normal (n, 9)."""
-    count = carrier.shape[0]
-    world, centres, simplex, found = vertices.copy(), np.empty((count, 3)), np.empty((5, 10)), np.empty(9)
+    count = p.carrier.shape[0]
+    world, centres, simplex, found = p.vertices.copy(), np.empty((count, 3)), np.empty((5, 10)), np.empty(9)
     for n in range(poses.shape[0]):
-        place_centres(poses[n], carrier, ball, centres)
-        for p in range(count):
-            place(poses[n, carrier[p]], vertices, stretch[p, 0], stretch[p, 1], world)
+        place_centres(poses[n], p, centres)
+        for i in range(count):
+            place(poses[n], p, i, world)
         distance[n], pair[n], witness[n] = beyond, -1, 0.0
         for m in range(pairs.shape[0]):
             i, j = pairs[m, 0], pairs[m, 1]
-            if far_apart(poses[n], carrier, ball, block, radius, centres, i, j, max(distance[n], 0.0)):
+            if far_apart(poses[n], p, centres, i, j, max(distance[n], 0.0)):
                 continue
-            gap = separation(
-                world,
-                stretch[i, 0],
-                stretch[i, 1],
-                radius[i],
-                stretch[j, 0],
-                stretch[j, 1],
-                radius[j],
-                simplex,
-                found,
-            )
+            gap = piece_separation(world, p, i, j, simplex, found)
             if gap < distance[n]:
                 distance[n], pair[n], witness[n] = gap, m, found
 
 
 @compiled
 def near_pairs(
-    pose: Floats,
-    vertices: Floats,
-    stretch: Ints,
-    radius: Floats,
-    carrier: Ints,
-    ball: Floats,
-    block: Floats,
-    pairs: Ints,
-    within: float,
-    distance: Floats,
-    witness: Floats,
+    pose: Floats, p: Pieces, pairs: Ints, within: float, distance: Floats, witness: Floats
 ) -> None:
     """For one set of carrier poses, the signed distance of every pair (m,) nearer than `within`, else infinity."""
-    count = carrier.shape[0]
-    world, centres, simplex = vertices.copy(), np.empty((count, 3)), np.empty((5, 10))
-    place_centres(pose, carrier, ball, centres)
-    for p in range(count):
-        place(pose[carrier[p]], vertices, stretch[p, 0], stretch[p, 1], world)
+    count = p.carrier.shape[0]
+    world, centres, simplex = p.vertices.copy(), np.empty((count, 3)), np.empty((5, 10))
+    place_centres(pose, p, centres)
+    for i in range(count):
+        place(pose, p, i, world)
     for m in range(pairs.shape[0]):
         i, j = pairs[m, 0], pairs[m, 1]
         distance[m] = math.inf
-        if not far_apart(pose, carrier, ball, block, radius, centres, i, j, within):
-            distance[m] = separation(
-                world,
-                stretch[i, 0],
-                stretch[i, 1],
-                radius[i],
-                stretch[j, 0],
-                stretch[j, 1],
-                radius[j],
-                simplex,
-                witness[m],
-            )
+        if not far_apart(pose, p, centres, i, j, within):
+            distance[m] = piece_separation(world, p, i, j, simplex, witness[m])

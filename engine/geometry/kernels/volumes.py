@@ -5,7 +5,8 @@ import math
 import numpy as np
 
 from engine.geometry.kernels import compiled
-from engine.model.geometry import Floats, Ints
+from engine.geometry.packing import Pieces
+from engine.model.geometry import Floats
 
 
 @compiled
@@ -24,25 +25,15 @@ def block_gap(pose: Floats, block: Floats, centre: Floats) -> float:
 
 
 @compiled
-def far_apart(
-    pose: Floats,
-    carrier: Ints,
-    ball: Floats,
-    block: Floats,
-    radius: Floats,
-    centres: Floats,
-    i: int,
-    j: int,
-    by: float,
-) -> bool:
-    """Whether the bounding volumes of two pieces are more than `by` apart."""
+def far_apart(pose: Floats, p: Pieces, centres: Floats, i: int, j: int, by: float) -> bool:
+    """Whether the bounding volumes of two pieces are more than `by` apart; `centres` (n, 3) of the balls are placed."""
     x, y, z = centres[i, 0] - centres[j, 0], centres[i, 1] - centres[j, 1], centres[i, 2] - centres[j, 2]
-    reach = ball[i, 3] + ball[j, 3] + by
+    reach = p.ball[i, 3] + p.ball[j, 3] + by
     if reach < 0.0 or x * x + y * y + z * z > reach * reach:
         return True
-    if block_gap(pose[carrier[j]], block[j], centres[i]) > ball[i, 3] + radius[j] + by:
+    if block_gap(pose[p.carrier[j]], p.block[j], centres[i]) > p.ball[i, 3] + p.radius[j] + by:
         return True
-    return bool(block_gap(pose[carrier[i]], block[i], centres[j]) > ball[j, 3] + radius[i] + by)
+    return bool(block_gap(pose[p.carrier[i]], p.block[i], centres[j]) > p.ball[j, 3] + p.radius[i] + by)
 
 
 @compiled
