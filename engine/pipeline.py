@@ -1,8 +1,12 @@
-"""The stages in order. What the command line does is one call of a function here."""
+"""The stages in order. What the command line does is one call of a function here.
+
+What reads files of our own language is imported by the functions that read them: tasks in PDDL go without it.
+"""
 
 import time
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from engine.grounding import ground, reachable_operators
 from engine.grounding.limits import require_affordable_statics
@@ -12,13 +16,13 @@ from engine.model.task import Task
 from engine.planning import Limits
 from engine.planning import plan as plan_task
 from engine.validation import validate
-from kb.check import check_domain, unreachable
-from kb.commands import understand
 from kb.diagnostics import Diagnostic, InvalidInput, Source
-from kb.loader import CELL_FILE, Loaded, find, load, problem_files, with_goals
 from kb.model.domain import Domain
 from kb.model.plan import Plan, in_sequence
 from kb.model.problem import Problem
+
+if TYPE_CHECKING:
+    from kb.loader import Loaded
 
 
 class InternalError(Exception):
@@ -33,6 +37,9 @@ def problem_of(target: str, goals: str = "", command: str = "") -> Problem:
 
     Raises `InvalidInput`.
     """
+    from kb.commands import understand
+    from kb.loader import find, load, problem_files, with_goals
+
     loaded = load(find(target))
     if goals and command:
         raise InvalidInput(
@@ -105,6 +112,9 @@ def check(target: str, reach: bool = True) -> CheckReport:
 
     With `reach`, places of the cell that no arm reaches are told, too.
     """
+    from kb.check import check_domain, unreachable
+    from kb.loader import CELL_FILE, find, problem_files
+
     path = find(target)
     found: list[Diagnostic] = []
     loaded = _loaded(path, found)
@@ -142,7 +152,9 @@ def _grounded(problem: Problem, found: list[Diagnostic]) -> Task | None:
         return None
 
 
-def _loaded(path: Path, found: list[Diagnostic]) -> Loaded | None:
+def _loaded(path: Path, found: list[Diagnostic]) -> "Loaded | None":
+    from kb.loader import load
+
     try:
         loaded = load(path)
     except InvalidInput as error:

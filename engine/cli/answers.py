@@ -93,6 +93,8 @@ def _print(answer: Answer, form: Form) -> None:
 
 def _report(answer: Answer) -> None:
     """Diagnostics and mishaps, on standard error."""
+    if not answer.diagnostics and answer.code not in (INTERRUPTED, INTERNAL):
+        return
     from rich.console import Console
 
     from engine.report.findings import diagnostics

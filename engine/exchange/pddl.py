@@ -5,7 +5,7 @@ from pathlib import Path
 from engine.grounding import ground
 from engine.interop.pddl.export import PddlText, export, import_plan
 from kb.diagnostics import Diagnostic, InvalidInput, Source
-from kb.loader.files import read_file
+from kb.files import read_file
 from kb.model.plan import Plan
 from kb.model.problem import Problem
 

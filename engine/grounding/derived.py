@@ -7,7 +7,7 @@ component by component as a least fixpoint of antichains; negation needs the ato
 
 from collections.abc import Iterable, Mapping
 
-import networkx as nx
+from kb.graphs import components
 
 Support = frozenset[int]
 Rules = Mapping[int, list[tuple[int, ...]]]  # derived atom: bodies of signed numbers
@@ -25,13 +25,10 @@ class Supports:
         self._supports: dict[int, list[Support]] = {atom: [] for atom in derived}
         self._broken: dict[int, list[Support]] = {}
         self._overflowing: dict[int, None] = {}
-        graph: nx.DiGraph[int] = nx.DiGraph()
-        graph.add_nodes_from(self._supports)
+        needs: dict[int, list[int]] = {atom: [] for atom in derived}
         for head, bodies in rules.items():
-            graph.add_edges_from(
-                (head, atom) for body in bodies for atom in map(_atom, body) if atom in self._supports
-            )
-        for component in nx.strongly_connected_components(graph):  # dependencies come first
+            needs[head] = [atom for body in bodies for atom in map(_atom, body) if atom in needs]
+        for component in components(needs):
             self._close(sorted(component), rules)
 
     @property

@@ -2,9 +2,8 @@
 
 from collections.abc import Sequence
 
-import networkx as nx
-
 from engine.model.task import Bits, GroundOperator, bitset
+from kb.graphs import components
 from kb.model.domain import Domain
 from kb.terms import Atom
 
@@ -49,15 +48,15 @@ def _met(masks: list[tuple[str, Bits]], bits: Bits) -> tuple[str, ...]:
 
 
 def _derived(atoms: Sequence[Atom], operators: Sequence[GroundOperator]) -> dict[str, int]:
-    needs: nx.DiGraph[str] = nx.DiGraph()
-    needs.add_nodes_from(sorted({_predicate(atom) for atom in atoms}))
+    needs: dict[str, set[str]] = {name: set() for name in sorted({_predicate(atom) for atom in atoms})}
     masks = _masks(atoms)
     signatures = {(_met(masks, operator.adds), _met(masks, operator.preconditions)) for operator in operators}
-    needs.add_edges_from(
-        sorted({(added, name) for adds, needed in signatures for added in adds for name in needed})
-    )
-    condensed = nx.condensation(needs)
-    level: dict[int, int] = {}
-    for component in reversed(list(nx.topological_sort(condensed))):
-        level[component] = 1 + max((level[below] for below in condensed.successors(component)), default=0)
-    return {name: level[component] for name, component in condensed.graph["mapping"].items()}
+    for adds, needed in signatures:
+        for added in adds:
+            needs[added].update(needed)
+    level: dict[str, int] = {}
+    for component in components(needs):
+        below = {name for member in component for name in needs[member]} - set(component)
+        height = 1 + max((level[name] for name in below), default=0)
+        level |= dict.fromkeys(component, height)
+    return level

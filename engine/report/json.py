@@ -7,10 +7,10 @@ from typing import Any
 from engine.model.outcome import Found, GaveUp, Infeasible, Outcome, Statistics
 from engine.model.schedule import earliest_starts, histories, makespan
 from kb.diagnostics import Diagnostic
-from kb.loader import reference
 from kb.model.conditions import And
 from kb.model.plan import Plan
 from kb.model.problem import Chain, Problem
+from kb.targets import reference
 
 VERSION = 1
 

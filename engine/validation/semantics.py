@@ -8,11 +8,10 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
-import networkx as nx
-
 from engine.validation.datalog import Bindings, Facts, holds, solve
 from kb.asp import Grounder
 from kb.asp.vocabulary import guard, static_program
+from kb.graphs import components, reached
 from kb.model.conditions import TRUE, Aggregate, Body, Literal, Parameter
 from kb.model.domain import Consequence, DeductiveOperator, Effect, Kind, Operator, Rule
 from kb.model.problem import Problem
@@ -116,26 +115,24 @@ class Semantics:
         """The rules of derived predicates in an order in which negation looks only backwards."""
         return [
             [rule for name in sorted(part) for rule in self._rules[name]]
-            for part in nx.strongly_connected_components(self._uses)
+            for part in components(self._uses)
         ]
 
     @cached_property
-    def _uses(self) -> "nx.DiGraph[str]":
-        graph: nx.DiGraph[str] = nx.DiGraph()
+    def _uses(self) -> dict[str, list[str]]:
+        graph: dict[str, list[str]] = {}
         for name, rules in self._rules.items():
-            graph.add_node(name)
             used = (p.atom.name for rule in rules for p in rule.body if isinstance(p, Literal))
-            graph.add_edges_from((name, other) for other in used if other in self._rules)
+            graph[name] = [other for other in used if other in self._rules]
         return graph
 
     def fluents_behind(self, name: str) -> set[str]:
         """The fluents that a predicate depends on: itself, or those its rules lead to."""
         if name not in self._rules:
             return {name} if self._kinds.get(name) is Kind.FLUENT else set()
-        reached = {name, *nx.descendants(self._uses, name)}
         used = {
             p.atom.name
-            for each in reached
+            for each in reached(self._uses, name)
             for r in self._rules[each]
             for p in r.body
             if isinstance(p, Literal)

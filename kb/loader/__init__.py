@@ -4,17 +4,18 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from kb.diagnostics import Diagnostic, InvalidInput, Source
+from kb.files import File, read_file
 from kb.loader.domain import read_domain
-from kb.loader.files import File, read_file
 from kb.loader.names import Names
 from kb.loader.plan import load_plan
 from kb.loader.problem import goal_condition, read_problem
 from kb.loader.reader import Findings, Reader, require, validate_shape
-from kb.loader.references import CELL_FILE, DOMAIN_FILE, bundled, domain_file, find, reference
+from kb.loader.references import domain_file
 from kb.loader.tree import Node
 from kb.model.conditions import TRUE
 from kb.model.domain import Domain
 from kb.model.problem import Problem
+from kb.targets import CELL_FILE, DOMAIN_FILE, bundled, find, reference
 
 __all__ = [
     "CELL_FILE",

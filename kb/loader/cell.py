@@ -5,8 +5,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from kb.diagnostics import unknown_name
+from kb.files import is_file
 from kb.loader.arm import bundled_arms, pairs, quantities_of, read_arm
-from kb.loader.files import is_file
 from kb.loader.quantities import ANGLE, Quantities, child, members
 from kb.loader.reader import Findings, Reader, require, validate_shape
 from kb.loader.tree import Node, read_file

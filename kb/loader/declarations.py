@@ -2,9 +2,8 @@
 
 import re
 
-import networkx as nx
-
 from kb.diagnostics import Source, unknown_name
+from kb.graphs import components
 from kb.loader.names import Names
 from kb.loader.reader import Reader
 from kb.loader.tree import Node
@@ -38,7 +37,7 @@ def _read_types(reader: Reader, names: Names) -> None:
                 names.term_types.add(name)
     for name in names.types:
         _check_parent(names, names.types[name], nodes[name])
-    graph = nx.DiGraph((type_.name, type_.parent) for type_ in names.types.values())
+    graph = {type_.name: [type_.parent] for type_ in names.types.values()}
     _refuse_cycles(graph, {type_.name: type_.where for type_ in names.types.values()}, "type", names)
 
 
@@ -71,10 +70,10 @@ def _check_parent(names: Names, type_: Type, node: Node) -> None:
         names.findings.add(node.where, "K103", f"'{type_.parent}' is a closed list and has no subtypes", hint)
 
 
-def _refuse_cycles(graph: "nx.DiGraph[str]", places: dict[str, Source], kind: str, names: Names) -> None:
-    for component in nx.strongly_connected_components(graph):
+def _refuse_cycles(graph: dict[str, list[str]], places: dict[str, Source], kind: str, names: Names) -> None:
+    for component in components(graph):
         looped = sorted(name for name in component if name in places)
-        if len(component) > 1 or any(graph.has_edge(name, name) for name in component):
+        if len(component) > 1 or component[0] in graph.get(component[0], ()):
             message = f"the {kind} {looped[0]} is defined by itself"
             if len(looped) > 1:
                 message = f"the {kind}s {' and '.join(looped)} are defined by each other"
@@ -91,11 +90,11 @@ def _read_functions(reader: Reader, names: Names) -> None:
         _check_result(names, signature.name, result, node)
         arguments = tuple(str(argument) for argument in signature.arguments)
         names.functions[signature.name] = FunctionSignature(signature.name, arguments, result, key.where)
-    graph: nx.DiGraph[str] = nx.DiGraph()
+    graph: dict[str, list[str]] = {name: [] for name in names.functions}
     for function in names.functions.values():
         for argument in function.arguments:
             inner = (f.name for f in names.functions.values() if names.is_subtype(f.result, argument))
-            graph.add_edges_from((function.name, name) for name in inner)
+            graph[function.name].extend(inner)
     _refuse_cycles(graph, {f.name: f.where for f in names.functions.values()}, "function", names)
 
 

@@ -5,12 +5,11 @@ from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from pathlib import Path
 
-import networkx as nx
-
 from kb.asp import AspError
 from kb.asp.statements import Refused, Signature, Statement, statements, unsafe
 from kb.diagnostics import Source, nearest
-from kb.loader.files import File, is_file, read_file
+from kb.files import File, is_file, read_file
+from kb.graphs import components
 from kb.loader.names import Names, count_of
 from kb.loader.reader import Reader
 from kb.loader.tree import Node
@@ -230,13 +229,11 @@ def _warn_of_undefined(read: Read, names: Names) -> None:
 
 
 def _check_strata(read: Read, names: Names) -> None:
-    graph: nx.DiGraph[Signature] = nx.DiGraph()
+    graph: dict[Signature, list[Signature]] = {}
     for statement, _ in read:
         if statement.signature:
-            graph.add_edges_from((statement.signature, use) for use, _ in statement.uses)
-    component = {
-        sig: index for index, part in enumerate(nx.strongly_connected_components(graph)) for sig in part
-    }
+            graph.setdefault(statement.signature, []).extend(use for use, _ in statement.uses)
+    component = {sig: index for index, part in enumerate(components(graph)) for sig in part}
     for statement, where in read:
         for use, negated in statement.uses:
             if negated and statement.signature and component.get(statement.signature) == component.get(use):

@@ -14,7 +14,7 @@ from typing import Any
 import yaml
 
 from kb.diagnostics import Diagnostic, InvalidInput, Source
-from kb.loader.files import UNPRINTABLE, File, read_file
+from kb.files import UNPRINTABLE, File, read_file
 
 __all__ = ["File", "Node", "read_file", "read_tree"]
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from xml.parsers import expat
 
 from kb.diagnostics import Diagnostic, InvalidInput, Source
-from kb.loader.files import File
+from kb.files import File
 
 MAX_DEPTH = 50
 MAX_ELEMENTS = 200_000

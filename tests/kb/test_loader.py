@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 from engine import pipeline
 from engine.model.outcome import Found, Infeasible
 from kb.diagnostics import Diagnostic, InvalidInput, Source
+from kb.files import EXCERPT, File
 from kb.loader import load, with_goals
-from kb.loader.files import EXCERPT, File
 from kb.loader.problem import _fact
 from kb.loader.tree import Node, read_tree
 from kb.model.conditions import And, Exists, ForAll, Literal, Not, Or

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from kb.diagnostics import Diagnostic, InvalidInput, Source
-from kb.loader.files import File, read_file
+from kb.files import File, read_file
 
 _TOKEN = re.compile(r";[^\n]*|[()]|[^\s();]+")
 MAX_DEPTH = 200

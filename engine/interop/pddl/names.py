@@ -31,7 +31,7 @@ class Names:
         return self._taken.get((_space(kind), name), name)
 
     def _fresh(self, kind: str, name: str) -> str:
-        plain = re.sub(r"[^a-z0-9_]", "_", name).lstrip("_")
+        plain = re.sub(r"[^a-z0-9_]", "_", name.lower()).lstrip("_")
         plain = plain if re.match(r"[a-z]", plain) else f"n{plain}"
         if kind == "variable":
             plain = plain[0].upper() + plain[1:]

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from engine.interop.pddl import PddlProblem
 from kb.diagnostics import Diagnostic, InvalidInput, nearest
-from kb.loader.files import File, read_file
+from kb.files import File, read_file
 from kb.model.conditions import Literal
 from kb.model.domain import NUMERIC_TYPES, Operator
 from kb.model.plan import Plan, Step, StepId

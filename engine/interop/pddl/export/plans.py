@@ -11,7 +11,7 @@ from engine.interop.pddl.expressions import actions
 from engine.model.schedule import STAGE, stage_atom
 from engine.model.task import GroundOperator, Task, progress
 from kb.diagnostics import Diagnostic, InvalidInput, nearest
-from kb.loader.files import File
+from kb.files import File
 from kb.model.plan import Plan, Step, StepId
 from kb.model.problem import Problem
 from kb.terms import Function, Number, Term, Variable, substitute

@@ -1,0 +1,196 @@
+"""Competition tasks: our strategies and, in the same run, other planners; solved tasks, times and plan lengths.
+
+    python benchmarks/planning.py [--data DIR] [--levels 1-4] [--seconds 60] [--planners NAMES] [--peers PYTHON]
+
+`--data` (else $CELLWRIGHT_DATA) has a folder `pddl/DOMAIN/LEVEL_INSTANCE` with `domain.pddl` and `problem.pddl`. `--peers`
+is the Python of an environment with `up-fast-downward` and `pyperplan`; without it there are no peers. Times are those of
+whole processes. Every plan of any planner goes through our checker, and a refused one counts as unsolved.
+"""
+
+import argparse
+import json
+import math
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+from rich.console import Console
+from rich.table import Table
+
+from engine import pipeline
+from engine.interop.pddl.plans import read_plan
+from kb.diagnostics import InvalidInput
+
+OURS = ("auto", "backward", "forward", "landmarks", "asp")
+PEERS = ("lama-first", "pyperplan")
+
+
+@dataclass(frozen=True)
+class Run:
+    """One planner on one task: seconds of the whole process, steps of a valid plan or None."""
+
+    task: str
+    planner: str
+    seconds: float
+    steps: int | None
+
+
+def tasks(data: Path, levels: tuple[int, int]) -> list[Path]:
+    """The folders of all tasks whose level lies in a range."""
+    found = sorted(path.parent for path in data.glob("pddl/*/*/problem.pddl"))
+    return [path for path in found if levels[0] <= int(path.name.split("_")[0]) <= levels[1]]
+
+
+def ours(strategy: str) -> Callable[[Path, Path, float], list[str]]:
+    """The command line of one of our strategies; the plan goes to standard output."""
+
+    def line(folder: Path, _plan: Path, seconds: float) -> list[str]:
+        files = [str(folder / "domain.pddl"), str(folder / "problem.pddl")]
+        limits = ["--expansions", str(10**9), "--time-limit", str(seconds), "--format", "ipc"]
+        return [sys.executable, "-m", "engine.cli", "plan", "--pddl", *files, "--strategy", strategy, *limits]
+
+    return line
+
+
+def lama_first(python: str) -> Callable[[Path, Path, float], list[str]]:
+    """Fast Downward's `lama-first`."""
+    code = "import os, up_fast_downward as u; print(os.path.join(os.path.dirname(u.__file__), 'downward'))"
+    found = subprocess.run([python, "-c", code], capture_output=True, text=True, check=True).stdout.strip()
+    driver = str(Path(found) / "fast-downward.py")
+
+    def line(folder: Path, plan: Path, _seconds: float) -> list[str]:
+        files = [str(folder / "domain.pddl"), str(folder / "problem.pddl")]
+        return [python, driver, "--alias", "lama-first", "--plan-file", str(plan), *files]
+
+    return line
+
+
+def pyperplan(python: str) -> Callable[[Path, Path, float], list[str]]:
+    """pyperplan, greedy with the FF heuristic."""
+
+    def line(folder: Path, _plan: Path, _seconds: float) -> list[str]:
+        files = [str(folder / "domain.pddl"), str(folder / "problem.pddl")]
+        return [str(Path(python).with_name("pyperplan")), "-H", "hff", "-s", "gbf", *files]
+
+    return line
+
+
+def run(folder: Path, planner: str, command: Callable[[Path, Path, float], list[str]], seconds: float) -> Run:
+    """One planner on a copy of one task."""
+    name = f"{folder.parent.name}/{folder.name}"
+    with tempfile.TemporaryDirectory() as place:
+        copy = Path(place)
+        for file in ("domain.pddl", "problem.pddl"):
+            shutil.copy(folder / file, copy)
+        plan = copy / "plan.txt"
+        started = time.perf_counter()
+        answered = _output(command(copy, plan, seconds), copy, seconds)
+        taken = time.perf_counter() - started
+        if planner == "pyperplan":
+            plan = copy / "problem.pddl.soln"
+        elif planner in OURS and answered:
+            plan.write_text(answered)
+        return Run(name, planner, taken, _steps(copy, plan))
+
+
+def _output(line: Sequence[str], place: Path, seconds: float) -> str:
+    try:
+        done = subprocess.run(
+            line, capture_output=True, text=True, check=False, cwd=place, timeout=seconds, env=_environment()
+        )
+    except subprocess.TimeoutExpired:
+        return ""
+    return done.stdout if done.returncode == 0 else ""
+
+
+def _environment() -> dict[str, str]:
+    return {**os.environ, "PYTHONPATH": str(Path(__file__).resolve().parent.parent)}
+
+
+def _steps(folder: Path, plan: Path) -> int | None:
+    """The length of a plan that our checker accepts."""
+    if not plan.is_file():
+        return None
+    task = pipeline.pddl_task(str(folder / "domain.pddl"), folder / "problem.pddl")
+    try:
+        made = read_plan(task, plan)
+    except InvalidInput:
+        return None
+    return len(made.steps) if not pipeline.check_plan(task.problem, made) else None
+
+
+def summary(runs: Sequence[Run], planners: Sequence[str]) -> Table:
+    """Solved tasks, and on the tasks that both solve the ratio of times and the lengths beside the first planner's."""
+    made = Table(box=None, pad_edge=False, title=f"beside {planners[0]}, on tasks that both solve")
+    for column in ("planner", "solved", "time ratio", "steps", f"steps of {planners[0]}"):
+        made.add_column(column, justify="left" if column == "planner" else "right")
+    by_task = {(each.task, each.planner): each for each in runs}
+    names = dict.fromkeys(each.task for each in runs)
+    for planner in planners:
+        pairs = [(by_task[name, planner], by_task[name, planners[0]]) for name in names]
+        solved = sum(each.steps is not None for each, _ in pairs)
+        both = [(one, first) for one, first in pairs if one.steps is not None and first.steps is not None]
+        ratio = math.exp(
+            sum(math.log(one.seconds / first.seconds) for one, first in both) / max(len(both), 1)
+        )
+        lengths = [sum(each.steps or 0 for each in side) for side in zip(*both, strict=True)] or [0, 0]
+        made.add_row(planner, f"{solved} of {len(pairs)}", f"{ratio:.2f}", *map(str, lengths))
+    return made
+
+
+def listing(runs: Sequence[Run], planners: Sequence[str]) -> Table:
+    """Seconds and steps of every run."""
+    made = Table(box=None, pad_edge=False)
+    made.add_column("task")
+    for planner in planners:
+        made.add_column(planner, justify="right")
+    for name in dict.fromkeys(each.task for each in runs):
+        own = {each.planner: each for each in runs if each.task == name}
+        cells = [
+            f"{own[p].seconds:.2f} s {own[p].steps if own[p].steps is not None else '-':>4}" for p in planners
+        ]
+        made.add_row(name, *cells)
+    return made
+
+
+def main() -> int:
+    """Measure, print, keep."""
+    parser = argparse.ArgumentParser(description="solve competition tasks beside other planners")
+    parser.add_argument("--data", type=Path, default=Path(os.environ.get("CELLWRIGHT_DATA", "data")))
+    parser.add_argument("--levels", default="1-4")
+    parser.add_argument("--seconds", type=float, default=60)
+    parser.add_argument("--planners", default="auto,backward")
+    parser.add_argument("--peers", help="the Python of an environment with the peers")
+    parser.add_argument("--only", default="", help="tasks whose name has this in it")
+    parser.add_argument("--json", type=Path)
+    arguments = parser.parse_args()
+    commands = {name: ours(name) for name in arguments.planners.split(",")}
+    if arguments.peers:
+        commands |= {"lama-first": lama_first(arguments.peers), "pyperplan": pyperplan(arguments.peers)}
+    first, _, last = arguments.levels.partition("-")
+    folders = [f for f in tasks(arguments.data, (int(first), int(last or first))) if arguments.only in str(f)]
+    if not folders:
+        print(f"no tasks under {arguments.data}: give --data")
+        return 2
+    console = Console(width=None if sys.stdout.isatty() else 160)
+    runs: list[Run] = []
+    for folder in folders:
+        for planner, command in commands.items():
+            runs.append(run(folder, planner, command, arguments.seconds))
+            done = runs[-1]
+            print(f"{done.task} {planner} {done.seconds:.2f} s {done.steps}", file=sys.stderr, flush=True)
+    console.print(listing(runs, list(commands)))
+    console.print(summary(runs, list(commands)))
+    if arguments.json:
+        arguments.json.write_text(json.dumps([asdict(each) for each in runs], indent=1) + "\n")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,72 @@
+"""Small directed graphs, as a mapping from each vertex to those it points at.
+
+What the rest needs of graph theory is this much; a graph library would take longer to import than a small problem to
+plan.
+"""
+
+from collections.abc import Hashable, Iterable, Iterator, Mapping
+from typing import TypeVar
+
+Vertex = TypeVar("Vertex", bound=Hashable)
+
+
+def components(graph: Mapping[Vertex, Iterable[Vertex]]) -> Iterator[list[Vertex]]:
+    """Strongly connected components, each after all that it points at (Tarjan 1972, without recursion)."""
+    numbers: dict[Vertex, int] = {}
+    lowest: dict[Vertex, int] = {}
+    open_: dict[Vertex, None] = {}
+    for root in graph:
+        if root in numbers:
+            continue
+        path = [(root, iter(graph[root]))]
+        numbers[root] = lowest[root] = len(numbers)
+        open_[root] = None
+        while path:
+            vertex, targets = path[-1]
+            new = next((target for target in targets if _met(target, vertex, numbers, lowest, open_)), None)
+            if new is not None:
+                numbers[new] = lowest[new] = len(numbers)
+                open_[new] = None
+                path.append((new, iter(graph.get(new, ()))))
+                continue
+            path.pop()
+            if path:
+                lowest[path[-1][0]] = min(lowest[path[-1][0]], lowest[vertex])
+            if lowest[vertex] == numbers[vertex]:
+                yield _closed(vertex, open_)
+
+
+def _met(
+    target: Vertex,
+    vertex: Vertex,
+    numbers: dict[Vertex, int],
+    lowest: dict[Vertex, int],
+    open_: dict[Vertex, None],
+) -> bool:
+    """Whether a target is new; one on the path lowers its predecessor."""
+    if target not in numbers:
+        return True
+    if target in open_:
+        lowest[vertex] = min(lowest[vertex], numbers[target])
+    return False
+
+
+def _closed(vertex: Vertex, open_: dict[Vertex, None]) -> list[Vertex]:
+    """The component whose first vertex is `vertex`, taken off the open ones."""
+    found = []
+    while True:
+        last, _ = open_.popitem()
+        found.append(last)
+        if last == vertex:
+            return found[::-1]
+
+
+def reached(graph: Mapping[Vertex, Iterable[Vertex]], start: Vertex) -> set[Vertex]:
+    """The vertices that some path leads to, `start` included."""
+    found, waiting = {start}, [start]
+    while waiting:
+        for target in graph.get(waiting.pop(), ()):
+            if target not in found:
+                found.add(target)
+                waiting.append(target)
+    return found
