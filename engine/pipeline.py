@@ -70,7 +70,7 @@ def plan(problem: Problem, limits: Limits = Limits()) -> Outcome:
     outcome = plan_task(task, limits)
     finished = time.perf_counter()
     if isinstance(outcome, Found):
-        outcome = replace(outcome, plan=_checked(problem, outcome.plan))
+        outcome = replace(outcome, plan=accepted(problem, outcome.plan))
     checked = time.perf_counter()
     counts = {
         "operators": len(task.operators),
@@ -82,7 +82,7 @@ def plan(problem: Problem, limits: Limits = Limits()) -> Outcome:
     return replace(outcome, statistics=Statistics(counts, seconds))
 
 
-def _checked(problem: Problem, made: Plan) -> Plan:
+def accepted(problem: Problem, made: Plan) -> Plan:
     """The plan, if the checker accepts it; as a sequence, if only the independence of its steps cannot be shown."""
     wrong = validate(problem, made)
     if wrong and all(each.code == "K503" for each in wrong):

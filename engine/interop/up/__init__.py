@@ -1,0 +1,1 @@
+"""unified-planning: its problems as ours, our plans as its own, and the engine that it calls."""

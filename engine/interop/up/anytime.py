@@ -1,0 +1,59 @@
+"""Plans handed on while the search goes on."""
+
+import time
+from collections.abc import Callable, Iterator
+from queue import SimpleQueue
+from threading import Event, Thread
+
+from unified_planning.engines import PlanGenerationResultStatus as Status
+from unified_planning.engines.results import PlanGenerationResult
+
+from kb.model.plan import Plan
+
+Interrupted = Callable[[], bool]
+Solve = Callable[[Interrupted, Callable[[PlanGenerationResult], None]], PlanGenerationResult]
+
+
+def until(timeout: float | None) -> Interrupted:
+    """Whether so many seconds have passed since now."""
+    if timeout is None:
+        return lambda: False
+    deadline = time.monotonic() + timeout
+    return lambda: time.monotonic() >= deadline
+
+
+def cheaper(tell: Callable[[Plan], None]) -> Callable[[Plan], None]:
+    """Pass on plans that cost less than all before them."""
+    costs: list[int] = []
+
+    def better(plan: Plan) -> None:
+        if not costs or plan.cost < min(costs):
+            costs.append(plan.cost)
+            tell(plan)
+
+    return better
+
+
+def streamed(solve: Solve, interrupted: Interrupted) -> Iterator[PlanGenerationResult]:
+    """What `solve` tells while it works, as it comes, and last what it returns.
+
+    It works in a thread of its own, and is asked to stop when nobody listens any more.
+    """
+    results: SimpleQueue[PlanGenerationResult | Exception] = SimpleQueue()
+    abandoned = Event()
+
+    def work() -> None:
+        try:
+            results.put(solve(lambda: abandoned.is_set() or interrupted(), results.put))
+        except Exception as error:  # raised again where the results are read
+            results.put(error)
+
+    Thread(target=work, daemon=True).start()
+    try:
+        while isinstance(result := results.get(), PlanGenerationResult):
+            yield result
+            if result.status is not Status.INTERMEDIATE:
+                return
+        raise result
+    finally:
+        abandoned.set()

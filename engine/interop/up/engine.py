@@ -1,0 +1,227 @@
+"""The engine for unified-planning: planner, anytime planner, validator, grounder and replanner in one class.
+
+It knows the library and the model; the stages that do the work are given to it by a subclass that joins them.
+"""
+
+import warnings
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import IO, Any, ClassVar, Protocol
+
+from unified_planning import model as up
+from unified_planning.engines import CompilationKind, Engine, LogLevel, LogMessage, mixins
+from unified_planning.engines import PlanGenerationResultStatus as Status
+from unified_planning.engines.compilers.grounder import Grounder
+from unified_planning.engines.results import CompilerResult, PlanGenerationResult, ValidationResult
+from unified_planning.exceptions import UPUsageError
+from unified_planning.plans import Plan as UpPlan
+from unified_planning.plans import PlanKind
+
+from engine.interop.up.anytime import Interrupted, cheaper, streamed, until
+from engine.interop.up.conditions import Unsupported
+from engine.interop.up.kind import SUPPORTED
+from engine.interop.up.plans import instance_of, partially_ordered, read, sequential
+from engine.interop.up.problem import Translated, translated
+from engine.interop.up.replanner import ChangingProblem
+from engine.interop.up.validation import judged
+from engine.model.order import Verdict
+from engine.model.outcome import Found, GaveUp, Infeasible, Outcome
+from kb.diagnostics import InvalidInput
+from kb.model.plan import Plan
+from kb.model.problem import Problem
+from kb.terms import Function
+
+LIMITS = {"time": Status.TIMEOUT, "memory": Status.MEMOUT}
+
+
+class Planner(Protocol):
+    """Plans a problem; asks `interrupted` now and then, and tells `improved` of every checked plan, each cheaper."""
+
+    def __call__(
+        self,
+        problem: Problem,
+        interrupted: Interrupted,
+        improved: Callable[[Plan], None],
+        options: dict[str, Any],
+    ) -> Outcome: ...
+
+
+@dataclass(frozen=True, slots=True)
+class Stages:
+    """Who does the work: the planner, the judge of all orders of a plan, and the operator instances that can be reached."""
+
+    plan: Planner
+    judge: Callable[[Problem, Plan], Verdict]
+    instances: Callable[[Problem], tuple[Function, ...]]
+
+
+class UpEngine(
+    Engine,  # type: ignore[misc]
+    mixins.OneshotPlannerMixin,  # type: ignore[misc]
+    mixins.AnytimePlannerMixin,  # type: ignore[misc]
+    mixins.PlanValidatorMixin,  # type: ignore[misc]
+    mixins.CompilerMixin,  # type: ignore[misc]
+    ChangingProblem,
+):
+    """An engine with five operation modes.
+
+    `problem` is what a replanner starts from. Options: `partial_order` for partial-order plans in place of sequences;
+    all others are limits of the planner (`strategy`, `seed`, `expansions`, `improvement`).
+    """
+
+    stages: ClassVar[Stages]
+
+    def __init__(
+        self,
+        problem: up.Problem | None = None,
+        error_on_failed_checks: bool = True,
+        partial_order: bool = False,
+        **options: Any,
+    ) -> None:
+        Engine.__init__(self)
+        mixins.OneshotPlannerMixin.__init__(self)
+        mixins.CompilerMixin.__init__(self, CompilationKind.GROUNDING)
+        self._partial_order, self._options = partial_order, options
+        if problem is not None:
+            ChangingProblem.__init__(self, problem, error_on_failed_checks)
+
+    @property
+    def name(self) -> str:
+        """How results are signed."""
+        return "cellwright"
+
+    @staticmethod
+    def supported_kind() -> up.ProblemKind:
+        """Classical planning with truth values and objects."""
+        return SUPPORTED.clone()
+
+    @staticmethod
+    def supports(problem_kind: up.ProblemKind) -> bool:
+        """Whether every feature is supported."""
+        return bool(problem_kind <= SUPPORTED)
+
+    @staticmethod
+    def satisfies(optimality_guarantee: mixins.OptimalityGuarantee) -> bool:
+        """Optimality is claimed where it is proved; it is never promised."""
+        return bool(optimality_guarantee == mixins.OptimalityGuarantee.SATISFICING)
+
+    @staticmethod
+    def ensures(anytime_guarantee: mixins.AnytimeGuarantee) -> bool:
+        """Every plan costs less than the one before."""
+        return bool(anytime_guarantee == mixins.AnytimeGuarantee.INCREASING_QUALITY)
+
+    @staticmethod
+    def supports_plan(plan_kind: PlanKind) -> bool:
+        """Sequences and partial orders."""
+        return plan_kind in (PlanKind.SEQUENTIAL_PLAN, PlanKind.PARTIAL_ORDER_PLAN)
+
+    @staticmethod
+    def supports_compilation(compilation_kind: CompilationKind) -> bool:
+        """Grounding."""
+        return bool(compilation_kind == CompilationKind.GROUNDING)
+
+    @staticmethod
+    def resulting_problem_kind(
+        problem_kind: up.ProblemKind,
+        compilation_kind: CompilationKind | None = None,  # noqa: ARG004
+    ) -> up.ProblemKind:
+        """The same kind, as far as can be told beforehand."""
+        return problem_kind.clone()
+
+    def _solve_with_params(
+        self,
+        problem: up.Problem,
+        heuristic: Callable[[up.State], float | None] | None = None,
+        timeout: float | None = None,
+        output_stream: IO[str] | None = None,
+        warm_start_plan: UpPlan | None = None,
+        **_: Any,
+    ) -> PlanGenerationResult:
+        if heuristic is not None or warm_start_plan is not None:
+            warnings.warn(
+                f"{self.name} uses neither a heuristic nor a plan that is given to it", stacklevel=3
+            )
+        return self._solve(problem, None, timeout, output_stream)
+
+    def _solve(
+        self,
+        problem: up.Problem,
+        heuristic: Callable[[up.State], float | None] | None = None,  # noqa: ARG002
+        timeout: float | None = None,
+        output_stream: IO[str] | None = None,
+    ) -> PlanGenerationResult:
+        result = self._planned(problem, until(timeout), lambda _: None)
+        if output_stream is not None:
+            output_stream.write(f"{result}\n")
+        return result
+
+    def _planned(
+        self,
+        problem: up.Problem,
+        interrupted: Interrupted,
+        tell: Callable[[PlanGenerationResult], None],
+    ) -> PlanGenerationResult:
+        """Plan once; `tell` hears of every plan that is better than the one before."""
+        try:
+            ours = translated(problem)
+            improved = cheaper(lambda plan: tell(self._result(Status.INTERMEDIATE, self._plan(ours, plan))))
+            outcome = self.stages.plan(ours.ours, interrupted, improved, self._options)
+        except (Unsupported, InvalidInput) as error:
+            return self._result(Status.UNSUPPORTED_PROBLEM, None, str(error))
+        except MemoryError:
+            return self._result(Status.MEMOUT, None, "out of memory")
+        return self._told(ours, outcome)
+
+    def _told(self, problem: Translated, outcome: Outcome) -> PlanGenerationResult:
+        match outcome:
+            case Found(plan, optimal=optimal):
+                best = bool(problem.theirs.quality_metrics) and (optimal or plan.cost == 0)
+                status = Status.SOLVED_OPTIMALLY if best else Status.SOLVED_SATISFICING
+                return self._result(status, self._plan(problem, plan))
+            case Infeasible(reason):
+                return self._result(Status.UNSOLVABLE_PROVEN, None, reason)
+            case GaveUp(reason, limit):
+                return self._result(LIMITS.get(limit, Status.UNSOLVABLE_INCOMPLETELY), None, reason)
+
+    def _plan(self, problem: Translated, plan: Plan) -> UpPlan:
+        return (partially_ordered if self._partial_order else sequential)(problem, plan)
+
+    def _result(self, status: Status, plan: UpPlan | None, said: str = "") -> PlanGenerationResult:
+        logs = [LogMessage(LogLevel.INFO, said)] if said else []
+        return PlanGenerationResult(status, plan, self.name, log_messages=logs)
+
+    def _get_solutions(
+        self, problem: up.Problem, timeout: float | None = None, output_stream: IO[str] | None = None
+    ) -> Iterator[PlanGenerationResult]:
+        """Every better plan when it is found, then the last one again with its final status."""
+        for result in streamed(lambda *heard: self._planned(problem, *heard), until(timeout)):
+            if output_stream is not None:
+                output_stream.write(f"{result}\n")
+            yield result
+
+    def _resolve(
+        self, timeout: float | None = None, output_stream: IO[str] | None = None
+    ) -> PlanGenerationResult:
+        return self._solve(self._problem, None, timeout, output_stream)
+
+    def _validate(self, problem: up.Problem, plan: UpPlan) -> ValidationResult:
+        try:
+            ours = translated(problem)
+        except Unsupported as error:
+            raise UPUsageError(f"{self.name} cannot validate plans for this problem: {error}") from None
+        made, instances = read(ours, plan)
+        return judged(ours, instances, self.stages.judge(ours.ours, made), self.name)
+
+    def _compile(self, problem: up.Problem, compilation_kind: CompilationKind) -> CompilerResult:
+        """The library's grounder makes the actions that our grounding finds reachable."""
+        try:
+            read = translated(problem)
+        except Unsupported as error:
+            raise UPUsageError(f"{self.name} cannot ground this problem: {error}") from None
+        chosen: dict[up.Action, list[tuple[up.FNode, ...]]] = {action: [] for action in problem.actions}
+        for operator in self.stages.instances(read.ours):
+            instance = instance_of(read, operator)
+            chosen[instance.action].append(tuple(instance.actual_parameters))
+        made = Grounder(grounding_actions_map=chosen).compile(problem, compilation_kind)
+        made.engine_name = self.name
+        return made

@@ -1,0 +1,28 @@
+"""The kind of problem that the engine takes: classical planning over truth values and objects."""
+
+from unified_planning.model import ProblemKind
+from unified_planning.model.problem_kind_versioning import LATEST_PROBLEM_KIND_VERSION
+
+FEATURES = (
+    "ACTION_BASED",
+    "FLAT_TYPING",
+    "HIERARCHICAL_TYPING",
+    "NEGATIVE_CONDITIONS",
+    "DISJUNCTIVE_CONDITIONS",
+    "EQUALITIES",
+    "EXISTENTIAL_CONDITIONS",
+    "UNIVERSAL_CONDITIONS",
+    "CONDITIONAL_EFFECTS",
+    "FORALL_EFFECTS",
+    "STATIC_FLUENTS_IN_BOOLEAN_ASSIGNMENTS",
+    "FLUENTS_IN_BOOLEAN_ASSIGNMENTS",
+    "OBJECT_FLUENTS",
+    "STATIC_FLUENTS_IN_OBJECT_ASSIGNMENTS",
+    "FLUENTS_IN_OBJECT_ASSIGNMENTS",
+    "ACTIONS_COST",
+    "STATIC_FLUENTS_IN_ACTIONS_COST",
+    "INT_NUMBERS_IN_ACTIONS_COST",
+    "REAL_NUMBERS_IN_ACTIONS_COST",
+    "PLAN_LENGTH",
+)
+SUPPORTED = ProblemKind(FEATURES, version=LATEST_PROBLEM_KIND_VERSION)
