@@ -38,6 +38,11 @@ class Query:
     chains: tuple[Chain, ...]
 
     @property
+    def served(self) -> bool:
+        """Whether nothing is left to do."""
+        return not self.goals and not self.chains
+
+    @property
     def world(self) -> World:
         """The world that is asked about."""
         return self.situation.world
@@ -49,7 +54,7 @@ class Query:
 
 
 def query(problem: Problem, situation: Situation) -> Query | None:
-    """The query of a problem; None if a goal is no literal, or nothing is left to do."""
+    """The query of a problem, without the goals that hold already; None if a goal is no literal."""
     goals: dict[Literal, None] = {}
     for goal in goal_parts(problem.goal):
         literal = goal_literal(goal)
@@ -57,8 +62,6 @@ def query(problem: Problem, situation: Situation) -> Query | None:
             return None
         if not is_met(literal, situation):
             goals[literal] = None
-    if not goals and not problem.chains:
-        return None
     return Query(situation, tuple(goals), problem.chains)
 
 

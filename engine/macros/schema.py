@@ -1,7 +1,7 @@
 """Operators with everything that follows from them, still with variables: what each instance can add and deny."""
 
 import itertools
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 
 from engine.macros.deduction import (
@@ -76,6 +76,10 @@ class Schemas:
     def is_derived(self, atom: Atom) -> bool:
         """Whether an atom follows from rules over fluents."""
         return self.kinds.get(atom.name) is Kind.DERIVED
+
+    def rests_on_rules(self, body: Iterable[BodyPart]) -> bool:
+        """Whether a body asks for a derived predicate over fluents."""
+        return any(isinstance(part, Literal) and self.is_derived(part.atom) for part in body)
 
     def fresh(self, variable: Variable) -> Variable:
         """A variable that stands nowhere else."""

@@ -1,0 +1,99 @@
+"""What a library holds for one domain as it is now: fetched by goal signature when first asked for, stale ones left out."""
+
+import time
+from collections.abc import Callable, Iterable
+
+from engine.macros.digests import Digests
+from engine.macros.index import Index
+from engine.macros.lookup import Hit, look_up
+from engine.macros.query import Query, signature_asked, signature_of
+from kb.model.domain import Domain
+from kb.model.macro import Macrop
+from kb.store import Library, Record, Stored, Use
+
+FLUSH = 256  # uses that are noted in memory before the library hears of them
+
+
+class Repertoire:
+    """The MACROPs of a library that serve one domain. Others may write to the library meanwhile; misses look again."""
+
+    def __init__(
+        self, library: Library, domain: Domain, clock: Callable[[], float] = time.perf_counter
+    ) -> None:
+        self.library, self.domain = library, domain
+        self._clock = clock
+        self._digests = Digests(domain)
+        self._index = Index()
+        self._seen: dict[str, int] = {}
+        self._uses: dict[int, Use] = {}
+
+    def __len__(self) -> int:
+        return len(self._index)
+
+    def load(self) -> None:
+        """Fetch everything now."""
+        for each in self.library.all(self.domain.name):
+            self._seen[each.signature] = max(self._seen.get(each.signature, 0), each.id)
+            self._put(each)
+
+    def find(self, asked: Query) -> Hit | None:
+        """A checked plan from the library; what others have learned meanwhile counts. The key of a hit is a number."""
+        started = self._clock()
+        signature = signature_asked(asked)
+        known = signature in self._seen
+        if not known:
+            self._fetch(signature)
+        hit = look_up(self._index, asked)
+        if hit is None and known and self._fetch(signature):
+            hit = look_up(self._index, asked)
+        if hit is not None:
+            self._note(hit, self._clock() - started)
+        return hit
+
+    def learn(self, macrop: Macrop, planning_s: float = 0.0) -> int | None:
+        """Keep a MACROP; its number, or None if the library has it."""
+        signature = signature_of(macrop)
+        if signature not in self._seen:
+            self._fetch(signature)
+        (number,) = self.library.add([Record(macrop, signature, planning_s)])
+        if number is not None:
+            self._index.add(number, macrop)
+        else:
+            self._seen[signature] = 0  # another process was quicker: fetch what it has learned
+        return number
+
+    def outdated(self) -> dict[int, tuple[str, ...]]:
+        """The MACROPs in the library that the domain has outgrown, with what changed."""
+        return self.library.outdated(self.domain.name, self._digests.of)
+
+    def forget(self, numbers: Iterable[int]) -> int:
+        """Remove MACROPs here and in the library; how many were there."""
+        gone = list(numbers)
+        for number in gone:
+            self._index.remove(number)
+        return self.library.forget(gone)
+
+    def flush(self) -> None:
+        """Tell the library how often its MACROPs served."""
+        if self._uses:
+            self.library.used(self._uses)
+            self._uses.clear()
+
+    def _fetch(self, signature: str) -> bool:
+        """Whether the library has more for a signature than was seen."""
+        found = self.library.serving(self.domain.name, signature, self._seen.get(signature, 0))
+        self._seen[signature] = found[-1].id if found else self._seen.get(signature, 0)
+        for each in found:
+            self._put(each)
+        return bool(found)
+
+    def _put(self, each: Stored) -> None:
+        if each.id not in self._index and self._digests.fresh(each.macrop.depends):
+            self._index.add(each.id, each.macrop)
+
+    def _note(self, hit: Hit, seconds: float) -> None:
+        assert isinstance(hit.key, int)
+        before = self._uses.get(hit.key, Use(0, 0.0))
+        self._uses[hit.key] = Use(before.times + 1, before.lookup_s + seconds)
+        if sum(use.times for use in self._uses.values()) >= FLUSH:
+            self.flush()

@@ -1,0 +1,105 @@
+"""The tables of a library and the way from each version of them to the next.
+
+A new library goes through every migration from nothing, so the path that old files take is the one taken daily.
+"""
+
+from collections.abc import Callable
+
+from sqlalchemy import (
+    Column,
+    Connection,
+    Float,
+    ForeignKey,
+    Index,
+    Integer,
+    MetaData,
+    String,
+    Table,
+    Text,
+    UniqueConstraint,
+    insert,
+    inspect,
+    literal,
+    select,
+    update,
+)
+
+metadata = MetaData()
+
+versions = Table("cellwright_schema", metadata, Column("version", Integer, nullable=False))
+
+macrops = Table(
+    "macrops",
+    metadata,
+    Column("id", Integer, primary_key=True),
+    Column("domain", String, nullable=False),
+    Column("signature", Text, nullable=False),
+    Column("name", Text, nullable=False),
+    Column("fingerprint", String(32), nullable=False),
+    Column("document", Text, nullable=False),
+    Column("steps", Integer, nullable=False),
+    UniqueConstraint("fingerprint", name="one_of_each"),
+    Index("by_goals", "domain", "signature"),
+)
+
+dependencies = Table(
+    "dependencies",
+    metadata,
+    Column("macrop", Integer, ForeignKey("macrops.id", ondelete="CASCADE"), primary_key=True),
+    Column("part", String, primary_key=True),
+    Column("digest", String(16), nullable=False),
+    Index("by_part", "part", "digest"),
+)
+
+usage = Table(
+    "usage",
+    metadata,
+    Column("macrop", Integer, ForeignKey("macrops.id", ondelete="CASCADE"), primary_key=True),
+    Column("uses", Integer, nullable=False, default=0),
+    Column("planning_s", Float, nullable=False, default=0.0),
+    Column("lookup_s", Float, nullable=False, default=0.0),
+)
+
+
+def _first(connection: Connection) -> None:
+    metadata.create_all(connection, [macrops, dependencies])
+
+
+def _with_usage(connection: Connection) -> None:
+    metadata.create_all(connection, [usage])
+    nothing = select(macrops.c.id, literal(0), literal(0.0), literal(0.0))
+    connection.execute(insert(usage).from_select(["macrop", "uses", "planning_s", "lookup_s"], nothing))
+
+
+MIGRATIONS: tuple[Callable[[Connection], None], ...] = (_first, _with_usage)
+CURRENT = len(MIGRATIONS)
+
+
+class NewerSchema(Exception):
+    """The library was written by a later version of Cellwright."""
+
+    def __init__(self, version: int) -> None:
+        super().__init__(f"the library has schema {version}; this version reads up to {CURRENT}")
+
+
+def version_of(connection: Connection) -> int:
+    """The version of the tables; 0 where there are none."""
+    if not inspect(connection).has_table(versions.name):
+        return 0
+    return connection.execute(select(versions.c.version)).scalar_one_or_none() or 0
+
+
+def migrate(connection: Connection) -> None:
+    """Bring the tables to the current version, inside the caller's transaction. Raises `NewerSchema`."""
+    version = version_of(connection)
+    if version > CURRENT:
+        raise NewerSchema(version)
+    if version == CURRENT:
+        return
+    metadata.create_all(connection, [versions])
+    for step in MIGRATIONS[version:]:
+        step(connection)
+    if version or connection.execute(select(versions.c.version)).first() is not None:
+        connection.execute(update(versions).values(version=CURRENT))
+    else:
+        connection.execute(insert(versions).values(version=CURRENT))

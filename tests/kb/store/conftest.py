@@ -1,0 +1,64 @@
+"""Libraries to test: a SQLite file, and a PostgreSQL server where one is installed."""
+
+import os
+import shutil
+import subprocess
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+PROGRAMS = sorted(Path("/usr/lib/postgresql").glob("*/bin"), key=lambda p: int(p.parent.name))
+
+
+@pytest.fixture(scope="session")
+def postgres(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
+    """The URL of a server of our own, on a socket in a folder of our own."""
+    pytest.importorskip("pg8000", reason="the extra 'postgres' is not installed")
+    if not PROGRAMS:
+        pytest.skip("PostgreSQL is not installed")
+    programs = PROGRAMS[-1]
+    account = "postgres" if os.getuid() == 0 else None  # the server refuses to run as root
+    folder = tmp_path_factory.mktemp("postgres")
+    for each in (folder, *folder.parents[:3]):
+        if account and each.owner() == "root" and each != Path("/tmp"):
+            each.chmod(each.stat().st_mode | 0o011)
+    if account:
+        shutil.chown(folder, account)
+
+    def run(program: str, *arguments: str) -> None:
+        subprocess.run(
+            [programs / program, *arguments], check=True, user=account, cwd="/", capture_output=True
+        )
+
+    data = folder / "data"
+    run("initdb", "-D", str(data), "-A", "trust", "-U", "cell", "--no-sync")
+    options = f"-c listen_addresses='' -k {folder} -c fsync=off"
+    log = folder / "log"
+    run("pg_ctl", "-D", str(data), "-o", options, "-l", str(log), "-w", "start")
+    try:
+        yield f"postgresql://cell@/postgres?unix_sock={folder}/.s.PGSQL.5432"
+    finally:
+        run("pg_ctl", "-D", str(data), "-m", "immediate", "stop")
+
+
+@pytest.fixture(params=["sqlite", "postgres"])
+def target(request: pytest.FixtureRequest, tmp_path: Path) -> str:
+    """Where a library can be kept, empty."""
+    if request.param == "sqlite":
+        return str(tmp_path / "library.db")
+    url = str(request.getfixturevalue("postgres"))
+    _emptied(url)
+    return url
+
+
+def _emptied(url: str) -> None:
+    from sqlalchemy import text
+
+    from kb.store.engines import connected
+
+    engine = connected(url)
+    with engine.begin() as connection:
+        connection.execute(text("DROP SCHEMA public CASCADE"))
+        connection.execute(text("CREATE SCHEMA public"))
+    engine.dispose()
