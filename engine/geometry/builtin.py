@@ -4,9 +4,12 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from engine.geometry.contacts import nearest_of_bodies
 from engine.geometry.packing import pack
 from engine.model.geometry import Contact, Floats, Ints, Scene, Truths
+from engine.ports import CollisionChecker
 
+MANY = 100  # standing pieces: beyond it, walking down a tree beats comparing every pair
 CHUNK = 1024  # configurations whose carrier poses are held at a time
 
 
@@ -32,7 +35,7 @@ class BuiltinChecker:
         from engine.geometry.kernels.checks import first_contacts
 
         found = np.full(len(where), -1, dtype=np.int64)
-        for first, poses in self._poses(where):
+        for first, poses in pose_batches(self._scene, where):
             first_contacts(poses, self._pieces, self._pairs, found[first : first + len(poses)])
         return found
 
@@ -42,7 +45,7 @@ class BuiltinChecker:
 
         n = len(where)
         distance, pair, witness = np.empty(n), np.empty(n, dtype=np.int64), np.empty((n, 9))
-        for first, poses in self._poses(where):
+        for first, poses in pose_batches(self._scene, where):
             rows = slice(first, first + len(poses))
             out = distance[rows], pair[rows], witness[rows]
             nearest_pairs(poses, self._pieces, self._pairs, float(beyond_m), *out)
@@ -54,7 +57,7 @@ class BuiltinChecker:
 
         pairs = self._pairs
         distance, witness = np.empty(len(pairs)), np.empty((len(pairs), 9))
-        for _, poses in self._poses(np.asarray(where, dtype=float)[None]):
+        for _, poses in pose_batches(self._scene, np.asarray(where, dtype=float)[None]):
             near_pairs(poses[0], self._pieces, pairs, float(within_m), distance, witness)
         near = np.nonzero(distance <= within_m)[0]
         return nearest_of_bodies(
@@ -67,33 +70,23 @@ class BuiltinChecker:
             for m in near
         )
 
-    def _poses(self, where: Floats) -> Iterator[tuple[int, Floats]]:
-        """The carrier poses (m, k + 1, 3, 4) of stretches of the batch, each with its first row."""
-        from engine.geometry.kernels.checks import carriers
 
-        where = np.ascontiguousarray(where, dtype=float)
-        joints = self._scene.joints
-        for first in range(0, len(where), CHUNK):
-            count = min(CHUNK, len(where) - first)
-            poses = np.empty((count, self._scene.carriers, 3, 4))
-            if self._scene.free:
-                poses[:, 0] = np.eye(4)[:3]
-                poses[:, 1] = where[first : first + count, :3]
-            else:
-                carriers(
-                    joints.parent, joints.T_parent_origin, joints.axis, joints.prismatic, where, first, poses
-                )
-            yield first, poses
+def pose_batches(scene: Scene, where: Floats) -> Iterator[tuple[int, Floats]]:
+    """The carrier poses (m, k + 1, 3, 4) of stretches of a batch, each with its first row."""
+    from engine.geometry.kernels.checks import carriers
 
-
-def nearest_of_bodies(contacts: Iterator[Contact]) -> tuple[Contact, ...]:
-    """Of contacts between the same two bodies the nearest, all in order of distance and name."""
-    best: dict[frozenset[str], Contact] = {}
-    for contact in contacts:
-        key = frozenset((contact.first, contact.second))
-        if key not in best or contact.distance_m < best[key].distance_m:
-            best[key] = contact
-    return tuple(sorted(best.values(), key=lambda each: (each.distance_m, each.first, each.second)))
+    where, joints = np.ascontiguousarray(where, dtype=float), scene.joints
+    for first in range(0, len(where), CHUNK):
+        count = min(CHUNK, len(where) - first)
+        poses = np.empty((count, scene.carriers, 3, 4))
+        if scene.free:
+            poses[:, 0] = np.eye(4)[:3]
+            poses[:, 1] = where[first : first + count, :3]
+        else:
+            carriers(
+                joints.parent, joints.T_parent_origin, joints.axis, joints.prismatic, where, first, poses
+            )
+        yield first, poses
 
 
 class BuiltinBackend:
@@ -102,6 +95,9 @@ class BuiltinBackend:
     name = "builtin"
     exact_depths = True
 
-    def checker(self, scene: Scene) -> BuiltinChecker:
-        """Pack a scene."""
-        return BuiltinChecker(scene)
+    def checker(self, scene: Scene) -> CollisionChecker:
+        """Pack a scene; what stands in it becomes a region tree when it is much."""
+        from engine.geometry.region_checker import RegionChecker
+
+        standing = sum(piece.carrier == 0 for piece in scene.pieces)
+        return RegionChecker(scene) if standing > MANY else BuiltinChecker(scene)

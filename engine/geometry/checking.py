@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
+from engine.geometry.hierarchies import declared_tree
 from engine.geometry.parts import check_polyhedron, cores
 from engine.geometry.reach import unreached
 from engine.geometry.world import World
@@ -33,6 +34,8 @@ def check_cell(
         *_strangers(cell, domain),
         *(wrong for each in _shapes(cell) for wrong in _shape_problems(each)),
     ]
+    if not errors(found):
+        found += _outside(cell)
     if backend is not None and not errors(found):
         found += _unreached(cell, backend())
     return sorted(set(found))
@@ -64,6 +67,16 @@ def _shape_problems(placed: PlacedShape) -> list[Diagnostic]:
     except InvalidInput as error:
         return list(error.diagnostics)
     return check_polyhedron(placed.shape) if isinstance(placed.shape, Polyhedron) else []
+
+
+def _outside(cell: Cell) -> Iterator[Diagnostic]:
+    """Regions that are not within their parents."""
+    if any(region.parents for region in cell.regions.values()):
+        for error in declared_tree(World.of(cell))[1]:
+            where = cell.regions[error.region].where
+            yield Diagnostic(
+                where, "K704", str(error), "enlarge a parent, name another one, or shrink the region"
+            )
 
 
 def _unreached(cell: Cell, backend: GeometryBackend) -> Iterator[Diagnostic]:

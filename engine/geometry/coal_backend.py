@@ -3,7 +3,7 @@
 import coal
 import numpy as np
 
-from engine.geometry.builtin import nearest_of_bodies
+from engine.geometry.contacts import nearest_of_bodies
 from engine.geometry.kinematics import carrier_poses
 from engine.geometry.primitives import length_of, primitive_frame, refuse_rounded
 from engine.model.geometry import Contact, Floats, Piece, Scene, Truths

@@ -8,7 +8,7 @@ depth of one end alone.
 import mujoco
 import numpy as np
 
-from engine.geometry.builtin import nearest_of_bodies
+from engine.geometry.contacts import nearest_of_bodies
 from engine.geometry.primitives import length_of, primitive_frame, refuse_rounded
 from engine.model.geometry import Contact, Floats, Piece, Scene, Truths
 

@@ -21,6 +21,16 @@ class Pieces(NamedTuple):
     is_block: Truths  # (n,) whether the block is the piece itself
 
 
+class Tree(NamedTuple):
+    """How n regions hang together, for the kernels."""
+
+    first: Ints  # (n + 1,) where the children of each begin in `children`
+    children: Ints  # (m,)
+    roots: Ints  # (r,)
+    solid: Truths  # (n,)
+    grow: Floats  # (n,) how far what lies below may reach out of it
+
+
 def pack(pieces: Sequence[Piece]) -> Pieces:
     """The arrays of pieces, in their order."""
     placed = [transforms.apply(piece.T_carrier_piece, piece.vertices) for piece in pieces]

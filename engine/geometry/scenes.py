@@ -80,6 +80,12 @@ def _region_pieces(world: World, leave_out: Collection[str]) -> Iterator[Piece]:
     """Solid regions stand for real things that no body describes."""
     for name, region in world.cell.regions.items():
         if region.solid and name not in leave_out:
-            below = world.locate(region.placement.parent)
-            T: Floats = below.T_carrier_frame @ transforms.of_pose(region.placement.pose)
-            yield from _placed(name, Located(below.carrier, T), (PlacedShape(region.shape),))
+            yield from pieces_of_region(world, name)
+
+
+def pieces_of_region(world: World, name: str) -> list[Piece]:
+    """The convex pieces of a region that the cell declares."""
+    region = world.cell.regions[name]
+    below = world.locate(region.placement.parent)
+    T: Floats = below.T_carrier_frame @ transforms.of_pose(region.placement.pose)
+    return list(_placed(name, Located(below.carrier, T), (PlacedShape(region.shape),)))

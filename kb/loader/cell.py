@@ -166,6 +166,7 @@ class _CellReader:
             placement,
             tuple(item.value for item in parents.value) if parents else (),
             solid is not None and solid.value == "true",
+            self.nodes[name].where,
         )
 
     def _check_parents(self, regions: Mapping[str, Region]) -> None:

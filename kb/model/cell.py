@@ -217,6 +217,7 @@ class Region:
     placement: Placement = Placement()
     parents: tuple[str, ...] = ()
     solid: bool = False
+    where: Source = field(default=NOWHERE, compare=False)
 
 
 @dataclass(frozen=True, slots=True)

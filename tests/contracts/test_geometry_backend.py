@@ -10,6 +10,7 @@ from engine import plugins
 from engine.geometry import transforms
 from engine.geometry.kinematics import carrier_poses
 from engine.geometry.reference import signed_distance
+from engine.geometry.region_checker import RegionChecker
 from engine.geometry.scenes import free_scene_of, scene_of
 from engine.geometry.world import World
 from engine.model.geometry import Floats, Scene
@@ -41,9 +42,19 @@ NAMES = [
 AGREE_M = 1e-5  # what the least exact backend promises
 
 
-@pytest.fixture(params=NAMES)
+class RegionTrees:
+    """Not a backend of its own: what the built-in one does with many standing pieces."""
+
+    name = "region trees"
+    exact_depths = True
+
+    def checker(self, scene: Scene) -> RegionChecker:
+        return RegionChecker(scene)
+
+
+@pytest.fixture(params=[*NAMES, RegionTrees.name])
 def backend(request: pytest.FixtureRequest) -> GeometryBackend:
-    return plugins.geometry_backend(request.param)
+    return RegionTrees() if request.param == RegionTrees.name else plugins.geometry_backend(request.param)
 
 
 def body(name: str, shape: Shape, at: tuple[float, float, float], kind: BodyKind = BodyKind.FIXTURE) -> Body:
