@@ -1,0 +1,74 @@
+"""The scheduler: when each stage of each job happens, so that all is done as soon as can be, with proof if possible."""
+
+from dataclasses import replace
+
+from engine.model.jobs import Schedule, Scheduled, Shop, Timing
+from engine.model.outcome import GaveUp, Infeasible
+from engine.scheduling.bounds import lower_bound
+from engine.scheduling.checker import check_schedule
+from engine.scheduling.construct import construct
+from engine.scheduling.lags import Contradiction, Lags
+from engine.scheduling.limits import ScheduleLimits
+
+__all__ = ["ScheduleLimits", "check_schedule", "schedule"]
+
+
+class Refused(Exception):
+    """The scheduler made a schedule that the checker refuses: a bug. Carries what is wrong."""
+
+
+def schedule(shop: Shop, limits: ScheduleLimits = ScheduleLimits()) -> Timing:
+    """The best schedule found for a shop, the proof that there is none, or where the search stopped."""
+    lags = Lags(shop)
+    try:
+        bound = lower_bound(lags)
+    except Contradiction as error:
+        return Infeasible(
+            f"no stage can be so early and so late: the windows around {error} contradict each other"
+        )
+    first = construct(lags, bound)
+    if first is not None and first.proved:
+        return _checked(shop, first)
+    found = _improved(lags, bound, first, limits)
+    if found is None:
+        return GaveUp("no schedule yet", "time")
+    if isinstance(found, Infeasible):
+        return found
+    return _checked(shop, found)
+
+
+def _improved(
+    lags: Lags, bound: int, first: Schedule | None, limits: ScheduleLimits
+) -> Schedule | Infeasible | None:
+    from engine.scheduling.solver import improve  # the solver takes a while to load
+
+    return improve(lags, bound, horizon(lags.shop, first), first, limits)
+
+
+def horizon(shop: Shop, first: Schedule | None) -> int:
+    """A time at which all can be done: gaps in which nothing happens and nothing must pass can be closed up."""
+    if first is not None and not any(job.due is not None for job in shop.jobs):
+        return first.makespan
+    work = sum(stage.duration for stage in shop.stages.values())
+    waits = sum(max(0, window.least) for window in shop.windows)
+    travel = sum(max(resource.travel.values(), default=0) for resource in shop.resources)
+    longest = {d.name: max((change.duration for change in d.changes), default=0) for d in shop.devices}
+    needs = [need.device for stage in shop.stages.values() for need in stage.needs]
+    changes = [*needs, *longest]  # each device may have to be left at its final setting
+    trips = travel * (len(shop.stages) + len(changes) + 1)
+    return (
+        work
+        + waits
+        + trips
+        + sum(longest[each] for each in changes)
+        + max((j.release for j in shop.jobs), default=0)
+    )
+
+
+def _checked(shop: Shop, found: Schedule) -> Scheduled:
+    wrong = check_schedule(shop, found)
+    if wrong:
+        raise Refused("; ".join(wrong[:5]))
+    return Scheduled(
+        replace(found, proved=found.proved or (found.lower_bound == found.makespan and not found.tardiness))
+    )
