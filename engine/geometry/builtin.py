@@ -1,16 +1,14 @@
 """The built-in geometry backend: compiled kernels over packed arrays."""
 
-from collections.abc import Iterator
-
 import numpy as np
 
 from engine.geometry.contacts import nearest_of_bodies
 from engine.geometry.packing import pack
+from engine.geometry.stretches import in_stretches
 from engine.model.geometry import Contact, Floats, Ints, Scene, Truths
 from engine.ports import CollisionChecker
 
 MANY = 100  # standing pieces: beyond it, walking down a tree beats comparing every pair
-CHUNK = 1024  # configurations whose carrier poses are held at a time
 
 
 class BuiltinChecker:
@@ -35,8 +33,12 @@ class BuiltinChecker:
         from engine.geometry.kernels.checks import first_contacts
 
         found = np.full(len(where), -1, dtype=np.int64)
-        for first, poses in pose_batches(self._scene, where):
-            first_contacts(poses, self._pieces, self._pairs, found[first : first + len(poses)])
+
+        def look(first: int, after: int) -> None:
+            poses = pose_batch(self._scene, where[first:after])
+            first_contacts(poses, self._pieces, self._pairs, found[first:after])
+
+        in_stretches(len(where), look)
         return found
 
     def clearance(self, where: Floats, beyond_m: float = 1.0) -> Floats:
@@ -45,10 +47,13 @@ class BuiltinChecker:
 
         n = len(where)
         distance, pair, witness = np.empty(n), np.empty(n, dtype=np.int64), np.empty((n, 9))
-        for first, poses in pose_batches(self._scene, where):
-            rows = slice(first, first + len(poses))
+
+        def look(first: int, after: int) -> None:
+            poses, rows = pose_batch(self._scene, where[first:after]), slice(first, after)
             out = distance[rows], pair[rows], witness[rows]
             nearest_pairs(poses, self._pieces, self._pairs, float(beyond_m), *out)
+
+        in_stretches(n, look)
         return distance
 
     def contacts(self, where: Floats, within_m: float = 0.0) -> tuple[Contact, ...]:
@@ -57,8 +62,8 @@ class BuiltinChecker:
 
         pairs = self._pairs
         distance, witness = np.empty(len(pairs)), np.empty((len(pairs), 9))
-        for _, poses in pose_batches(self._scene, np.asarray(where, dtype=float)[None]):
-            near_pairs(poses[0], self._pieces, pairs, float(within_m), distance, witness)
+        poses = pose_batch(self._scene, np.asarray(where, dtype=float)[None])
+        near_pairs(poses[0], self._pieces, pairs, float(within_m), distance, witness)
         near = np.nonzero(distance <= within_m)[0]
         return nearest_of_bodies(
             Contact(
@@ -71,22 +76,18 @@ class BuiltinChecker:
         )
 
 
-def pose_batches(scene: Scene, where: Floats) -> Iterator[tuple[int, Floats]]:
-    """The carrier poses (m, k + 1, 3, 4) of stretches of a batch, each with its first row."""
+def pose_batch(scene: Scene, where: Floats) -> Floats:
+    """The carrier poses (n, k + 1, 3, 4) of configurations (n, k) or, in a free scene, of poses (n, 4, 4)."""
     from engine.geometry.kernels.checks import carriers
 
     where, joints = np.ascontiguousarray(where, dtype=float), scene.joints
-    for first in range(0, len(where), CHUNK):
-        count = min(CHUNK, len(where) - first)
-        poses = np.empty((count, scene.carriers, 3, 4))
-        if scene.free:
-            poses[:, 0] = np.eye(4)[:3]
-            poses[:, 1] = where[first : first + count, :3]
-        else:
-            carriers(
-                joints.parent, joints.T_parent_origin, joints.axis, joints.prismatic, where, first, poses
-            )
-        yield first, poses
+    poses = np.empty((len(where), scene.carriers, 3, 4))
+    if scene.free:
+        poses[:, 0] = np.eye(4)[:3]
+        poses[:, 1] = where[:, :3]
+    else:
+        carriers(joints.parent, joints.T_parent_origin, joints.axis, joints.prismatic, where, poses)
+    return poses
 
 
 class BuiltinBackend:

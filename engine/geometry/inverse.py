@@ -13,6 +13,7 @@ import numpy as np
 
 from engine.geometry import transforms
 from engine.geometry.kinematics import ArmModel, carrier_poses, wrapped
+from engine.geometry.stretches import in_stretches
 from engine.model.geometry import Floats, Truths
 
 EXACT = 1e-10  # metres and radians: a branch that misses by more is polished, and dropped if that fails
@@ -121,14 +122,20 @@ class InverseKinematics:
         screws = self.screws
         displaced = np.ascontiguousarray(poses @ transforms.inverse(screws.T_zero))
         q, valid = np.zeros((len(poses), 8, 6)), np.zeros((len(poses), 8))
+        residual = np.empty(valid.shape)
         solve = {
             Solver.SPHERICAL_WRIST: inverse.spherical_wrist,
             Solver.PARALLEL_AXES: inverse.parallel_axes,
         }[self.solver]
+        axes, points = screws.directions, screws.points
         centre = (float(screws.centre[0]), float(screws.centre[1]), float(screws.centre[2]))
-        solve(screws.directions, screws.points, centre, displaced, q, valid)
-        residual = np.empty(valid.shape)
-        inverse.residuals(screws.directions, screws.points, displaced, q, valid, residual)
+
+        def look(first: int, after: int) -> None:
+            rows = slice(first, after)
+            solve(axes, points, centre, displaced[rows], q[rows], valid[rows])
+            inverse.residuals(axes, points, displaced[rows], q[rows], valid[rows], residual[rows])
+
+        in_stretches(len(poses), look)
         return q, residual
 
     def _search(self, poses: Floats, seed: int) -> Branches:

@@ -7,11 +7,12 @@ from itertools import groupby
 
 import numpy as np
 
-from engine.geometry.builtin import pose_batches
+from engine.geometry.builtin import pose_batch
 from engine.geometry.contacts import nearest_of_bodies
 from engine.geometry.hierarchies import nested_boxes
 from engine.geometry.packing import joined, pack
 from engine.geometry.regions import RegionTree
+from engine.geometry.stretches import in_stretches
 from engine.model.geometry import Contact, Floats, Ints, Piece, Scene, Truths
 
 
@@ -45,24 +46,30 @@ class RegionChecker:
         from engine.geometry.kernels.regions import first_hits
 
         found = np.zeros(len(where), dtype=bool)
-        for first, poses in pose_batches(self._scene, where):
-            out = found[first : first + len(poses)]
+
+        def look(first: int, after: int) -> None:
+            poses, out = pose_batch(self._scene, where[first:after]), found[first:after]
             first_hits(poses, self._pieces, self.tree.arrays, self._pairs, self._skip, out)
+
+        in_stretches(len(where), look)
         return found
 
     def clearance(self, where: Floats, beyond_m: float = 1.0) -> Floats:
         """The least signed distance (n,), at most `beyond_m`."""
         from engine.geometry.kernels.regions import nearest_hits
 
-        found = np.empty(len(where))
-        for first, poses in pose_batches(self._scene, where):
-            out = found[first : first + len(poses)]
-            nearest_hits(poses, self._pieces, self.tree.arrays, self._pairs, self._skip, float(beyond_m), out)
+        found, beyond = np.empty(len(where)), float(beyond_m)
+
+        def look(first: int, after: int) -> None:
+            poses, out = pose_batch(self._scene, where[first:after]), found[first:after]
+            nearest_hits(poses, self._pieces, self.tree.arrays, self._pairs, self._skip, beyond, out)
+
+        in_stretches(len(where), look)
         return found
 
     def contacts(self, where: Floats, within_m: float = 0.0) -> tuple[Contact, ...]:
         """Every pair of bodies nearer than `within_m`, nearest first."""
-        ((_, poses),) = pose_batches(self._scene, np.asarray(where, dtype=float)[None])
+        poses = pose_batch(self._scene, np.asarray(where, dtype=float)[None])
         found, checked = self._among_moving(poses[0], within_m), self._checked()
         for piece in self._asking:
             T = np.vstack([poses[0, piece.carrier], [0.0, 0.0, 0.0, 1.0]])

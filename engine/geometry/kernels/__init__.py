@@ -15,7 +15,7 @@ F = TypeVar("F", bound=Callable[..., Any])
 def compiled(function: F) -> F:
     """`function`, compiled at its first call and cached on disk; without a cache where no folder can be written."""
     try:
-        kernel: Any = numba.njit(cache=True, error_model="numpy")(function)
+        kernel: Any = numba.njit(cache=True, error_model="numpy", nogil=True)(function)
     except RuntimeError:  # "cannot cache function": neither beside the module nor under the home folder
-        kernel = numba.njit(error_model="numpy")(function)
+        kernel = numba.njit(error_model="numpy", nogil=True)(function)
     return cast(F, kernel)

@@ -15,15 +15,13 @@ from engine.model.geometry import Floats, Ints, Truths
 
 
 @compiled
-def carriers(
-    parent: Ints, origin: Floats, axis: Floats, prismatic: Truths, q: Floats, first: int, out: Floats
-) -> None:
-    """The pose of every carrier (m, k + 1, 3, 4) for the m configurations of q (n, k) from row `first`."""
+def carriers(parent: Ints, origin: Floats, axis: Floats, prismatic: Truths, q: Floats, out: Floats) -> None:
+    """The pose of every carrier (n, k + 1, 3, 4) for configurations q (n, k)."""
     turned = np.empty((3, 3))
     for n in range(out.shape[0]):
         _set_identity(out[n, 0])
         for j in range(parent.shape[0]):
-            value = q[first + n, j]
+            value = q[n, j]
             _motion(axis[j], 0.0 if prismatic[j] else value, turned)
             above, here, fixed = out[n, parent[j]], out[n, j + 1], origin[j]
             for r in range(3):
