@@ -1,5 +1,7 @@
 """The command `cellwright`: parse, call, print, exit. Heavy imports wait until a command needs them."""
 
+import gc
+
 import typer
 
 from engine.cli.check import check, schema
@@ -7,7 +9,9 @@ from engine.cli.explain import explain
 from engine.cli.export import export
 from engine.cli.golden import golden_plans
 from engine.cli.init import init
+from engine.cli.macros import app as macros
 from engine.cli.plan import plan, validate
+from engine.cli.prepare import prepare
 
 app = typer.Typer(
     name="cellwright", no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False
@@ -19,11 +23,13 @@ def cellwright() -> None:
     """Plan and diagnose for robot work cells."""
 
 
-for command in (check, explain, export, init, plan, schema, validate):
+for command in (check, explain, export, init, plan, prepare, schema, validate):
     app.command()(command)
 app.command("test")(golden_plans)
+app.add_typer(macros, name="macros")
 
 
 def main() -> None:
     """Run the command line."""
+    gc.set_threshold(100_000)  # hardly anything here is part of a cycle
     app()

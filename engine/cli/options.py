@@ -21,3 +21,11 @@ Pddl = Annotated[bool, typer.Option("--pddl", help="the arguments are a PDDL dom
 Ground = Annotated[bool, typer.Option("--ground", help="write PDDL without variables, as plain STRIPS")]
 Strategy = Annotated[str, typer.Option(help="auto, backward, forward or landmarks")]
 Expansions = Annotated[int, typer.Option(min=0, help="states that the search may expand before it gives up")]
+Library = Annotated[
+    str,
+    typer.Option(
+        "--store",
+        envvar="CELLWRIGHT_STORE",
+        help="a library of MACROPs: a file, or postgresql://USER@HOST/DATABASE",
+    ),
+]

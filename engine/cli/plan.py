@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -15,6 +15,7 @@ from engine.cli.options import (
     Format,
     Goals,
     Ground,
+    Library,
     Pddl,
     Seed,
     Stats,
@@ -24,6 +25,8 @@ from engine.cli.options import (
 )
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from rich.console import RenderableType
 
     from engine.interop.pddl import PddlProblem
@@ -54,13 +57,14 @@ def plan(
     expansions: Expansions = 1_000_000,
     strategy: Strategy = "auto",
     seed: Seed = 0,
+    store: Library = "",
 ) -> None:
     """Print a plan for TARGET, or, with --pddl, for the PDDL domain TARGET and the PDDL problem TASK."""
     if pddl != (task is not None):
         raise typer.BadParameter("--pddl takes a domain and a problem; without it there is one target")
     form = Form.JSON if format is PlanForm.JSON else Form.TEXT
     wanted = Wanted(target, goals, command, task)
-    give(lambda: _plan(wanted, format, stats, Work(time_limit, expansions, seed, strategy)), form)
+    give(lambda: _plan(wanted, format, stats, Work(time_limit, expansions, seed, strategy, store)), form)
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,11 +85,13 @@ class Work:
     expansions: int
     seed: int
     strategy: str
+    store: str = ""
 
 
 def _plan(wanted: Wanted, form: PlanForm, stats: bool, work: Work) -> Answer:
     from engine import pipeline
     from engine.cli.interruption import Interruption
+    from engine.cli.macros import planned
     from engine.planning import STRATEGIES, Limits
     from engine.report import json
     from kb.diagnostics import Diagnostic, InvalidInput, Source, nearest
@@ -97,14 +103,14 @@ def _plan(wanted: Wanted, form: PlanForm, stats: bool, work: Work) -> Answer:
         task = pipeline.pddl_task(wanted.target, wanted.pddl) if wanted.pddl else None
         problem = task.problem if task else pipeline.problem_of(wanted.target, wanted.goals, wanted.command)
         limits = Limits(work.expansions, interrupted=interrupted, strategy=work.strategy, seed=work.seed)
-        outcome = pipeline.plan(problem, limits)
-    content = json.outcome(outcome, problem)
+        outcome, origin = planned(problem, limits, work.store)
+    content = {**json.outcome(outcome, problem), **origin}
     if stats:
         content["statistics"] = json.statistics(outcome.statistics)
     return Answer(
         json.status(outcome),
         content,
-        text=lambda: _text(outcome, problem, stats),
+        text=lambda: _text(outcome, problem, stats, origin),
         code=INTERRUPTED if interrupted.heard else exit_code(outcome),
         raw=_ipc(outcome, task) if form is PlanForm.IPC else _picture(outcome, problem, form),
     )
@@ -123,13 +129,16 @@ def _ipc(outcome: "Outcome", task: "PddlProblem | None") -> str | None:
     return write_plan(task, outcome.plan) if isinstance(outcome, Found) else None
 
 
-def _text(outcome: "Outcome", problem: "Problem", stats: bool) -> "RenderableType":
+def _text(
+    outcome: "Outcome", problem: "Problem", stats: bool, origin: "Mapping[str, Any]"
+) -> "RenderableType":
     from rich.console import Group
 
+    from engine.cli.macros import origin_text
     from engine.report import text
 
-    parts = [text.outcome(outcome, problem)]
-    return Group(*parts, text.statistics(outcome.statistics)) if stats else parts[0]
+    parts = [text.outcome(outcome, problem), *origin_text(origin)]
+    return Group(*parts, *([text.statistics(outcome.statistics)] if stats else []))
 
 
 def _picture(outcome: "Outcome", problem: "Problem", form: PlanForm) -> str | None:

@@ -1,5 +1,6 @@
 """Plan once, reuse for ever: problems are looked up in a library first; what has to be planned is learned."""
 
 from engine.reuse.practice import Answered, Practice
+from engine.reuse.preparation import Preparation, Prepared, prepare
 
-__all__ = ["Answered", "Practice"]
+__all__ = ["Answered", "Practice", "Preparation", "Prepared", "prepare"]

@@ -94,7 +94,8 @@ def test_every_verb_is_in_the_table_of_commands_and_no_other() -> None:
 
 
 def test_every_option_that_is_named_exists() -> None:
-    options = {name for verb in VERBS.values() for each in verb.params for name in each.opts}
+    commands = [each for verb in VERBS.values() for each in (verb, *getattr(verb, "commands", {}).values())]
+    options = {name for each in commands for parameter in each.params for name in parameter.opts}
     others = {"--help", "--update-golden"}  # of every command; of the tests
     for name, page in PAGES.items():
         prose = re.sub(r"^```.*?^```", "", page, flags=re.M | re.S)

@@ -1,0 +1,136 @@
+"""A problem set planned offline, in parallel processes, so that a library knows it before it is needed."""
+
+import contextlib
+import multiprocessing
+from collections.abc import Callable, Generator, Mapping, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from engine.macros.digests import Digests
+from engine.model.outcome import Found, GaveUp
+from engine.planning import Limits
+from engine.reuse.practice import Practice
+from kb.diagnostics import Diagnostic, InvalidInput
+from kb.loader import load
+from kb.model.domain import Domain
+from kb.store import Library
+
+
+@dataclass(frozen=True, slots=True)
+class Prepared:
+    """What became of one problem. `status`: found, infeasible, gave up or bad input; the rest as `Answered` has it."""
+
+    problem: str
+    status: str
+    origin: str = ""
+    macrop: int | None = None
+    name: str = ""
+    reason: str = ""
+    seconds: float = 0.0
+    diagnostics: tuple[Diagnostic, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Preparation:
+    """A problem set that was worked through. `stale` MACROPs were removed; they name the parts that had changed."""
+
+    problems: tuple[Prepared, ...]
+    stale: Mapping[int, tuple[str, ...]] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class Job:
+    """What one process is told."""
+
+    path: Path
+    store: str
+    expansions: int
+    seed: int
+
+
+def silent(_done: int, _of: int) -> None:
+    """No progress is shown."""
+
+
+def prepare(
+    paths: Sequence[Path],
+    store: str,
+    limits: Limits,
+    processes: int,
+    progress: Callable[[int, int], None] = silent,
+) -> Preparation:
+    """Plan every problem file and keep what was learned; `limits.interrupted` ends it between problems.
+
+    A domain's stale MACROPs are removed first. Raises `InvalidInput` where the library refuses.
+    """
+    stale = _without_stale(paths, store)
+    jobs = [Job(path, store, limits.expansions, limits.seed) for path in paths]
+    found: dict[Path, Prepared] = {}
+    with contextlib.closing(_run(jobs, processes, limits.interrupted)) as answers:
+        for job, prepared in answers:
+            found[job.path] = prepared
+            progress(len(found), len(jobs))
+    return Preparation(tuple(found[path] for path in paths if path in found), stale)
+
+
+def _without_stale(paths: Sequence[Path], store: str) -> dict[int, tuple[str, ...]]:
+    gone: dict[int, tuple[str, ...]] = {}
+    with Library(store) as library:
+        for domain in _domains(paths):
+            outdated = library.outdated(domain.name, Digests(domain).of)
+            library.forget(outdated)
+            gone |= outdated
+    return gone
+
+
+def _domains(paths: Sequence[Path]) -> list[Domain]:
+    """The domains of the problems that can be read, each once; what is wrong with the others is said later."""
+    found: dict[str, Domain] = {}
+    for path in paths:
+        with contextlib.suppress(InvalidInput):
+            domain = load(path).domain
+            found.setdefault(domain.path or domain.name, domain)
+    return list(found.values())
+
+
+def _run(
+    jobs: Sequence[Job], processes: int, interrupted: Callable[[], bool]
+) -> Generator[tuple[Job, Prepared], None, None]:
+    """Answers as they come. Processes are spawned, so that none inherits a connection or a thread's lock."""
+    if processes == 1:
+        for job in jobs:
+            if interrupted():
+                return
+            yield job, work(job)
+        return
+    context = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(min(processes, len(jobs) or 1), mp_context=context) as pool:
+        waiting: dict[Future[Prepared], Job] = {pool.submit(work, job): job for job in jobs}
+        try:
+            while waiting and not interrupted():
+                done, _ = wait(waiting, timeout=0.2, return_when=FIRST_COMPLETED)
+                for each in done:
+                    yield waiting.pop(each), each.result()
+        finally:
+            pool.shutdown(wait=True, cancel_futures=True)
+
+
+def work(job: Job) -> Prepared:
+    """Plan one problem through the library."""
+    try:
+        problem = load(job.path).problem
+        if problem is None:
+            return Prepared(str(job.path), "bad input", reason="this is no problem")
+        limits = Limits(job.expansions, seed=job.seed)
+        with Library(job.store) as library, Practice(library, limits, thorough=True) as practice:
+            answered = practice.plan(problem)
+    except InvalidInput as error:
+        return Prepared(str(job.path), "bad input", diagnostics=tuple(error.diagnostics))
+    outcome = answered.outcome
+    status = (
+        "found" if isinstance(outcome, Found) else "gave up" if isinstance(outcome, GaveUp) else "infeasible"
+    )
+    seconds = sum(outcome.statistics.seconds.values())
+    why = answered.reason if isinstance(outcome, Found) else outcome.reason
+    return Prepared(problem.name, status, answered.origin, answered.macrop, answered.name, why, seconds)
