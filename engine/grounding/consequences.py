@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from engine.grounding.program import Vocabulary, consequence_body, numbered, rule
 from engine.grounding.universe import Universe
 from engine.model.task import Bits, bitset
-from kb.asp import Table
+from kb.asp.tables import Table
 from kb.asp.vocabulary import guard
 from kb.model.conditions import Aggregate, BodyPart, Comparison, free_variables
 from kb.model.domain import Consequence, DeductiveOperator, Domain
@@ -65,7 +65,7 @@ def consequences(domain: Domain, vocabulary: Vocabulary, universe: Universe) -> 
             continue
         triggers, own = tables[f"{entry.name}_from"], _grouped(tables[f"{entry.name}_to"])
         excluded = _grouped(tables[f"{entry.name}_but"])
-        for key, trigger in triggers.tolist():
+        for key, trigger in triggers:
             masks[trigger] |= own.get(key, 0) & ~excluded.get(trigger, 0)
     return found
 
@@ -147,6 +147,5 @@ def _pairs(name: str, one: str, other: str, bodies: list[list[str]]) -> tuple[st
 
 def _grouped(table: Table) -> dict[int, Bits]:
     """The second numbers of all rows that begin with the same first, as a bitset; rows come sorted."""
-    rows = table.tolist()
-    groups = itertools.groupby(rows, key=lambda row: row[0])
+    groups = itertools.groupby(table, key=lambda row: row[0])
     return {first: bitset([second for _, second in group]) for first, group in groups}

@@ -14,12 +14,10 @@ from engine.grounding.program import Schema, is_conditional
 from engine.grounding.universe import Universe
 from engine.grounding.workflow import Workflow
 from engine.model.task import Bits, ConditionalEffect, GroundOperator, bitset
-from kb.asp import Table
+from kb.asp.tables import Table
 from kb.model.conditions import Literal
 from kb.model.domain import Operator
 from kb.terms import Atom, Function, Number, Substitution, Term, substitute, substitute_atom, variables
-
-CHUNK = 10_000  # rows that are Python numbers at one moment
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,8 +58,7 @@ class Rows:
         return arguments, literals, literals + self.adds
 
     def __iter__(self) -> Iterator[list[int]]:
-        for start in range(0, len(self.table), CHUNK):
-            yield from self.table[start : start + CHUNK].tolist()
+        return iter(self.table)
 
 
 @dataclass(frozen=True, slots=True)

@@ -47,7 +47,7 @@ def conditional_changes(
     for name, table in universe.tables(rules).items():
         each = owners[name]
         width = len(each.operator.variables)
-        for row in table.tolist():
+        for row in table:
             change = (1 << row[-1], 0) if each.effect.adds else (0, 1 << row[-1])
             entry = (signed(each.literals, row[width:-1]), *change)
             found.setdefault((each.operator.name, tuple(row[:width])), {})[entry] = None
@@ -67,7 +67,7 @@ def derivations(rules: Sequence[Rule], vocabulary: Vocabulary, universe: Univers
         parts[name] = literals
     bodies: dict[int, list[Signed]] = {}
     for name, table in universe.tables(texts).items():
-        for row in table.tolist():
+        for row in table:
             bodies.setdefault(row[0], []).append(signed(parts[name], row[1:]))
     return bodies
 
@@ -83,7 +83,7 @@ def matches(
         texts[name] = (rule(str(atom), [*body, *map(str, static)]), len(names) + 1)
         parts[name] = literals
     tables = universe.tables(texts)
-    return {name: [signed(parts[name], row[:-1]) for row in table.tolist()] for name, table in tables.items()}
+    return {name: [signed(parts[name], row[:-1]) for row in table] for name, table in tables.items()}
 
 
 def _changes(schema: Schema, vocabulary: Vocabulary) -> tuple[list[Effect], list[Effect]]:

@@ -1,19 +1,16 @@
 """The reachable atoms of a problem, numbered, and tables over those numbers; one `Universe` wraps one grounder."""
 
 from collections.abc import Iterable, Mapping
-from math import prod
-
-import numpy as np
 
 from engine.grounding.program import Vocabulary, numbered
 from engine.model.task import Bits, indices
-from kb.asp import Grounder, Table
+from kb.asp import Grounder
+from kb.asp.tables import Table
 from kb.terms import Atom, Function, Term
 
 DERIVED = (
     1 << 29
 )  # derived atoms are numbered from here: they are compiled away and get no bit (clingo has 32)
-LARGEST_KEY = 2**62  # rows whose columns span less are sorted by one integer each
 
 
 class Universe:
@@ -63,8 +60,7 @@ class Universe:
     def tables(self, rules: dict[str, tuple[str, int]]) -> dict[str, Table]:
         """Ground rules given as predicate: (text, arity) and return the rows of each predicate."""
         self._grounder.ground("\n".join(text for text, _ in rules.values()))
-        found = self._grounder.tables({name: arity for name, (_, arity) in rules.items()})
-        return {name: sorted_rows(found[name]) for name in rules}
+        return self._grounder.tables({name: arity for name, (_, arity) in rules.items()})
 
     def number(self, rules: Iterable[str], arities: Mapping[str, int]) -> None:
         """Ground rules and number the true atoms of predicates p, as facts `p_number(arguments, number)`."""
@@ -83,17 +79,3 @@ def numbered_fact(atom: Atom, number: int) -> str:
     return (
         numbered(atom, "N").replace(", N)", f", {number})") if atom.arguments else f"_i_{atom.name}({number})"
     )
-
-
-def sorted_rows(table: Table) -> Table:
-    """The rows, which are distinct, in lexicographic order, so that nothing depends on clingo's order."""
-    if not table.size:
-        return table
-    lowest = table.min(axis=0)
-    spans = [int(span) for span in table.max(axis=0) - lowest + 1]
-    if prod(spans) >= LARGEST_KEY:
-        return table[np.lexsort(table.T[::-1])]
-    keys = table[:, 0] - lowest[0]
-    for column in range(1, table.shape[1]):
-        keys = keys * spans[column] + (table[:, column] - lowest[column])
-    return table[np.argsort(keys)]

@@ -57,7 +57,7 @@ class Climb:
 
 
 class BestFirst:
-    """Best first by cost + greed * estimate, for plans that cost less than `below`.
+    """Best first by cost + greed * estimate, among nodes whose cost and estimate together stay below `below`.
 
     `greed` 0 with unit costs is breadth first and finds shortest plans.
     """
@@ -92,7 +92,7 @@ class BestFirst:
         best, charges = self._best, self.space.regression.relaxation.charges
         for successor in self.space.successors(node):
             cost = node.cost + charges[successor.operator]
-            if cost + bool(successor.open & ~self.space.initial) >= self.below:
+            if cost + successor.estimate >= self.below:
                 continue
             known = best.get(successor.open)
             if known is None or cost < known:

@@ -158,11 +158,11 @@ class _Check:
             return
         for executed in self.executed.values():
             other = executed.step.id
-            if other in (link.producer, link.consumer) or not self._destroys(executed, atom, positive):
-                continue
             early = link.producer != START and other in self.before[link.producer]
             late = link.consumer != GOAL and link.consumer in self.before[other]
-            if not early and not late:
+            if early or late or other in (link.producer, link.consumer):
+                continue
+            if self._destroys(executed, atom, positive):
                 self._report(
                     "K504", f"{said}: step {other} {executed.step.operator} can come between and end it"
                 )

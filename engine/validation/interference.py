@@ -68,11 +68,13 @@ class Interference:
             return f"both hold {min(map(str, shared))}"
         needed = reads[other.step.id]
         name = f"{one.step.operator}"
-        for atom in sorted(needed.true | set(other.change.adds), key=str):
-            if atom not in one.change.adds and denies(self.semantics, one, atom):
-                return f"{name} denies {atom}, which {other.step.operator} needs or adds"
-        for atom in sorted(needed.false & one.change.adds, key=str):
-            return f"{name} adds {atom}, which {other.step.operator} needs false"
+        exposed = (needed.true | other.change.adds) - one.change.adds
+        denied = [atom for atom in exposed if denies(self.semantics, one, atom)]
+        if denied:
+            return f"{name} denies {min(map(str, denied))}, which {other.step.operator} needs or adds"
+        added = needed.false & one.change.adds
+        if added:
+            return f"{name} adds {min(map(str, added))}, which {other.step.operator} needs false"
         for pattern in sorted(needed.watched, key=str):
             changed = (*one.change.adds, *one.change.ends)
             if any(match(pattern, atom, {}) is not None for atom in changed):

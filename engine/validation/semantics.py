@@ -22,23 +22,30 @@ State = frozenset[Atom]
 
 @dataclass(frozen=True, slots=True)
 class Denial:
-    """Atoms that match `pattern` under `body` become false; `deduced` ones may not be added at the same time."""
+    """Atoms that match `pattern` under `body` become false; `deduced` ones may not be added at the same time.
+
+    A denial that no deductive operator makes, without `consequence`, is of one ground atom.
+    """
 
     pattern: Atom
-    body: Body
-    bindings: tuple[tuple[Variable, Term], ...]
+    body: Body = ()
+    bindings: tuple[tuple[Variable, Term], ...] = ()
     consequence: Consequence | None = None
     deduced: bool = True
 
     def matches(self, atom: Atom, statics: Facts) -> bool:
         """Whether this denies `atom`."""
+        if self.consequence is None:
+            return atom == self.pattern
         if atom.name != self.pattern.name:
             return False
         found = match(self.pattern, atom, dict(self.bindings))
         if found is None:
             return False
-        typed = self.consequence is None or _typed(self.consequence, found, statics)
-        return typed and next(solve(self.body, statics, found), None) is not None
+        return (
+            _typed(self.consequence, found, statics)
+            and next(solve(self.body, statics, found), None) is not None
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,8 +121,7 @@ class Semantics:
     def strata(self) -> list[list[Rule]]:
         """The rules of derived predicates in an order in which negation looks only backwards."""
         return [
-            [rule for name in sorted(part) for rule in self._rules[name]]
-            for part in components(self._uses)
+            [rule for name in sorted(part) for rule in self._rules[name]] for part in components(self._uses)
         ]
 
     @cached_property
@@ -191,7 +197,7 @@ class Semantics:
                     added.append(atom)
                 else:
                     explicit.append(atom)
-        ends = tuple(Denial(atom, (), (), deduced=False) for atom in explicit if atom not in added)
+        ends = tuple(Denial(atom, deduced=False) for atom in explicit if atom not in added)
         return replace(self.deduce(added, ends, state), events=tuple(events))
 
     def _fires(self, effect: Effect, bindings: Bindings, facts: Facts) -> Iterator[Bindings]:

@@ -9,14 +9,10 @@ import re
 from collections.abc import Iterable, Iterator, Mapping
 
 import clingo
-import numpy as np
-import numpy.typing as npt
 
 from kb.asp.suspicion import suspicion
+from kb.asp.tables import Table, table
 from kb.terms import Function, Number, Term, Text
-
-Table = npt.NDArray[np.int64]
-_NUMBERS_ALONE = str.maketrans(";", ",", "()")  # clingo writes a negative number as (-1)
 
 
 class AspError(Exception):
@@ -79,7 +75,7 @@ class Grounder:
                 yield found
 
     def tables(self, arities: Mapping[str, int]) -> dict[str, Table]:
-        """For each predicate over integers its true atoms as an array (n, arity)."""
+        """For each predicate over integers its true atoms as rows, sorted."""
         first = self._tables
         columns = {name: arity for name, arity in arities.items() if arity}
         statements = []
@@ -88,25 +84,13 @@ class Grounder:
             statements.append(f"&rows({number}) {{ {row} : {name}({row}) }}.")
         self._tables += len(columns)
         self.ground("\n".join(statements))
-        found = {
-            name: np.empty((len(self.atoms(name, 0)), 0), dtype=np.int64)
-            for name in arities
-            if name not in columns
-        }
+        found = {name: Table([[]] * len(self.atoms(name, 0))) for name in arities if name not in columns}
         names = list(columns)
         for atom in self._control.theory_atoms:
             number = atom.term.arguments[0].number - first
             if number >= 0:
-                found[names[number]] = _numbers(str(atom), columns[names[number]])
+                found[names[number]] = table(str(atom), columns[names[number]])
         return found
-
-
-def _numbers(text: str, arity: int) -> Table:
-    """The integers between the braces of a printed theory atom, row by row."""
-    numbers = text[text.index("{") + 1 : -1].translate(_NUMBERS_ALONE)
-    if not numbers.strip():
-        return np.empty((0, arity), dtype=np.int64)
-    return np.fromstring(numbers, dtype=np.int64, sep=",").reshape(-1, arity)
 
 
 def term(symbol: clingo.Symbol) -> Term:

@@ -1,0 +1,61 @@
+"""Tables of integers that leave clingo as text: lists while they are small, arrays when they are large.
+
+NumPy is imported for large tables alone; it takes longer to import than a small problem to ground.
+"""
+
+from collections.abc import Iterator
+from math import prod
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    import numpy as np
+    import numpy.typing as npt
+
+    Array = npt.NDArray[np.int64]
+
+LARGE = 300_000  # characters from which on an array is worth its import
+CHUNK = 10_000  # rows that are Python numbers at one moment
+LARGEST_KEY = 2**62  # rows whose columns span less are sorted by one integer each
+_NUMBERS_ALONE = str.maketrans(";", ",", "()")  # clingo writes a negative number as (-1)
+
+
+class Table:
+    """Distinct rows of integers in lexicographic order, so that nothing depends on clingo's order."""
+
+    def __init__(self, rows: "list[list[int]] | Array") -> None:
+        self._rows = rows
+
+    def __len__(self) -> int:
+        return len(self._rows)
+
+    def __iter__(self) -> Iterator[list[int]]:
+        if isinstance(self._rows, list):
+            yield from self._rows
+            return
+        for start in range(0, len(self._rows), CHUNK):
+            yield from self._rows[start : start + CHUNK].tolist()
+
+
+def table(text: str, width: int) -> Table:
+    """The rows that a theory atom is printed with, between its braces."""
+    numbers = text[text.index("{") + 1 : -1].translate(_NUMBERS_ALONE)
+    if not numbers.strip():
+        return Table([])
+    if len(numbers) >= LARGE:
+        return Table(_array(numbers, width))
+    cells = iter(map(int, numbers.split(",")))
+    return Table(sorted(map(list, zip(*[cells] * width, strict=True))))
+
+
+def _array(numbers: str, width: int) -> "Array":
+    import numpy as np
+
+    rows = np.fromstring(numbers, dtype=np.int64, sep=",").reshape(-1, width)
+    lowest = rows.min(axis=0)
+    spans = [int(span) for span in rows.max(axis=0) - lowest + 1]
+    if prod(spans) >= LARGEST_KEY:
+        return rows[np.lexsort(rows.T[::-1])]
+    keys = rows[:, 0] - lowest[0]
+    for column in range(1, width):
+        keys = keys * spans[column] + (rows[:, column] - lowest[column])
+    return rows[np.argsort(keys)]
