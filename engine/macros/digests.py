@@ -84,11 +84,10 @@ def canonical(value: Any) -> str:
 
 
 def dependencies(
-    macrop: Macrop, schemas: Iterable[OperatorSchema], domain: Domain, derived: Iterable[str]
+    macrop: Macrop, schemas: Iterable[OperatorSchema], digests: Digests, derived: Iterable[str]
 ) -> dict[str, str]:
     """The parts that a proof over these operators and derived predicates rests on, with their digests."""
-    digests = Digests(domain)
-    parts = {*_proved(schemas, domain), *_declared(macrop, domain)}
+    parts = {*_proved(schemas, digests.domain), *_declared(macrop, digests.domain)}
     parts |= {f"{kind} {name}" for name in derived for kind in ("rules", "predicate")}
     return {part: digests.of(part) for part in sorted(parts)}
 

@@ -63,7 +63,7 @@ class Reading:
             self._links(),
             chains,
         )
-        depends = dependencies(macrop, proof.schemas.values(), domain, self._derived())
+        depends = dependencies(macrop, proof.schemas.values(), proof.world.digests, self._derived())
         return Generalised(dataclasses.replace(macrop, depends=depends), self._bindings())
 
     def _term(self, term: Term) -> Term:

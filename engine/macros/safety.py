@@ -29,6 +29,8 @@ class Safety:
     disequalities: dict[Comparison, None] = field(default_factory=dict)
     negated: dict[BodyPart, None] = field(default_factory=dict)
     exclusions: dict[Body, None] = field(default_factory=dict)
+    _constrained: set[Comparison] = field(default_factory=set)
+    _constrained_at: tuple[int, int] = (-1, -1)
 
     def establish(self) -> None:
         """Exclude everything that could go wrong; repeated while that makes terms equal or adds needs."""
@@ -113,14 +115,23 @@ class Safety:
     def excluded(self, parts: Body) -> bool:
         """Whether a condition that is demanded already keeps the parts from holding together."""
         equal = [part for part in parts if isinstance(part, Comparison) and part.relation == "="]
-        known = {
-            *self.disequalities,
-            *(self._resolved(part) for part in self.proof.constraints if _is_apart(part)),
-        }
-        known |= {apart(part.left, part.right) for part in known if isinstance(part, Comparison)}
-        return any(apart(part.left, part.right) in known for part in equal) or any(
+        return any(self._known_apart(part) for part in equal) or any(
             isinstance(part, Literal) and _negation(part) in self.negated for part in parts
         )
+
+    def _known_apart(self, part: Comparison) -> bool:
+        """Whether a disequality or a constraint keeps two terms apart."""
+        differ = apart(part.left, part.right)
+        if differ in self.disequalities:
+            return True
+        size = (len(self.proof.constraints), len(self.proof.equal.bindings))
+        if self._constrained_at != size:
+            demanded = map(self._resolved, filter(_is_apart, self.proof.constraints))
+            self._constrained = {
+                apart(each.left, each.right) for each in demanded if isinstance(each, Comparison)
+            }
+            self._constrained_at = size
+        return differ in self._constrained
 
     def firing(self, pairs: Pairs, guard: Body) -> Body | None:
         """When all pairs are equal and the guard holds, simplified; None if never."""

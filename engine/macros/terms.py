@@ -14,6 +14,7 @@ class Equalities:
 
     def __init__(self) -> None:
         self.bindings: dict[Variable, Term] = {}
+        self._resolved: dict[Variable, Term] = {}  # until something becomes equal
 
     def join(self, one: Term, other: Term) -> bool:
         """Make two terms equal; whether that was new. Raises `NotGeneral` if they cannot be."""
@@ -21,11 +22,9 @@ class Equalities:
         if one == other:
             return False
         if isinstance(one, Variable):
-            self.bindings[one] = other
-            return True
+            return self._bind(one, other)
         if isinstance(other, Variable):
-            self.bindings[other] = one
-            return True
+            return self._bind(other, one)
         if (
             isinstance(one, Function)
             and isinstance(other, Function)
@@ -35,6 +34,11 @@ class Equalities:
             return any([self.join(left, right) for left, right in pairs])
         raise NotGeneral(f"{one} is not {other}")
 
+    def _bind(self, variable: Variable, term: Term) -> bool:
+        self.bindings[variable] = term
+        self._resolved.clear()
+        return True
+
     def _root(self, term: Term) -> Term:
         while isinstance(term, Variable) and term in self.bindings:
             term = self.bindings[term]
@@ -42,7 +46,14 @@ class Equalities:
 
     def resolved(self, term: Term) -> Term:
         """The term with every variable replaced by what it stands for."""
-        term = self._root(term)
+        if isinstance(term, Variable):
+            found = self._resolved.get(term)
+            if found is None:
+                found = self._resolved[term] = self._followed(self._root(term))
+            return found
+        return self._followed(term)
+
+    def _followed(self, term: Term) -> Term:
         if isinstance(term, Function) and term.arguments:
             return Function(term.name, tuple(map(self.resolved, term.arguments)))
         if isinstance(term, Operation):

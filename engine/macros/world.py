@@ -7,6 +7,7 @@ from functools import cached_property
 import networkx as nx
 
 from engine.macros.bodies import Bindings, satisfiable, solve
+from engine.macros.digests import Digests
 from engine.macros.facts import Facts
 from engine.macros.schema import Following, NotGeneral, OperatorSchema, Schemas, stand_in
 from kb.asp import Grounder
@@ -42,6 +43,11 @@ class World:
         grounder = Grounder()
         grounder.ground("\n".join([static_program(problem), *_aggregate_rules(problem.domain)]))
         self.statics = Facts(grounder.everything())
+
+    @cached_property
+    def digests(self) -> Digests:
+        """The digests of the domain's parts."""
+        return Digests(self.domain)
 
     @cached_property
     def strata(self) -> list[list[Rule]]:
