@@ -27,7 +27,17 @@ def beliefs(problem: Troubleshooting) -> Beliefs:
     shifts = base + np.concatenate([np.zeros(1, dtype=np.int64), np.cumsum(widths)[:-1]])[: len(actions)]
     known = _known(losses, likelihoods, ends, costs.min(axis=0))
     return Beliefs(
-        likelihoods, masks, ends, costs, following, losses, known, shifts.astype(np.int64), widths, base
+        likelihoods,
+        masks,
+        ends,
+        ends.any(axis=1),
+        costs,
+        following,
+        losses,
+        known,
+        shifts.astype(np.int64),
+        widths,
+        base,
     )
 
 

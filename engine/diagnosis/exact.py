@@ -1,62 +1,91 @@
-"""The exact search behind one face: over sets of causes where outcomes are certain, over weights where they are not."""
+"""The exact searches behind one face: over sets of causes where outcomes are certain, over weights where they are not.
 
-from dataclasses import dataclass
+Values are weighted with the probability of what was seen so far.
+"""
+
+import math
+from dataclasses import dataclass, field
+from typing import Protocol
 
 import numpy as np
 
 from engine.diagnosis import arrays
 from engine.diagnosis.arrays import Floats
-from engine.diagnosis.kernels import belief, partition
+from engine.diagnosis.kernels import belief, dense, partition
 from engine.diagnosis.kernels.belief import Beliefs
 from engine.diagnosis.kernels.memo import BUDGET, EXPANSIONS, FULL, RUNNING, SPENT, STATUS, Memo, grown, memo
 from engine.diagnosis.kernels.partition import Partition
 from engine.model.diagnosis import Troubleshooting
 
 FIRST_LENGTH = 1 << 14
+CHEAPER = 8  # a state met in passing costs about as much as an eighth of an expansion
+MOST_STATES = 8_000_000
 
 
-@dataclass
-class Searcher:
-    """Values of states, remembered from question to question. Costs are weighted with the mass of `weights`."""
+class Searcher(Protocol):
+    """Values of states, remembered from question to question; `rest` is the second word of a state's key."""
 
-    beliefs: Beliefs
-    partition: Partition | None
-    table: Memo
+    @property
+    def beliefs(self) -> Beliefs:
+        """The problem."""
+        ...
+
+    @property
+    def spent(self) -> int:
+        """Expansions so far."""
+        ...
 
     def value(self, weights: Floats, rest: int, limit: float, expansions: int) -> tuple[float, bool]:
         """The value of a state, if it is below `limit` and found within the budget; else a lower bound and False."""
-        counts = self.table.counts
-        counts[BUDGET] = counts[EXPANSIONS] + expansions
+        ...
+
+    def estimate(self, action: int, weights: Floats, rest: int) -> float:
+        """A lower bound of beginning with an action, from all that has been found out."""
+        ...
+
+
+def begun(
+    search: Searcher, action: int, weights: Floats, rest: int, limit: float, expansions: int
+) -> tuple[float, bool]:
+    """The cost of beginning with an action and going on optimally; as `Searcher.value`."""
+    problem = search.beliefs
+    total = float(problem.costs[belief.situation_of(problem, rest), action] * weights.sum())
+    for outcome in range(problem.masks.shape[1]):
+        after = weights * problem.likelihoods[action, outcome]
+        if problem.ends[action, outcome] or not after.any():
+            continue
+        then = int(belief.rest_after(problem, action, outcome, rest))
+        found, proved = search.value(after, then, limit - total, expansions)
+        total += found
+        if not proved:
+            return total, False
+    return total, True
+
+
+@dataclass
+class BranchAndBound:
+    """Depth-first search with bounds, over sets of causes if there is a `partition`, else over weights."""
+
+    beliefs: Beliefs
+    partition: Partition | None
+    table: Memo = field(default_factory=lambda: memo(FIRST_LENGTH, 0))
+
+    def value(self, weights: Floats, rest: int, limit: float, expansions: int) -> tuple[float, bool]:
+        """As the protocol says."""
+        self.table.counts[BUDGET] = self.spent + expansions
         while True:
             self.table.counts[STATUS] = RUNNING
             found = self._solve(weights, rest, limit)
             if self.table.counts[STATUS] != FULL:
-                return found, self.table.counts[STATUS] != SPENT and found < limit
+                return found, bool(self.table.counts[STATUS] != SPENT and found < limit)
             self.table = grown(self.table)
 
     def estimate(self, action: int, weights: Floats, rest: int) -> float:
-        """A lower bound of beginning with an action, from all that has been found out."""
+        """As the protocol says."""
         causes = int(belief.possible(weights))
         if self.partition is None:
             return float(belief.estimate(self.beliefs, self.table, action, causes, weights, rest))
         return float(partition.estimate(self.partition, self.table, action, causes, rest))
-
-    def begun(
-        self, action: int, weights: Floats, rest: int, limit: float, expansions: int
-    ) -> tuple[float, bool]:
-        """The cost of beginning with an action and going on optimally; as `value`."""
-        situation = belief.situation_of(self.beliefs, rest)
-        total = float(self.beliefs.costs[situation, action] * weights.sum())
-        for outcome in range(self.beliefs.masks.shape[1]):
-            after = weights * self.beliefs.likelihoods[action, outcome]
-            if self.beliefs.ends[action, outcome] or not after.any():
-                continue
-            then = belief.rest_after(self.beliefs, action, outcome, rest)
-            found, proved = self.value(after, then, limit - total, expansions)
-            total += found
-            if not proved:
-                return total, False
-        return total, True
 
     @property
     def spent(self) -> int:
@@ -70,13 +99,58 @@ class Searcher:
         return float(partition.solve(self.partition, self.table, causes, rest, limit))
 
 
-def searcher(problem: Troubleshooting) -> Searcher:
-    """A searcher that knows nothing yet."""
-    return Searcher(arrays.beliefs(problem), arrays.partition(problem), memo(FIRST_LENGTH, 0))
+@dataclass
+class Table:
+    """The value of every state there is, computed at the first question."""
+
+    beliefs: Beliefs
+    problem: Troubleshooting
+    values: Floats | None = None
+
+    @property
+    def radix(self) -> tuple[int, ...]:
+        """For each action the number of its outcomes plus one."""
+        return tuple(len(action.outcomes) + 1 for action in self.problem.actions)
+
+    @property
+    def spent(self) -> int:
+        """The work done, in expansions."""
+        return 0 if self.values is None else self.values.size // CHEAPER
+
+    def value(self, weights: Floats, rest: int, limit: float, expansions: int) -> tuple[float, bool]:
+        """As the protocol says; the budget was looked at when this search was chosen."""
+        del expansions
+        if self.values is None:
+            radix = np.array(self.radix, dtype=np.int64)
+            self.values = dense.values(self.beliefs, arrays.priors(self.problem), radix)
+        situation = belief.situation_of(self.beliefs, rest)
+        found = float(self.values[situation, self._number(weights, rest)])
+        return found, found < limit
+
+    def estimate(self, action: int, weights: Floats, rest: int) -> float:
+        """As the protocol says; it is the cost itself."""
+        return begun(self, action, weights, rest, math.inf, 0)[0]
+
+    def _number(self, weights: Floats, rest: int) -> int:
+        """The state of the table that has these weights: what can no longer tell anything is taken as done."""
+        number, place = 0, 1
+        for index, radix in enumerate(self.radix):
+            number += place * self._digit(index, weights, rest)
+            place *= radix
+        return number
+
+    def _digit(self, action: int, weights: Floats, rest: int) -> int:
+        width = int(self.beliefs.widths[action])
+        if width:
+            return (rest >> int(self.beliefs.shifts[action])) & ((1 << width) - 1)
+        sure = self.beliefs.likelihoods[action][:, weights > 0.0].all(axis=1) & ~self.beliefs.ends[action]
+        return int(np.argmax(sure)) + 1 if sure.any() else 0
 
 
-def is_tie(value: float, best: float) -> bool:
-    """Whether two costs are the same but for rounding."""
-    return bool(
-        value == best or value <= best + 1e-9 * max(1e-9, abs(best)) or np.isclose(value, best, 1e-9, 0.0)
-    )
+def searcher(problem: Troubleshooting, expansions: int) -> Searcher:
+    """The search that suits a problem, knowing nothing yet."""
+    beliefs, sets = arrays.beliefs(problem), arrays.partition(problem)
+    states = math.prod(len(action.outcomes) + 1 for action in problem.actions) * len(beliefs.costs)
+    if sets is None and states <= min(MOST_STATES, CHEAPER * expansions):
+        return Table(beliefs, problem)
+    return BranchAndBound(beliefs, sets)

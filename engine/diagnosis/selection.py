@@ -12,7 +12,7 @@ import numpy as np
 
 from engine.diagnosis import arrays
 from engine.diagnosis.arrays import Floats
-from engine.diagnosis.exact import Searcher, searcher
+from engine.diagnosis.exact import Searcher, begun, searcher
 from engine.diagnosis.kernels import belief, rollout
 from engine.diagnosis.kernels.memo import FULL, RUNNING, STATUS, Memo, memo
 from engine.model.diagnosis import Advice, Conclude, Standing, Tree, Troubleshooting, Try
@@ -32,9 +32,10 @@ class Selector:
     exact: Searcher = field(init=False)
 
     def __post_init__(self) -> None:
-        self.exact = searcher(self.problem)
+        self.exact = searcher(self.problem, self.expansions)
         self.groups = arrays.groups(self.problem)
         self._bases = (memo(1 << 12, 0), memo(1 << 12, 0))
+        self._followed: dict[int, Memo] = {}
 
     def start(self, situation: int = 0) -> Standing:
         """The beginning: every cause of positive prior is possible, nothing was seen."""
@@ -59,7 +60,7 @@ class Selector:
     def compare(self, standing: Standing, actions: tuple[int, ...]) -> tuple[tuple[int, float, bool], ...]:
         """For each action the expected cost of beginning with it, and whether that is exact or a lower bound."""
         weights, rest = self._state(standing)
-        found = [(a, *self.exact.begun(a, weights, rest, math.inf, self.expansions)) for a in actions]
+        found = [(a, *begun(self.exact, a, weights, rest, math.inf, self.expansions)) for a in actions]
         return tuple((a, value / float(weights.sum()), exact) for a, value, exact in found)
 
     def weights(self, standing: Standing) -> Floats:
@@ -85,11 +86,11 @@ class Selector:
 
         def choose(standing: Standing) -> Advice:
             weights, rest = self._state(standing)
-            stopping = float(belief.stop(self.exact.beliefs, weights))
+            cost = self._follow(weights, rest, RULES[name])
             action = int(rollout.greedy(self.exact.beliefs, self.groups, weights, rest, RULES[name]))
-            if stopping <= 0.0 or action < 0:
-                return Advice(None, self._conclusion(weights), stopping, 0.0, False)
-            return Advice(action, None, math.nan, 0.0, False)
+            stops = action < 0 or float(belief.stop(self.exact.beliefs, weights)) <= cost
+            conclusion = self._conclusion(weights) if stops else None
+            return Advice(None if stops else action, conclusion, cost / float(weights.sum()), 0.0, False)
 
         return choose
 
@@ -121,7 +122,7 @@ class Selector:
             return None
         for action in self._telling(weights, rest):
             if self.exact.estimate(action, weights, rest) < limit:
-                _, proved = self.exact.begun(action, weights, rest, limit, self.expansions)
+                _, proved = begun(self.exact, action, weights, rest, limit, self.expansions)
                 if proved:
                     return action
         raise AssertionError("a value that no action reaches")
@@ -138,6 +139,16 @@ class Selector:
             if not any(full):
                 return (None if action < 0 else int(action)), float(cost)
             self._bases = (_longer(gains), _longer(pairs))
+
+    def _follow(self, weights: Floats, rest: int, rule: int) -> float:
+        """The weighted cost of a one-step rule."""
+        while True:
+            table = self._followed.setdefault(rule, memo(1 << 12, 0))
+            table.counts[STATUS] = RUNNING
+            cost = rollout.follow(self.exact.beliefs, self.groups, table, weights, rest, rule)
+            if table.counts[STATUS] != FULL:
+                return float(cost)
+            self._followed[rule] = _longer(table)
 
     def _telling(self, weights: Floats, rest: int) -> list[int]:
         actions = range(len(self.problem.actions))

@@ -41,7 +41,10 @@ class Conclusion:
 
 @dataclass(frozen=True, slots=True)
 class Setup:
-    """Situations of the cell: doing action a in situation k costs `costs[k][a]` beforehand and leaves `following[k][a]`."""
+    """Situations of the cell: doing action a in situation k costs `costs[k][a]` beforehand and leaves `following[k][a]`.
+
+    Set-up is planned well: nothing is gained by doing some other action first only for the situation that it leaves.
+    """
 
     costs: tuple[tuple[float, ...], ...]
     following: tuple[tuple[int, ...], ...]

@@ -18,7 +18,7 @@ Flags = NDArray[np.bool_]
 class Beliefs(NamedTuple):
     """A problem in arrays: C causes, A actions, O outcomes, K situations, G conclusions.
 
-    `likelihoods` (A, O, C); `masks` (A, O) the causes under which an outcome is possible; `ends` (A, O); `costs` and
+    `likelihoods` (A, O, C); `masks` (A, O) the causes under which an outcome is possible; `ends` (A, O), and `repairs` (A,) the actions that have one; `costs` and
     `following` (K, A); `losses` (G, C) of the conclusions; `known` (C,) a lower bound of the cost if c were known.
     The rest of a key is the situation in its lowest bits and, at `shifts` (A,), the outcome of action a plus one in
     `widths` (A,) bits, none for actions whose outcomes are certain.
@@ -27,6 +27,7 @@ class Beliefs(NamedTuple):
     likelihoods: Floats
     masks: Longs
     ends: Flags
+    repairs: Flags
     costs: Floats
     following: Longs
     losses: Floats
@@ -59,9 +60,26 @@ def floor_of(problem: Beliefs, weights: Floats) -> float:
 
 
 @compiled
+def is_done(problem: Beliefs, action: int, rest: int) -> bool:
+    """Whether the key tells an outcome of an action; of those whose outcomes are certain it tells none."""
+    return bool((rest >> problem.shifts[action]) & ((1 << problem.widths[action]) - 1))
+
+
+@compiled
+def _ended(problem: Beliefs, action: int, weights: Floats) -> float:
+    """What an action saves of the least cost by the outcomes that end the case."""
+    saved = 0.0
+    for outcome in range(problem.masks.shape[1]):
+        if problem.ends[action, outcome]:
+            for cause in range(weights.shape[0]):
+                saved += weights[cause] * problem.likelihoods[action, outcome, cause] * problem.known[cause]
+    return saved
+
+
+@compiled
 def tells(problem: Beliefs, action: int, weights: Floats, rest: int) -> bool:
     """Whether an action is still to be done and may end the case or change the belief."""
-    if problem.widths[action] and (rest >> problem.shifts[action]) & ((1 << problem.widths[action]) - 1):
+    if is_done(problem, action, rest):
         return False
     for outcome in range(problem.likelihoods.shape[1]):
         first = -1.0
@@ -112,18 +130,13 @@ def lower(problem: Beliefs, table: Memo, weights: Floats, rest: int) -> float:
     at = slot(table, causes, rest)
     if table.possible[at] != 0:
         return float(table.value[at])
-    stopping = stop(problem, weights)
-    least, total = np.inf, weights.sum()
-    base = floor_of(problem, weights)
-    situation = situation_of(problem, rest)
+    stopping, base, total = stop(problem, weights), floor_of(problem, weights), weights.sum()
+    least, situation = np.inf, situation_of(problem, rest)
     for action in range(problem.masks.shape[0]):
-        if base < stopping and tells(problem, action, weights, rest):
+        if base < stopping and not is_done(problem, action, rest):
             value = problem.costs[situation, action] * total + base
-            for outcome in range(problem.masks.shape[1]):
-                if problem.ends[action, outcome]:
-                    for cause in range(weights.shape[0]):
-                        chance = weights[cause] * problem.likelihoods[action, outcome, cause]
-                        value -= chance * problem.known[cause]
+            if problem.repairs[action]:
+                value -= _ended(problem, action, weights)
             least = min(least, value)
     enter(table, at, causes, rest, min(stopping, max(least, base)), stopping <= max(least, base))
     return float(table.value[at])
@@ -171,16 +184,18 @@ def solve(problem: Beliefs, table: Memo, weights: Floats, rest: int, limit: floa
     floor = stop(problem, weights)
     best = min(limit, floor)
     for rank in range(count):
-        action, value = order[rank], values[rank]
+        action = order[rank]
+        value = estimate(problem, table, action, causes, weights, rest)  # more may be known by now
         for outcome in range(problem.masks.shape[1]):
             seen = causes & problem.masks[action, outcome]
             if value < best and seen != 0 and not problem.ends[action, outcome]:
                 after = weights_after(problem, action, outcome, weights)
                 then = rest_after(problem, action, outcome, rest)
                 guess = lower(problem, table, after, then)
-                value += solve(problem, table, after, then, best - value + guess) - guess
+                value += solve(problem, table, after, then, np.inf) - guess
         floor, best = min(floor, value), min(best, value)
-        if values[rank] >= best:  # so are all that follow
+        if rank + 1 < count and values[rank + 1] >= best:  # so are all that follow
+            floor = min(floor, values[rank + 1])
             break
     at = slot(table, causes, rest)
     table.value[at] = max(table.value[at], floor)

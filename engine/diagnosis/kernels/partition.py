@@ -198,7 +198,8 @@ def solve(problem: Partition, table: Memo, causes: int, situation: int, limit: f
     order, values, count = ranked(problem, table, causes, situation)
     best, floor = limit, np.inf
     for rank in range(count):
-        action, value = order[rank], values[rank]
+        action = order[rank]
+        value = estimate(problem, table, action, causes, situation)  # more may be known by now
         after = problem.following[situation, action]
         for outcome in range(problem.masks.shape[1]):
             part = causes & problem.masks[action, outcome]
@@ -206,7 +207,8 @@ def solve(problem: Partition, table: Memo, causes: int, situation: int, limit: f
                 guess = lower(problem, table, part, after)
                 value += solve(problem, table, part, after, best - value + guess) - guess
         floor, best = min(floor, value), min(best, value)
-        if values[rank] >= best:  # so are all that follow
+        if rank + 1 < count and values[rank + 1] >= best:  # so are all that follow
+            floor = min(floor, values[rank + 1])
             break
     at = slot(table, causes, situation)
     table.value[at] = max(table.value[at], floor)

@@ -16,7 +16,7 @@ from engine.diagnosis.kernels.belief import (
     tells,
     weights_after,
 )
-from engine.diagnosis.kernels.memo import Floats, Longs, Memo, enter, slot
+from engine.diagnosis.kernels.memo import FULL, STATUS, Floats, Longs, Memo, enter, slot
 
 GAIN, PAIRS, CURES = 0, 1, 2
 
@@ -79,8 +79,8 @@ def follow(problem: Beliefs, groups: Longs, table: Memo, weights: Floats, rest: 
     """The weighted cost of following a rule, stopping where that is cheaper."""
     causes = possible(weights)
     at = slot(table, causes, rest)
-    if table.possible[at] != 0:
-        return float(table.value[at])
+    if table.possible[at] != 0 or table.counts[STATUS] == FULL:
+        return float(table.value[at])  # of no use if full: the caller asks again with a longer table
     value = stop(problem, weights)
     action = greedy(problem, groups, weights, rest, rule)
     if action >= 0 and value > 0.0:

@@ -1,5 +1,6 @@
 """Troubleshooting problems to try things on: at random, and the slow, plainly correct way to solve them."""
 
+import itertools
 import math
 
 import numpy as np
@@ -45,12 +46,13 @@ def priors(draw: st.DrawFn, causes: int) -> tuple[float, ...]:
 
 @st.composite
 def setups(draw: st.DrawFn, actions: int) -> Setup:
-    """Situations with any costs between them."""
-    situations = draw(st.integers(1, 3))
-    costs = st.lists(st.integers(0, 8).map(float), min_size=actions, max_size=actions).map(tuple)
-    after = st.lists(st.integers(0, situations - 1), min_size=actions, max_size=actions).map(tuple)
-    rows = st.lists(costs, min_size=situations, max_size=situations).map(tuple)
-    return Setup(draw(rows), draw(st.lists(after, min_size=situations, max_size=situations).map(tuple)))
+    """Up to three situations, each action done in one of them; the way over a third one is never shorter."""
+    count = draw(st.integers(1, 3))
+    ways = [[0.0 if i == j else float(draw(st.integers(0, 8))) for j in range(count)] for i in range(count)]
+    for middle, i, j in itertools.product(range(count), repeat=3):
+        ways[i][j] = min(ways[i][j], ways[i][middle] + ways[middle][j])
+    where = tuple(draw(st.lists(st.integers(0, count - 1), min_size=actions, max_size=actions)))
+    return Setup(tuple(tuple(row[at] for at in where) for row in ways), (where,) * count)
 
 
 @st.composite

@@ -5,7 +5,9 @@ import random
 
 import pytest
 from hypothesis import given, settings
+from hypothesis import strategies as st
 
+from engine.diagnosis.exact import BranchAndBound
 from engine.diagnosis.selection import RULES, Selector
 from engine.diagnosis.trees import simulated_cost
 from engine.model.diagnosis import Conclude, Conclusion, Tree, Troubleshooting, Try, expected_cost
@@ -74,6 +76,7 @@ def test_p_over_c_is_optimal_for_independent_repairs() -> None:
 @given(isolations())
 def test_sets_of_causes_are_searched_exactly(problem: Troubleshooting) -> None:
     selector = Selector(problem)
+    assert isinstance(selector.exact, BranchAndBound)
     assert selector.exact.partition is not None
     advice = selector.advise(selector.start())
     assert advice.optimal
@@ -82,9 +85,11 @@ def test_sets_of_causes_are_searched_exactly(problem: Troubleshooting) -> None:
 
 
 @settings(max_examples=150, deadline=None)
-@given(troubles())
-def test_beliefs_are_searched_exactly(problem: Troubleshooting) -> None:
+@given(troubles(), st.booleans())
+def test_beliefs_are_searched_exactly(problem: Troubleshooting, bounded: bool) -> None:
     selector = Selector(problem)
+    if bounded:
+        selector.exact = BranchAndBound(selector.exact.beliefs, None)
     advice = selector.advise(selector.start())
     assert advice.optimal
     assert advice.expected_cost == pytest.approx(brute_force(problem))
