@@ -27,7 +27,7 @@ def schedule(shop: Shop, limits: ScheduleLimits = ScheduleLimits()) -> Timing:
             f"no stage can be so early and so late: the windows around {error} contradict each other"
         )
     first = construct(lags, bound)
-    if first is not None and first.proved:
+    if first is not None and (check_schedule(shop, first) or first.proved):
         return _checked(shop, first)
     found = _improved(lags, bound, first, limits)
     if found is None:
