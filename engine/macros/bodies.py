@@ -68,7 +68,7 @@ def solve(body: Body, facts: Facts, bindings: Bindings) -> Iterator[dict[Variabl
         yield dict(bindings)
         return
     parts = [substitute_part(part, bindings) for part in body]
-    index = _cheapest(parts, facts)
+    index = _cheapest(parts, facts) if len(parts) > 1 else 0
     rest = body[:index] + body[index + 1 :]
     for extended in _extensions(parts[index], facts, bindings):
         yield from solve(rest, facts, extended)
@@ -76,7 +76,7 @@ def solve(body: Body, facts: Facts, bindings: Bindings) -> Iterator[dict[Variabl
 
 def satisfiable(body: Body, facts: Facts, bindings: Bindings) -> bool:
     """Whether a body has a binding."""
-    return next(solve(body, facts, bindings), None) is not None
+    return not body or next(solve(body, facts, bindings), None) is not None
 
 
 def _cheapest(parts: list[BodyPart], facts: Facts) -> int:

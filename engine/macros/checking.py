@@ -85,7 +85,7 @@ def check(plan: Plan, asked: Query) -> Situation | Refused:
     if refusal:
         return Refused(refusal)
     end = Situation(asked.world, run.facts)
-    missed = next((goal for goal in asked.goals if not is_met(goal, end)), None)
+    missed = next((goal for goal in (*asked.goals, *asked.kept) if not is_met(goal, end)), None)
     if missed is not None:
         return Refused(f"{missed} does not hold at the end")
     refusal = _unfinished(plan, asked, run, end) or _disturbed(plan, run)

@@ -1,7 +1,8 @@
 """What a MACROP is looked up for: goals that are not yet true, workflow chains, and the situation."""
 
-from collections.abc import Iterable
-from dataclasses import dataclass
+import itertools
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, replace
 
 from engine.macros.facts import Facts
 from engine.macros.world import World, holds, with_derived
@@ -9,6 +10,8 @@ from kb.model.conditions import Condition, Exists, Literal, goal_parts
 from kb.model.macro import Macrop
 from kb.model.problem import Chain, Problem
 from kb.terms import ANYTHING, Atom, ordered, substitute_atom
+
+MOST_KEPT = 3
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,11 +34,12 @@ class Situation:
 
 @dataclass(frozen=True, slots=True)
 class Query:
-    """A problem as lookup sees it. In goals `_` stands for anything."""
+    """A problem as lookup sees it. In goals `_` stands for anything; those of `kept` hold already, and at the end again."""
 
     situation: Situation
     goals: tuple[Literal, ...]
     chains: tuple[Chain, ...]
+    kept: tuple[Literal, ...] = ()
 
     @property
     def served(self) -> bool:
@@ -54,15 +58,28 @@ class Query:
 
 
 def query(problem: Problem, situation: Situation) -> Query | None:
-    """The query of a problem, without the goals that hold already; None if a goal is no literal."""
-    goals: dict[Literal, None] = {}
+    """The query of a problem; None if a goal is no literal."""
+    goals: dict[bool, dict[Literal, None]] = {False: {}, True: {}}
     for goal in goal_parts(problem.goal):
         literal = goal_literal(goal)
         if literal is None:
             return None
-        if not is_met(literal, situation):
-            goals[literal] = None
-    return Query(situation, tuple(goals), problem.chains)
+        goals[is_met(literal, situation)][literal] = None
+    return Query(situation, tuple(goals[False]), problem.chains, tuple(goals[True]))
+
+
+def readings(asked: Query) -> Iterator[Query]:
+    """The query, and what it may mean: goals that hold may have to be achieved again after something else.
+
+    All choices of such goals while they are few; else none of them, or all.
+    """
+    yield asked
+    if len(asked.kept) > MOST_KEPT:
+        yield replace(asked, goals=asked.goals + asked.kept)
+        return
+    for size in range(1, len(asked.kept) + 1):
+        for chosen in itertools.combinations(asked.kept, size):
+            yield replace(asked, goals=asked.goals + chosen)
 
 
 def goal_literal(goal: Condition) -> Literal | None:

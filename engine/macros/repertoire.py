@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable
 from engine.macros.digests import Digests
 from engine.macros.index import Index
 from engine.macros.lookup import Hit, look_up
-from engine.macros.query import Query, signature_asked, signature_of
+from engine.macros.query import Query, readings, signature_asked, signature_of
 from kb.model.domain import Domain
 from kb.model.macro import Macrop
 from kb.store import Library, Record, Stored, Use
@@ -39,6 +39,12 @@ class Repertoire:
     def find(self, asked: Query) -> Hit | None:
         """A checked plan from the library; what others have learned meanwhile counts. The key of a hit is a number."""
         started = self._clock()
+        hit = next((hit for each in readings(asked) if (hit := self._find(each)) is not None), None)
+        if hit is not None:
+            self._note(hit, self._clock() - started)
+        return hit
+
+    def _find(self, asked: Query) -> Hit | None:
         signature = signature_asked(asked)
         known = signature in self._seen
         if not known:
@@ -46,8 +52,6 @@ class Repertoire:
         hit = look_up(self._index, asked)
         if hit is None and known and self._fetch(signature):
             hit = look_up(self._index, asked)
-        if hit is not None:
-            self._note(hit, self._clock() - started)
         return hit
 
     def learn(self, macrop: Macrop, planning_s: float = 0.0) -> int | None:
