@@ -1,9 +1,10 @@
 """A problem and its export have the same plans."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import HealthCheck, event, given, settings
 from hypothesis import strategies as st
 
 from engine import pipeline
@@ -17,12 +18,17 @@ from engine.planning import Limits
 from engine.validation import validate
 from kb.diagnostics import InvalidInput
 from kb.loader import find, problem_files
-from kb.model.problem import Problem
-from tests.properties.problems import problems, shortest
+from kb.model.conditions import TRUE, Literal, Parameter
+from kb.model.domain import Consequence, DeductiveOperator, Effect, Kind, Predicate
+from kb.model.problem import Chain, Problem
+from kb.terms import ANYTHING, Function
+from tests.engine.interop.test_pddl import task
+from tests.properties.problems import CONSTANTS, X, Y, problems, shortest
 
 TESTED = Path(__file__).parents[2] / "domains"
 BUNDLED = [file for name in ("bulkhead", "themse") for file in problem_files(find(name))]
-TARGETS = [*BUNDLED, *sorted(TESTED.glob("*/problems/*.yaml"))]
+PANTRY = Path(__file__).parent / "pantry"
+TARGETS = [*BUNDLED, *sorted(TESTED.glob("*/problems/*.yaml")), *sorted(PANTRY.glob("problems/*.yaml"))]
 
 
 def reread(text: PddlText, folder: Path) -> PddlProblem:
@@ -55,12 +61,51 @@ def test_both_cells_are_exported_lifted(file: Path) -> None:
     assert (text.lifted, text.why_ground) == (True, "")
 
 
+def test_what_is_read_of_pddl_can_be_written_again(tmp_path: Path) -> None:
+    first = task(tmp_path)
+    text = export(first.problem, ground(first.problem))
+    assert (text.lifted, text.why_ground) == (True, "")
+    again = reread(text, tmp_path)
+    own, theirs = pipeline.plan(first.problem), pipeline.plan(again.problem)
+    assert isinstance(own, Found)
+    assert isinstance(theirs, Found)
+    assert own.plan.cost == theirs.plan.cost
+    assert pipeline.check_plan(first.problem, import_plan(text, write_pddl_plan(again, theirs.plan))) == []
+
+
+def test_every_way_of_the_language_has_one_in_pddl() -> None:
+    problem = pipeline.problem_of(str(PANTRY / "problems" / "everything.yaml"))
+    domain = export(problem, ground(problem)).domain
+    table = "(where_put ?jar ?from ?to ?w)"  # arithmetic in a constraint
+    relation = "(is_lid ?jar ?lid)"  # a compound term with a variable
+    unfolded = "(not (open ?jar))"  # a derived predicate
+    axiom = "(:derived (linked ?x - place ?x-2 - place)"  # a recursive one
+    deduced = "(forall (?m - numeral) (when (not (= ?m ?more)) (not (filled ?jar ?m))))"
+    cost = "(increase (total-cost) (cost_put ?w))"
+    for said in (table, relation, unfolded, axiom, deduced, cost):
+        assert said in domain
+
+
+def test_deduction_that_leads_back_to_itself_is_exported_ground() -> None:
+    problem = pipeline.problem_of(str(TESTED / "blocks" / "problems" / "sussman.yaml"))
+    trigger, consequence = Function("on", (X, Y)), Function("on", (Y, X))
+    parameters = tuple(Parameter(each, "block") for each in (X, Y))
+    back = DeductiveOperator(
+        Literal(trigger, False), parameters, (), (Consequence(consequence, False, (), parameters),)
+    )
+    domain = replace(problem.domain, deductive_operators=(*problem.domain.deductive_operators, back))
+    text = export(replace(problem, domain=domain), ground(problem))
+    assert not text.lifted
+    assert "leads back to itself" in text.why_ground
+
+
 def _agrees(problem: Problem, lifted: bool, folder: Path) -> None:
     """The export of a random problem has a plan if brute force finds one, and it is one for the problem."""
     try:
         text = export(problem, ground(problem), lifted)
     except InvalidInput:  # contradictions and ambiguities have no export
         return
+    event("lifted" if text.lifted else f"ground: {text.why_ground.split(' for ')[0]}")
     read = reread(text, folder)
     found = pipeline.plan(read.problem, Limits(expansions=20_000))
     length = shortest(problem)
@@ -70,17 +115,59 @@ def _agrees(problem: Problem, lifted: bool, folder: Path) -> None:
 
 
 @pytest.mark.parametrize("lifted", [True, False], ids=["lifted", "ground"])
-@settings(deadline=None, max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(deadline=None, max_examples=40, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(problem=problems(conditional=True))
 def test_random_problems_are_exported(problem: Problem, lifted: bool, tmp_path: Path) -> None:
     _agrees(problem, lifted, tmp_path)
 
 
 @pytest.mark.parametrize("lifted", [True, False], ids=["lifted", "ground"])
-@settings(deadline=None, max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(deadline=None, max_examples=40, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(problem=problems(deductive=True))
 def test_deduction_is_compiled(problem: Problem, lifted: bool, tmp_path: Path) -> None:
     _agrees(problem, lifted, tmp_path)
+
+
+DONE = Predicate("done", ("thing",), Kind.EVENT)
+STAGES = [Function(name, (term,)) for name in ("p", "q", "done") for term in CONSTANTS]
+STAGES += [Function("r"), Function("p", (ANYTHING,))]
+
+
+@st.composite
+def chained(draw: st.DrawFn) -> Problem:
+    """A random problem with an event and up to two chains, of which one may wait for the other."""
+    problem = draw(problems(conditional=draw(st.booleans()), deductive=draw(st.booleans())))
+    first, *others = problem.domain.operators
+    term = first.variables[0] if first.parameters else CONSTANTS[0]
+    first = replace(first, effects=(*first.effects, Effect(Function("done", (term,)))))
+    domain = replace(
+        problem.domain,
+        operators=(first, *others),
+        predicates={**problem.domain.predicates, "done": DONE},
+    )
+    stages = st.lists(st.sampled_from(STAGES), min_size=1, max_size=2).map(tuple)
+    chains = [Chain("one", draw(stages), (), draw(st.sampled_from([None, CONSTANTS[0]])))]
+    if draw(st.booleans()):
+        chains.append(Chain("other", draw(stages), ("one",) if draw(st.booleans()) else (), CONSTANTS[0]))
+    return replace(problem, domain=domain, goal=TRUE, chains=tuple(chains))
+
+
+@pytest.mark.parametrize("lifted", [True, False], ids=["lifted", "ground"])
+@settings(deadline=None, max_examples=40, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(problem=chained())
+def test_workflows_are_compiled(problem: Problem, lifted: bool, tmp_path: Path) -> None:
+    try:
+        text = export(problem, ground(problem), lifted)
+    except InvalidInput:
+        return
+    read = reread(text, tmp_path)
+    own, theirs = pipeline.plan(problem), pipeline.plan(read.problem)
+    event(f"{type(own).__name__}, {'lifted' if text.lifted else text.why_ground.split(' for ')[0]}")
+    assert isinstance(own, Found) == isinstance(theirs, Found)
+    if isinstance(own, Found) and isinstance(theirs, Found):
+        assert validate(problem, import_plan(text, write_pddl_plan(read, theirs.plan))) == []
+        (tmp_path / "plan").write_text(write_plan(text, own.plan))
+        assert pipeline.check_plan(read.problem, read_plan(read, tmp_path / "plan")) == []
 
 
 @given(line=st.sampled_from(["(lift", "lift)", "3: (lift) [1]", "  (LIFT) ; now", "(lift) ;"]))

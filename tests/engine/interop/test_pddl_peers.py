@@ -20,7 +20,10 @@ from engine.model.outcome import Found, Infeasible
 from kb.loader import find, problem_files
 
 SOLVED, PROVED_UNSOLVABLE = 0, (10, 11)  # exit codes of its driver
-TESTED = sorted((Path(__file__).parents[2] / "domains").glob("*/problems/*.yaml"))
+HERE = Path(__file__)
+TESTED = sorted(
+    [*HERE.parents[2].glob("domains/*/problems/*.yaml"), *HERE.parent.glob("pantry/problems/*.yaml")]
+)
 BUNDLED = [file for name in ("bulkhead", "themse") for file in problem_files(find(name))]
 
 

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from engine.interop.pddl.export.conditions import Conditions, conjunction, disjunction
 from engine.interop.pddl.export.operators import FlatOperator, Operators
 from engine.interop.pddl.export.stages import Stages
+from engine.interop.pddl.export.types import TypedScopes
 from engine.interop.pddl.export.world import CHAIN, NUMERAL, WORDS, World
 from engine.model.task import Task
 from kb.model.conditions import (
@@ -60,9 +61,10 @@ def flattened(problem: Problem, task: Task) -> Flat:
     stages = Stages(world, conditions.fresh)
     operators = Operators(conditions, stages)
     origins = tuple(operators.flat(operator) for operator in problem.domain.operators)
-    made = (*(each.operator for each in origins), *stages.beginnings())
-    axioms = tuple(_axioms(conditions))
-    goal = conjunction([conditions.flat(problem.goal), *stages.goals()])
+    scopes = TypedScopes(world)
+    made = (*(scopes.operator(each.operator) for each in origins), *stages.beginnings())
+    axioms = tuple(_axioms(conditions, scopes))
+    goal = scopes.condition(conjunction([conditions.flat(problem.goal), *stages.goals()]), {})
     names = frozenset(_predicates([*_conditions(made), *(axiom.condition for axiom in axioms), goal]))
     facts = dict.fromkeys((*operators.facts, *stages.facts(), *stages.initial(), *stages.waiting()))
     facts |= dict.fromkeys(_relations(conditions, world))
@@ -95,14 +97,16 @@ def _types(world: World) -> dict[str, str]:
     return found | {NUMERAL: OBJECT, WORDS: OBJECT, CHAIN: OBJECT}
 
 
-def _axioms(conditions: Conditions) -> Iterator[Axiom]:
+def _axioms(conditions: Conditions, scopes: TypedScopes) -> Iterator[Axiom]:
     for name in sorted(conditions.recursive):
         types = conditions.world.signature(name)
         parameters = tuple(Parameter(conditions.fresh.variable("x"), type_) for type_ in types)
         arguments = tuple(parameter.variable for parameter in parameters)
         rules = (rule for rule in conditions.world.domain.rules if rule.head.name == name)
         condition = disjunction(conditions.body(rule, arguments) for rule in rules)
-        yield Axiom(name, tuple(map(conditions.declared, parameters)), condition)
+        declared = tuple(map(conditions.declared, parameters))
+        known = {parameter.variable: parameter.type for parameter in declared}
+        yield Axiom(name, declared, scopes.condition(condition, known))
 
 
 def _relations(conditions: Conditions, world: World) -> Iterator[Atom]:
