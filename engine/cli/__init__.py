@@ -12,6 +12,7 @@ from engine.cli.init import init
 from engine.cli.macros import app as macros
 from engine.cli.plan import plan, validate
 from engine.cli.prepare import prepare
+from engine.cli.schedule import schedule
 
 app = typer.Typer(
     name="cellwright", no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False
@@ -23,7 +24,7 @@ def cellwright() -> None:
     """Plan and diagnose for robot work cells."""
 
 
-for command in (check, explain, export, init, plan, prepare, schema, validate):
+for command in (check, explain, export, init, plan, prepare, schedule, schema, validate):
     app.command()(command)
 app.command("test")(golden_plans)
 app.add_typer(macros, name="macros")

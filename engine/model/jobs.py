@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 from engine.model.outcome import GaveUp, Infeasible, Statistics
+from kb.model.plan import Plan, StepId
 
 
 @dataclass(frozen=True, slots=True)
@@ -210,3 +211,18 @@ class Scheduled:
 
 
 Timing = Scheduled | Infeasible | GaveUp
+
+
+@dataclass(frozen=True, slots=True)
+class Timetable:
+    """A plan with the start of each step, and the schedule of the shop behind it.
+
+    `shop` has a stage per block of steps that serves an object. `note` says why the plan kept its own order, if it did.
+    """
+
+    plan: Plan
+    starts: Mapping[StepId, int]
+    shop: Shop
+    schedule: Schedule
+    note: str = ""
+    statistics: Statistics = field(default_factory=Statistics)

@@ -1,9 +1,10 @@
 """The scheduler: when each stage of each job happens, so that all is done as soon as can be, with proof if possible."""
 
+import time
 from dataclasses import replace
 
 from engine.model.jobs import Schedule, Scheduled, Shop, Timing
-from engine.model.outcome import GaveUp, Infeasible
+from engine.model.outcome import GaveUp, Infeasible, Statistics
 from engine.scheduling.bounds import lower_bound
 from engine.scheduling.checker import check_schedule
 from engine.scheduling.construct import construct
@@ -19,6 +20,7 @@ class Refused(Exception):
 
 def schedule(shop: Shop, limits: ScheduleLimits = ScheduleLimits()) -> Timing:
     """The best schedule found for a shop, the proof that there is none, or where the search stopped."""
+    started = time.perf_counter()
     lags = Lags(shop)
     try:
         bound = lower_bound(lags)
@@ -27,14 +29,19 @@ def schedule(shop: Shop, limits: ScheduleLimits = ScheduleLimits()) -> Timing:
             f"no stage can be so early and so late: the windows around {error} contradict each other"
         )
     first = construct(lags, bound)
-    if first is not None and (check_schedule(shop, first) or first.proved):
-        return _checked(shop, first)
-    found = _improved(lags, bound, first, limits)
+    constructed = time.perf_counter()
+    found = first if first is not None and first.proved else _improved(lags, bound, first, limits)
+    seconds = {"first schedule": constructed - started, "search": time.perf_counter() - constructed}
     if found is None:
         return GaveUp("no schedule yet", "time")
     if isinstance(found, Infeasible):
         return found
-    return _checked(shop, found)
+    counts = {
+        "jobs": len(shop.jobs),
+        "stages": len(shop.stages),
+        "first makespan": first.makespan if first else 0,
+    }
+    return _checked(shop, found, Statistics(counts, seconds))
 
 
 def _improved(
@@ -65,10 +72,9 @@ def horizon(shop: Shop, first: Schedule | None) -> int:
     )
 
 
-def _checked(shop: Shop, found: Schedule) -> Scheduled:
+def _checked(shop: Shop, found: Schedule, statistics: Statistics) -> Scheduled:
     wrong = check_schedule(shop, found)
     if wrong:
         raise Refused("; ".join(wrong[:5]))
-    return Scheduled(
-        replace(found, proved=found.proved or (found.lower_bound == found.makespan and not found.tardiness))
-    )
+    proved = found.proved or (found.lower_bound == found.makespan and not found.tardiness)
+    return Scheduled(replace(found, proved=proved), statistics)
