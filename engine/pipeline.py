@@ -114,6 +114,7 @@ def check(target: str, reach: bool = True) -> CheckReport:
     """
     from kb.check import check_domain, unreachable
     from kb.loader import CELL_FILE, find, problem_files
+    from kb.loader.faults import FAULTS_FILE
 
     path = find(target)
     found: list[Diagnostic] = []
@@ -133,6 +134,9 @@ def check(target: str, reach: bool = True) -> CheckReport:
     if loaded is not None and (cell := Path(loaded.domain.path).with_name(CELL_FILE)).is_file():
         paths.append(cell)
         found += _checked_cell(cell, loaded.domain, reach)
+    if loaded is not None and (faults := Path(loaded.domain.path).with_name(FAULTS_FILE)).is_file():
+        paths.append(faults)
+        found += _checked_faults(Path(loaded.domain.path))
     return CheckReport(tuple(map(str, paths)), tuple(sorted(set(found))))
 
 
@@ -142,6 +146,18 @@ def _checked_cell(cell: Path, domain: Domain, reach: bool) -> list[Diagnostic]:
     from engine.plugins import geometry_backend
 
     return check_cell(cell, domain, geometry_backend if reach else None)
+
+
+def _checked_faults(domain: Path) -> list[Diagnostic]:
+    """What is wrong with the fault base beside a domain."""
+    from kb.check.faults import check_faults
+    from kb.loader.faults import load_faults
+
+    try:
+        model, warnings = load_faults(domain)
+    except InvalidInput as error:
+        return list(error.diagnostics)
+    return [*warnings, *check_faults(model)]
 
 
 def _grounded(problem: Problem, found: list[Diagnostic]) -> Task | None:

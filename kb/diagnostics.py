@@ -60,6 +60,11 @@ CODES = {
     "K705": "a place that no arm configuration reaches",
     "K801": "not PDDL",
     "K802": "a PDDL feature that is not supported",
+    "K901": "probabilities that are none",
+    "K902": "causes that neither a test tells apart nor a repair serves together",
+    "K903": "a cause that nothing repairs",
+    "K904": "a test that tells nothing",
+    "K905": "more than the selection of tests can hold",
 }
 
 

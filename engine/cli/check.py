@@ -42,6 +42,7 @@ class Kind(StrEnum):
     PLAN = "plan"
     CELL = "cell"
     ARM = "arm"
+    FAULTS = "faults"
 
 
 def schema(kind: Annotated[Kind, typer.Argument(help="the kind of file")]) -> None:

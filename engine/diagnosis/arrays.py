@@ -20,6 +20,7 @@ def beliefs(problem: Troubleshooting) -> Beliefs:
         likelihoods[index, : len(action.outcomes)] = action.likelihoods
         ends[index, list(action.ends)] = True
     masks = (likelihoods > 0.0) @ (1 << np.arange(causes, dtype=np.int64))
+    repairs: NDArray[np.bool_] = np.logical_or.reduce(ends, axis=1)
     costs, following = _setup(actions, problem.setup)
     losses = np.array([each.losses for each in problem.conclusions]).reshape(-1, causes)
     widths = np.array([field_bits(action) for action in actions], dtype=np.int64)
@@ -30,7 +31,7 @@ def beliefs(problem: Troubleshooting) -> Beliefs:
         likelihoods,
         masks,
         ends,
-        ends.any(axis=1),
+        repairs,
         costs,
         following,
         losses,

@@ -54,6 +54,10 @@ def model_of(kind: str) -> type[BaseModel]:
             from kb.schema.cell import ArmFile
 
             return ArmFile
+        case "faults":
+            from kb.schema.faults import FaultsFile
+
+            return FaultsFile
         case _:
             raise KeyError(kind)
 

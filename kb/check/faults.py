@@ -1,0 +1,66 @@
+"""Findings about a whole fault base: what nothing raises, tells apart or puts right."""
+
+from collections.abc import Iterator
+
+from kb.diagnostics import Diagnostic
+from kb.model.faults import FaultModel, FaultTest, Interruption
+
+MOST_CAUSES = 62
+MOST_BITS = 48
+
+
+def check_faults(model: FaultModel) -> list[Diagnostic]:
+    """Warnings about a fault base, and errors where the selection of tests could not hold it."""
+    return [*_unraised(model), *_unrepaired(model), *_idle(model), *_alike(model), *_too_many(model)]
+
+
+def _unraised(model: FaultModel) -> Iterator[Diagnostic]:
+    raised = {cause for each in model.exceptions.values() for cause in each.counts}
+    for cause in model.causes.values():
+        if cause.name not in raised:
+            hint = "name it under an exception, or remove it"
+            yield Diagnostic(
+                cause.where, "K309", f"no exception has the cause '{cause.name}'", hint, warning=True
+            )
+
+
+def _unrepaired(model: FaultModel) -> Iterator[Diagnostic]:
+    for cause in model.causes.values():
+        if not cause.stops and not model.repairs_of(cause.name):
+            hint = "give it a repair, or say `stops: true`: the cell then stops safely and asks"
+            yield Diagnostic(cause.where, "K903", f"nothing repairs '{cause.name}'", hint, warning=True)
+
+
+def _idle(model: FaultModel) -> Iterator[Diagnostic]:
+    for test in model.tests.values():
+        if not any(test in model.telling(each.counts) for each in model.exceptions.values()):
+            hint = "name the causes under which its outcome differs"
+            message = f"'{test.name}' tells no causes of any exception apart"
+            yield Diagnostic(test.where, "K904", message, hint, warning=True)
+
+
+def _alike(model: FaultModel) -> Iterator[Diagnostic]:
+    """Classes that no test tells apart and no repair serves as a whole."""
+    for exception in model.exceptions.values():
+        for group in model.alike(exception.name):
+            if not any(all(r.cures.get(cause) for cause in group) for r in model.repairs.values()):
+                message = f"no test tells {' and '.join(group)} apart, and no repair serves them all"
+                hint = "add a test that rules one of them out, or a repair for both"
+                yield Diagnostic(exception.where, "K902", message, hint, warning=True)
+
+
+def _too_many(model: FaultModel) -> Iterator[Diagnostic]:
+    for exception in model.exceptions.values():
+        bits = sum(_bits(test, exception) for test in model.telling(exception.counts))
+        if len(exception.counts) > MOST_CAUSES:
+            message = f"more than {MOST_CAUSES} causes of one exception"
+            yield Diagnostic(exception.where, "K905", message, "split the exception by reply or operator")
+        elif bits > MOST_BITS:
+            message = "too many tests with uncertain outcomes for one exception"
+            yield Diagnostic(exception.where, "K905", message, "split the exception by reply or operator")
+
+
+def _bits(test: FaultTest, exception: Interruption) -> int:
+    """Bits that the selection needs to remember the outcome of an uncertain test."""
+    sure = all(test.likelihood(o, c) in (0.0, 1.0) for o in test.outcomes for c in exception.counts)
+    return 0 if sure else len(test.outcomes).bit_length()

@@ -1,0 +1,234 @@
+"""`faults.yaml` becomes a fault model, every name in it checked against the domain beside it."""
+
+import re
+from collections.abc import Collection, Mapping
+from pathlib import Path
+
+from kb.diagnostics import Diagnostic, InvalidInput, Source, unknown_name
+from kb.files import read_file
+from kb.loader.domain import read_domain
+from kb.loader.inference import Typing
+from kb.loader.names import Names
+from kb.loader.reader import Findings, Reader, require, validate_shape
+from kb.loader.tree import Node
+from kb.model.domain import Domain, Kind, Operator
+from kb.model.faults import Cause, FaultModel, FaultTest, Interruption, Repair
+from kb.terms import Atom, Function, Term, Variable
+
+FAULTS_FILE = "faults.yaml"
+_CHANCE = re.compile(r"([a-z][A-Za-z0-9_]*)(?:\s+([0-9](?:\.[0-9]{1,6})?))?")
+
+
+def load_faults(domain: Path) -> tuple[FaultModel, tuple[Diagnostic, ...]]:
+    """The fault base beside a domain file, and warnings. Raises `InvalidInput` with everything that is wrong."""
+    path = domain.with_name(FAULTS_FILE)
+    if not path.is_file():
+        hint = "write one: `cellwright schema faults` shows its shape"
+        raise InvalidInput([Diagnostic(Source(str(path)), "K401", "this domain has no fault base", hint)])
+    known, names = read_domain(domain, Findings())
+    findings = Findings()
+    reader = Reader.of(read_file(path), findings)
+    if not validate_shape(reader, "faults"):
+        require(findings)
+    reader.time_unit = known.time_unit
+    names.findings = findings
+    model = _FaultReader(reader, known, names).model(str(path))
+    require(findings)
+    return model, findings.warnings()
+
+
+class _FaultReader:
+    """One fault base being read."""
+
+    def __init__(self, reader: Reader, domain: Domain, names: Names) -> None:
+        self.reader, self.domain, self.names = reader, domain, names
+        self.operators = {operator.name: operator for operator in domain.operators}
+        self.bound: dict[Variable, str] = {}
+
+    def model(self, path: str) -> FaultModel:
+        self._name()
+        entries = self._section
+        causes = [name for name, _, _ in entries("causes")]
+        exceptions = {
+            name: self._exception(name, key, node, causes) for name, key, node in entries("exceptions")
+        }
+        return FaultModel(
+            self.domain.name,
+            exceptions,
+            {name: self._cause(name, key, node) for name, key, node in entries("causes")},
+            {name: self._test(name, key, node, causes) for name, key, node in entries("tests")},
+            {name: self._repair(name, key, node, causes) for name, key, node in entries("repairs")},
+            float(self.reader.text("smoothing") or 1.0),
+            int(self.reader.text("stop") or 600),
+            float(self.reader.text("lies") or 0.01),
+            path,
+        )
+
+    def _name(self) -> None:
+        node = self.reader.root.descend(("faults",))
+        if node.value != self.domain.name:
+            self.names.findings.note(unknown_name("domain", node.value, [self.domain.name], node.where))
+
+    def _section(self, section: str) -> list[tuple[str, Node, Node]]:
+        return [each for each in self.reader.entries(section) if self.reader.is_name(each[0], each[1])]
+
+    def _exception(self, name: str, key: Node, node: Node, causes: Collection[str]) -> Interruption:
+        counts = {}
+        for cause, (place, count) in node.value["causes"][1].value.items():
+            if self._known("cause", cause, causes, place):
+                counts[cause] = float(count.value)
+        operator = self._operator(node, "of")
+        if operator is not None:
+            self._bind(operator)
+        return Interruption(
+            name, _text(node, "say"), counts, operator, _text(node, "reply") or "timeout", key.where
+        )
+
+    def _bind(self, header: Function) -> None:
+        """Variables of an exception's operator have its types in every atom of the file."""
+        for argument, parameter in zip(header.arguments, self._of(header).parameters, strict=True):
+            if isinstance(argument, Variable):
+                self.bound.setdefault(argument, parameter.type)
+
+    def _cause(self, name: str, key: Node, node: Node) -> Cause:
+        return Cause(
+            name,
+            _text(node, "say"),
+            self._atoms(node, "doubts"),
+            self._atoms(node, "adds"),
+            self._atoms(node, "denies"),
+            tuple(self._objects(node, "loses")),
+            _text(node, "stops") == "true",
+            key.where,
+        )
+
+    def _test(self, name: str, key: Node, node: Node, causes: Collection[str]) -> FaultTest:
+        outcomes = tuple(each for each, _ in self.reader.once(self.reader.names(node.value["outcomes"][1])))
+        otherwise = node.value["otherwise"][1]
+        self._known("outcome", otherwise.value, outcomes, otherwise)
+        gives = {}
+        for cause, (place, given) in node.value["gives"][1].value.items():
+            if self._known("cause", cause, causes, place):
+                gives[cause] = self._chances(given, outcomes, otherwise.value)
+        return FaultTest(
+            name,
+            _text(node, "say"),
+            int(_text(node, "cost")),
+            outcomes,
+            otherwise.value,
+            gives,
+            self._atoms(node, "preconditions"),
+            self._operator(node, "by"),
+            _text(node, "asks") == "true",
+            key.where,
+        )
+
+    def _chances(self, node: Node, outcomes: Collection[str], otherwise: str) -> Mapping[str, float]:
+        """`weak`, or `weak 0.9, none 0.05`; what is left goes to the outcome `otherwise`."""
+        found: dict[str, float] = {}
+        for part in str(node.value).split(","):
+            read = _CHANCE.fullmatch(part.strip())
+            if read is None:
+                message = f"'{part.strip()[:40]}' is no outcome with a probability"
+                self.names.findings.add(node.where, "K901", message, "write it as in `weak 0.9, none 0.1`")
+            elif self._known("outcome", read[1], outcomes, node):
+                found[read[1]] = found.get(read[1], 0.0) + (float(read[2]) if read[2] else 1.0)
+        left = 1.0 - sum(found.values())
+        if left < -1e-9:
+            message = f"probabilities that sum to {1.0 - left:g}"
+            self.names.findings.add(node.where, "K901", message, "they may not exceed 1 together")
+        if left > 1e-9:
+            found[otherwise] = round(found.get(otherwise, 0.0) + left, 9)
+        return found
+
+    def _repair(self, name: str, key: Node, node: Node, causes: Collection[str]) -> Repair:
+        return Repair(
+            name,
+            _text(node, "say"),
+            int(_text(node, "cost")),
+            self._cures(node.value["cures"][1], causes),
+            self._atoms(node, "preconditions"),
+            self._atoms(node, "adds"),
+            self._atoms(node, "denies"),
+            self._operator(node, "by"),
+            _text(node, "asks") == "true",
+            key.where,
+        )
+
+    def _cures(self, node: Node, causes: Collection[str]) -> Mapping[str, float]:
+        if isinstance(node.value, list):
+            listed = self.reader.once((str(item.value), item) for item in node.value)
+            return {cause: 1.0 for cause, place in listed if self._known("cause", cause, causes, place)}
+        found = {}
+        for cause, (place, chance) in node.value.items():
+            if self._known("cause", cause, causes, place):
+                found[cause] = float(chance.value)
+            if float(chance.value) > 1.0:
+                self.names.findings.add(
+                    chance.where, "K901", f"{chance.value} is no probability", "at most 1"
+                )
+        return found
+
+    def _known(self, kind: str, name: str, known: Collection[str], place: Node) -> bool:
+        if name in known:
+            return True
+        self.names.findings.note(unknown_name(kind, name, known, place.where))
+        return False
+
+    def _atoms(self, node: Node, key: str) -> tuple[Atom, ...]:
+        """The fluents that a key names, checked against their signatures."""
+        given = _child(node, key)
+        expression = self.reader.parse("atoms", given) if given else None
+        if expression is None:
+            return ()
+        typing = Typing(self.names, self.bound)
+        for atom in expression.value:
+            typing.atom(atom, expression, (Kind.FLUENT,))
+        return tuple(expression.value)
+
+    def _objects(self, node: Node, key: str) -> list[Term]:
+        given = _child(node, key)
+        found: list[Term] = []
+        for item in given.value if given else []:
+            expression = self.reader.parse("term", item)
+            if expression is None:
+                continue
+            term = expression.value
+            if isinstance(term, Function) and not term.arguments:
+                self._known("object", term.name, self.domain.objects, item)
+            found.append(term)
+        return found
+
+    def _operator(self, node: Node, key: str) -> Function | None:
+        """A step: an operator of the domain with as many arguments as it takes."""
+        given = _child(node, key)
+        expression = self.reader.parse("term", given) if given else None
+        if expression is None or not isinstance(expression.value, Function):
+            return None
+        header = expression.value
+        if header.name not in self.operators:
+            self.names.findings.note(
+                unknown_name("operator", header.name, self.operators, expression.place(header))
+            )
+            return None
+        operator = self.operators[header.name]
+        if len(header.arguments) != len(operator.parameters):
+            message = f"{header.name} takes {len(operator.parameters)} arguments, not {len(header.arguments)}"
+            self.names.findings.add(expression.place(header), "K102", message, f"it is {operator.header}")
+            return None
+        return header
+
+    def _of(self, header: Function) -> Operator:
+        return self.operators[header.name]
+
+
+def _child(node: Node, key: str) -> Node | None:
+    if not isinstance(node.value, dict) or key not in node.value:
+        return None
+    found: Node = node.value[key][1]
+    return found
+
+
+def _text(node: Node, key: str) -> str:
+    found = _child(node, key)
+    return str(found.value) if found else ""

@@ -1,0 +1,143 @@
+"""Fault knowledge: what can go wrong in a kind of cell, how it shows, what tells it apart and what puts it right.
+
+Atoms may hold variables: those of the operator that an exception interrupts are bound by the step; any other means "some".
+"""
+
+import itertools
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+
+from kb.diagnostics import Source
+from kb.model.domain import NOWHERE
+from kb.terms import Atom, Function, Term
+
+
+@dataclass(frozen=True, slots=True)
+class Interruption:
+    """An exception: a reply or a timeout that stops a plan, and how often each of its causes was found behind it.
+
+    `operator` is the operator whose command is answered so, its variables naming the step's arguments; None for any.
+    """
+
+    name: str
+    say: str
+    counts: Mapping[str, float]
+    operator: Function | None = None
+    reply: str = ""
+    where: Source = field(default=NOWHERE, compare=False)
+
+
+@dataclass(frozen=True, slots=True)
+class Cause:
+    """A fault. `doubts` are assertions that are uncertain while it is possible.
+
+    If it is the cause, `denies` leave the world model, `adds` join it, and `loses` are resources that are lost. With
+    `stops` nobody in the cell can repair it: the cell stops safely and asks.
+    """
+
+    name: str
+    say: str
+    doubts: tuple[Atom, ...] = ()
+    adds: tuple[Atom, ...] = ()
+    denies: tuple[Atom, ...] = ()
+    loses: tuple[Term, ...] = ()
+    stops: bool = False
+    where: Source = field(default=NOWHERE, compare=False)
+
+
+@dataclass(frozen=True, slots=True)
+class FaultTest:
+    """A test: `gives[cause][outcome]` is the probability of an outcome under a cause; others give `otherwise`.
+
+    `by` is the step that carries it out, `asks` whether it is a question to a person. Costs count the domain's time.
+    """
+
+    name: str
+    say: str
+    cost: int
+    outcomes: tuple[str, ...]
+    otherwise: str
+    gives: Mapping[str, Mapping[str, float]]
+    preconditions: tuple[Atom, ...] = ()
+    by: Function | None = None
+    asks: bool = False
+    where: Source = field(default=NOWHERE, compare=False)
+
+    def likelihood(self, outcome: str, cause: str) -> float:
+        """The probability of an outcome under a cause."""
+        given = self.gives.get(cause)
+        if given is None:
+            return float(outcome == self.otherwise)
+        return given.get(outcome, 0.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Repair:
+    """A repair: `cures[cause]` is the probability that it puts a cause right; `adds` and `denies` then change the world."""
+
+    name: str
+    say: str
+    cost: int
+    cures: Mapping[str, float]
+    preconditions: tuple[Atom, ...] = ()
+    adds: tuple[Atom, ...] = ()
+    denies: tuple[Atom, ...] = ()
+    by: Function | None = None
+    asks: bool = False
+    where: Source = field(default=NOWHERE, compare=False)
+
+
+@dataclass(frozen=True, slots=True)
+class FaultModel:
+    """The fault base of a domain. Mappings keep the order of declaration.
+
+    `smoothing` is added to every count; `stop` is the cost of a safe stop with a question; `lies` is the probability that
+    an observation is wrong, which counts only when nothing else explains what was seen.
+    """
+
+    domain: str
+    exceptions: Mapping[str, Interruption]
+    causes: Mapping[str, Cause]
+    tests: Mapping[str, FaultTest]
+    repairs: Mapping[str, Repair]
+    smoothing: float = 1.0
+    stop: int = 600
+    lies: float = 0.01
+    path: str = ""
+
+    def repairs_of(self, cause: str) -> tuple[Repair, ...]:
+        """The repairs that may put a cause right, the surest first, then the cheapest."""
+        serving = [each for each in self.repairs.values() if each.cures.get(cause, 0.0) > 0.0]
+        return tuple(sorted(serving, key=lambda each: (-each.cures[cause], each.cost)))
+
+    def priors(self, exception: str, counts: Mapping[str, float] | None = None) -> dict[str, float]:
+        """The probability of each cause of an exception: (count + smoothing) over their sum (Laplace, Lidstone)."""
+        seen = self.exceptions[exception].counts if counts is None else counts
+        causes = self.exceptions[exception].counts
+        total = sum(seen.get(cause, 0.0) + self.smoothing for cause in causes)
+        return {cause: (seen.get(cause, 0.0) + self.smoothing) / total for cause in causes}
+
+    def telling(self, causes: Iterable[str]) -> tuple[FaultTest, ...]:
+        """The tests that do not answer in the same way under all of these causes."""
+        among = tuple(causes)
+        return tuple(test for test in self.tests.values() if not _alike(test, among))
+
+    def alike(self, exception: str) -> list[tuple[str, ...]]:
+        """The classes of causes of an exception that no test surely tells apart; those of one cause are left out."""
+        order = list(self.exceptions[exception].counts)
+        classes: list[set[str]] = [{cause} for cause in order]
+        for one, other in itertools.combinations(order, 2):
+            if not any(certainly_apart(test, one, other) for test in self.tests.values()):
+                joined = [group for group in classes if one in group or other in group]
+                classes = [group for group in classes if group not in joined] + [set().union(*joined)]
+        return [tuple(sorted(group, key=order.index)) for group in classes if len(group) > 1]
+
+
+def _alike(test: FaultTest, causes: tuple[str, ...]) -> bool:
+    rows = {tuple(test.likelihood(outcome, cause) for outcome in test.outcomes) for cause in causes}
+    return len(rows) < 2
+
+
+def certainly_apart(test: FaultTest, one: str, other: str) -> bool:
+    """Whether any outcome of a test rules out one of two causes."""
+    return all(test.likelihood(o, one) == 0.0 or test.likelihood(o, other) == 0.0 for o in test.outcomes)

@@ -1,0 +1,79 @@
+"""The shape of a fault base, `faults.yaml`."""
+
+from typing import Annotated
+
+from pydantic import Field
+
+from kb.schema.shapes import Expression, Strict, Truth, WholeNumber
+
+Cost = Annotated[WholeNumber, Field(ge=0, description="what it costs, in units of the domain's time")]
+Say = Annotated[str, Field(description="what people call it, in a few words")]
+Chance = Annotated[str, Field(pattern=r"^[0-9](\.[0-9]{1,6})?$", description="a probability, such as 0.95")]
+Needs = Annotated[Expression | None, Field(description="what must hold before; the planner brings it about")]
+Step = Annotated[Expression | None, Field(description="the step of the domain that carries it out")]
+Asks = Annotated[Truth, Field(description="a person is asked to do it")]
+
+
+class ExceptionEntry(Strict):
+    """An exception: how it is met, and what may be behind it."""
+
+    say: Say = ""
+    of: Expression | None = Field(
+        None, description="the operator that is interrupted: us_measure(Tool, Arm, Id)"
+    )
+    reply: str = Field("timeout", description="the exceptional reply; `timeout` when none comes")
+    causes: dict[str, WholeNumber] = Field(
+        min_length=1, description="cause: how often it was found behind this exception"
+    )
+
+
+class CauseEntry(Strict):
+    """A fault and what it does to the world model."""
+
+    say: Say = ""
+    doubts: Expression | None = Field(None, description="assertions that are uncertain while it is possible")
+    adds: Expression | None = Field(None, description="facts that hold if it is the cause")
+    denies: Expression | None = Field(None, description="facts that do not hold if it is the cause")
+    loses: list[Expression] = Field(default_factory=list, description="objects that can no longer be used")
+    stops: Truth = Field(False, description="nobody in the cell can repair it: stop safely and ask a person")
+
+
+class TestEntry(Strict):
+    """A test: what it costs and what it shows."""
+
+    say: Say = ""
+    cost: Cost
+    preconditions: Needs = None
+    by: Step = None
+    asks: Asks = False
+    outcomes: list[str] = Field(min_length=2, max_length=8, description="what may come out")
+    otherwise: str = Field(description="the outcome under causes that `gives` does not name")
+    gives: dict[str, str] = Field(
+        description="cause: outcome; or outcomes with probabilities, as in `weak 0.9`, the rest being `otherwise`"
+    )
+
+
+class RepairEntry(Strict):
+    """A repair: what it costs and what it cures."""
+
+    say: Say = ""
+    cost: Cost
+    preconditions: Needs = None
+    by: Step = None
+    asks: Asks = False
+    cures: list[str] | dict[str, Chance] = Field(description="causes; or cause: probability that it helps")
+    adds: Expression | None = Field(None, description="facts that hold afterwards")
+    denies: Expression | None = Field(None, description="facts that do not hold afterwards")
+
+
+class FaultsFile(Strict):
+    """A `faults.yaml` beside a domain: exceptions, causes, tests and repairs."""
+
+    faults: str = Field(description="the name of the domain beside this file")
+    smoothing: Chance = Field("1", description="added to every count, so that nothing is impossible unseen")
+    lies: Chance = Field("0.01", description="the probability that an observation is wrong")
+    stop: Cost = 600
+    exceptions: dict[str, ExceptionEntry] = Field(min_length=1, description="what stops a plan")
+    causes: dict[str, CauseEntry | None] = Field(min_length=1, description="what may be behind it")
+    tests: dict[str, TestEntry] = Field(default_factory=dict, description="what tells causes apart")
+    repairs: dict[str, RepairEntry] = Field(default_factory=dict, description="what puts causes right")
