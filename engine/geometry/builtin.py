@@ -3,7 +3,7 @@
 import numpy as np
 
 from engine.geometry.contacts import nearest_of_bodies
-from engine.geometry.packing import pack
+from engine.geometry.packing import grouped
 from engine.geometry.stretches import in_stretches
 from engine.model.geometry import Contact, Floats, Ints, Scene, Truths
 from engine.ports import CollisionChecker
@@ -16,8 +16,7 @@ class BuiltinChecker:
 
     def __init__(self, scene: Scene) -> None:
         self._scene = scene
-        self._pieces = pack(scene.pieces)
-        self._pairs = np.ascontiguousarray(scene.pairs, dtype=np.int64).reshape(-1, 2)
+        self._pieces, self._pairs = grouped(scene)
 
     @property
     def scene(self) -> Scene:
@@ -60,7 +59,7 @@ class BuiltinChecker:
         """Every pair of bodies nearer than `within_m`, nearest first."""
         from engine.geometry.kernels.checks import near_pairs
 
-        pairs = self._pairs
+        pairs = self._pairs.pairs
         distance, witness = np.empty(len(pairs)), np.empty((len(pairs), 9))
         poses = pose_batch(self._scene, np.asarray(where, dtype=float)[None])
         near_pairs(poses[0], self._pieces, pairs, float(within_m), distance, witness)

@@ -8,17 +8,16 @@ slack from the others. All pieces stand in one frame.
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import product
 
 import numpy as np
 
 from engine.geometry import transforms
 from engine.geometry.hull import hull_triangles, planes
+from engine.geometry.packing import CORNERS
 from engine.model.geometry import Floats, Piece, Truths
 
 LEVELS = 6
 CLOSE = 1e-9  # metres; what rounding may add
-CORNERS = np.array(list(product((-1.0, 1.0), repeat=3)))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -51,7 +50,7 @@ def covering(piece: Piece, others: Sequence[Piece]) -> Covered | Hole:
             return Covered(CLOSE)
         if level < LEVELS - 1:
             half = half / 2
-            centres = (centres[:, None] + (CORNERS * half) @ axes).reshape(-1, 3)
+            centres = (centres[:, None] + (2 * CORNERS * half) @ axes).reshape(-1, 3)
     away = np.min([each.distances(centres) for each in around], axis=0).clip(min=0.0)
     return Covered(float(away.max() + np.linalg.norm(half)) + CLOSE)
 
@@ -65,7 +64,7 @@ def _in_any(points: Floats, around: "list[_Convex]") -> Truths:
 
 def _inside_one(centres: Floats, axes: Floats, half: Floats, around: "list[_Convex]") -> Truths:
     """Which cells lie within one of the others."""
-    corners = (centres[:, None] + (CORNERS * half) @ axes).reshape(-1, 3)
+    corners = (centres[:, None] + (2 * CORNERS * half) @ axes).reshape(-1, 3)
     found = np.zeros(len(centres), dtype=bool)
     for each in around:
         found |= each.contains(corners, CLOSE).reshape(-1, 8).all(axis=1)

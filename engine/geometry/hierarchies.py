@@ -2,17 +2,17 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
-from itertools import islice, product
+from itertools import islice
 
 import networkx
 import numpy as np
 
-from engine.geometry import transforms
 from engine.geometry.coverage import Covered, covering
+from engine.geometry.packing import block_between, extent
 from engine.geometry.regions import OutsideError, RegionTree, TreeRegion
 from engine.geometry.scenes import pieces_of_region, scene_of
 from engine.geometry.world import World
-from engine.model.geometry import Floats, Ints, Piece
+from engine.model.geometry import Ints, Piece
 
 LEAVES = 8  # so many pieces need no further box
 
@@ -25,13 +25,13 @@ def nested_boxes(name: str, pieces: Sequence[Piece], parents: tuple[str, ...] = 
     if len(pieces) == 1:
         return [TreeRegion(name, pieces[0], parents, solid=True)]
     axes = pieces[0].T_carrier_piece[:3, :3]
-    extents = np.array([_extent(piece, axes) for piece in pieces])
+    extents = np.array([extent(piece, axes) for piece in pieces])
     found: list[TreeRegion] = []
     open_: list[tuple[str, Ints, tuple[str, ...]]] = [(name, np.arange(len(pieces)), parents)]
     while open_:
         box, members, above = open_.pop()
         low, high = extents[members, 0].min(axis=0), extents[members, 1].max(axis=0)
-        found.append(TreeRegion(box, bounding_box(name, axes, low, high), above))
+        found.append(TreeRegion(box, block_between(pieces[0], axes, low, high), above))
         stem = box if "#" in box else f"{box}#"
         if len(members) <= LEAVES:
             found += [
@@ -43,19 +43,6 @@ def nested_boxes(name: str, pieces: Sequence[Piece], parents: tuple[str, ...] = 
         half = len(order) // 2
         open_ += [(f"{stem}{side}", part, (box,)) for side, part in ((0, order[:half]), (1, order[half:]))]
     return found
-
-
-def _extent(piece: Piece, axes: Floats) -> tuple[Floats, Floats]:
-    """The least and the greatest coordinates (3,) of a piece along axes (3, 3: columns)."""
-    along = transforms.apply(piece.T_carrier_piece, piece.vertices) @ axes
-    return along.min(axis=0) - piece.radius_m, along.max(axis=0) + piece.radius_m
-
-
-def bounding_box(body: str, axes: Floats, low: Floats, high: Floats) -> Piece:
-    """The block between two corners (3,), given along axes (3, 3: columns)."""
-    T = transforms.transform(axes, axes @ ((low + high) / 2))
-    corners = np.array(list(product((-0.5, 0.5), repeat=3))) * (high - low)
-    return Piece(body, 0, T, corners, 0.0, box=True)
 
 
 def declared_tree(world: World) -> tuple[RegionTree, tuple[OutsideError, ...]]:

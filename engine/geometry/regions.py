@@ -152,17 +152,19 @@ class RegionTree:
         self, pieces: Sequence[Piece], T_world_body: Floats, within_m: float = 0.0
     ) -> tuple[Contact, ...]:
         """Everything solid that is nearer than `within_m` to such a body, nearest first, with depth and points."""
-        from engine.geometry.kernels.checks import piece_separation
+        from engine.geometry.kernels.distance import separation
 
         placed = [_placed(piece, T_world_body) for piece in pieces]
-        everything, count = joined(self.pieces, pack(placed)), len(self.regions)
-        regions, out, simplex = list(self.regions.values()), np.empty(9), np.empty((5, 10))
-        found = []
-        for n, r in zip(*np.nonzero(self._near(pack(placed), within_m)), strict=True):
-            distance = float(piece_separation(everything.vertices, everything, count + n, r, simplex, out))
+        queries, out, simplex = pack(placed), np.empty(9), np.empty((5, 10))
+        everything, regions, found = joined(self.pieces, queries), list(self.regions.values()), []
+        for n, r in zip(*np.nonzero(self._near(queries, within_m)), strict=True):
+            one, other = len(regions) + n, r
+            (a, na), (b, nb) = everything.stretch[one], everything.stretch[other]
+            radii = everything.radius[one], everything.radius[other]
+            distance = separation(everything.vertices, a, na, radii[0], b, nb, radii[1], simplex, out)
             if distance <= within_m:
                 parts = [part.copy() for part in np.split(out, 3)]
-                found.append(Contact(placed[n].body, regions[r].piece.body, distance, *parts))
+                found.append(Contact(placed[n].body, regions[r].piece.body, float(distance), *parts))
         return nearest_of_bodies(found)
 
     def _hits(self, queries: Sequence[Piece]) -> list[tuple[str, ...]]:

@@ -3,14 +3,23 @@ volumes meet.
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
 from engine.geometry.kernels import compiled
 from engine.geometry.kernels.distance import separation
 from engine.geometry.kernels.gjk import core_distance
-from engine.geometry.kernels.volumes import far_apart, segment_block_gap, segment_gap
-from engine.geometry.packing import Pieces
+from engine.geometry.kernels.volumes import (
+    APART,
+    TOUCHING,
+    UNDECIDED,
+    place_bounds,
+    segment_block_gap,
+    segment_gap,
+    verdict,
+)
+from engine.geometry.packing import BLOCK_ITSELF, KIND, Pairs, Pieces
 from engine.model.geometry import Floats, Ints, Truths
 
 
@@ -57,13 +66,27 @@ def _motion(axis: Floats, angle: float, out: Floats) -> None:
     out[2, 0], out[2, 1], out[2, 2] = t * x * z - s * y, t * y * z + s * x, c + t * z * z
 
 
+class Room(NamedTuple):
+    """What is written while checking; made once for a batch."""
+
+    world: Floats  # (v, 3) vertices in the world
+    bounds: Floats  # (n, 18) bounds in the world
+    simplex: Floats  # (5, 10)
+    found: Floats  # (9,)
+
+
 @compiled
-def place_centres(pose: Floats, p: Pieces, centres: Floats) -> None:
-    """The centres (n, 3) of the bounding balls in the world."""
-    for i in range(p.carrier.shape[0]):
-        T = pose[p.carrier[i]]
-        for r in range(3):
-            centres[i, r] = T[r, 0] * p.ball[i, 0] + T[r, 1] * p.ball[i, 1] + T[r, 2] * p.ball[i, 2] + T[r, 3]
+def room_for(p: Pieces) -> Room:
+    """Room for some pieces; those that stand in the world have their place already."""
+    return Room(p.vertices.copy(), p.bounds.copy(), np.empty((5, 10)), np.empty(9))
+
+
+@compiled
+def move_bounds(pose: Floats, carrier: Ints, own: Floats, placed: Floats) -> None:
+    """Put the bounds (n, 18) of all that moves where the carriers (k + 1, 3, 4) are."""
+    for i in range(carrier.shape[0]):
+        if carrier[i] != 0:
+            place_bounds(pose[carrier[i]], own, i, placed)
 
 
 @compiled
@@ -78,72 +101,100 @@ def place(pose: Floats, p: Pieces, i: int, world: Floats) -> None:
 
 
 @compiled
-def touches(pose: Floats, world: Floats, p: Pieces, i: int, j: int, by: float, simplex: Floats) -> bool:
+def move_vertices(pose: Floats, p: Pieces, room: Room) -> None:
+    """Put the vertices of all that moves where the carriers are."""
+    for i in range(p.carrier.shape[0]):
+        if p.carrier[i] != 0:
+            place(pose, p, i, room.world)
+
+
+@compiled
+def touches(p: Pieces, room: Room, i: int, j: int, by: float) -> bool:
     """Whether two placed pieces are within `by` (at least 0) of each other.
 
     Points, segments and blocks by formulas of their own, the rest by GJK.
     """
     a, na, b, nb = p.stretch[i, 0], p.stretch[i, 1], p.stretch[j, 0], p.stretch[j, 1]
-    reach = p.radius[i] + p.radius[j] + by
+    reach, v = p.radius[i] + p.radius[j] + by, room.world
     if na <= 2 and nb <= 2:
-        return bool(segment_gap(world, a, na, b, nb) <= reach * reach)
-    if na <= 2 and p.is_block[j]:
-        return bool(segment_block_gap(world, a, na, pose[p.carrier[j]], p.block[j]) <= reach * reach)
-    if nb <= 2 and p.is_block[i]:
-        return bool(segment_block_gap(world, b, nb, pose[p.carrier[i]], p.block[i]) <= reach * reach)
-    return bool(core_distance(world, a, na, b, nb, reach, simplex) <= reach)
+        return bool(segment_gap(v, a, na, b, nb) <= reach * reach)
+    if na <= 2 and p.bounds[j, KIND] == BLOCK_ITSELF:
+        return bool(segment_block_gap(v, a, na, room.bounds, j) <= reach * reach)
+    if nb <= 2 and p.bounds[i, KIND] == BLOCK_ITSELF:
+        return bool(segment_block_gap(v, b, nb, room.bounds, i) <= reach * reach)
+    return bool(core_distance(v, a, na, b, nb, reach, room.simplex) <= reach)
 
 
 @compiled
-def piece_separation(world: Floats, p: Pieces, i: int, j: int, simplex: Floats, out: Floats) -> float:
-    """The signed distance of two placed pieces, with points and normal in `out` (9,)."""
+def piece_separation(p: Pieces, room: Room, i: int, j: int) -> float:
+    """The signed distance of two placed pieces, with points and normal in `room.found`."""
     a, na, b, nb = p.stretch[i, 0], p.stretch[i, 1], p.stretch[j, 0], p.stretch[j, 1]
-    return separation(world, a, na, p.radius[i], b, nb, p.radius[j], simplex, out)
+    return separation(room.world, a, na, p.radius[i], b, nb, p.radius[j], room.simplex, room.found)
 
 
 @compiled
-def first_contacts(poses: Floats, p: Pieces, pairs: Ints, out: Ints) -> None:
-    """For each of the carrier poses (n, k + 1, 3, 4) the first pair (m, 2) that touches (n,), or -1."""
-    count = p.carrier.shape[0]
-    world, centres, simplex = p.vertices.copy(), np.empty((count, 3)), np.empty((5, 10))
-    placed = np.full(count, -1)
+def first_contacts(poses: Floats, p: Pieces, q: Pairs, out: Ints) -> None:
+    """For each of the carrier poses (n, k + 1, 3, 4) the first pair that touches (n,), or -1."""
+    room, placed = room_for(p), np.full(p.carrier.shape[0], -1)
     placed[p.carrier == 0] = poses.shape[0]
     for n in range(poses.shape[0]):
-        pose = poses[n]
-        place_centres(pose, p, centres)
+        move_bounds(poses[n], p.carrier, p.bounds, room.bounds)
         out[n] = -1
-        for m in range(pairs.shape[0]):
-            i, j = pairs[m, 0], pairs[m, 1]
-            if far_apart(pose, p, centres, i, j, 0.0):
-                continue
-            for each in (i, j):
-                if placed[each] != n and placed[each] != poses.shape[0]:
-                    place(pose, p, each, world)
-                    placed[each] = n
-            if touches(pose, world, p, i, j, 0.0, simplex):
-                out[n] = m
-                break
+        for g in range(q.groups.shape[0]):
+            if verdict(room.bounds, q.groups[g, 0], q.groups[g, 1], 0.0) != APART:
+                out[n] = _first_of_group(poses[n], p, q, g, n, placed, room)
+                if out[n] >= 0:
+                    break
+
+
+@compiled
+def _first_of_group(pose: Floats, p: Pieces, q: Pairs, g: int, n: int, placed: Ints, room: Room) -> int:
+    """The first pair of a group that touches, or -1. A first piece that is off the other bounds spares its pairs."""
+    m, last, checked = q.groups[g, 2], q.groups[g, 3], -1
+    while m < last:
+        i, j = q.pairs[m, 0], q.pairs[m, 1]
+        if i != checked and verdict(room.bounds, i, q.groups[g, 1], 0.0) == APART:
+            m = q.after[m]
+            continue
+        checked = i
+        said = verdict(room.bounds, i, j, 0.0)
+        if said == TOUCHING or (said == UNDECIDED and _decided(pose, p, i, j, n, placed, room)):
+            return int(q.order[m])
+        m += 1
+    return -1
+
+
+@compiled
+def _decided(pose: Floats, p: Pieces, i: int, j: int, n: int, placed: Ints, room: Room) -> bool:
+    """Whether two pieces touch; their vertices are placed first, if their number in `placed` is old."""
+    for each in (i, j):
+        if placed[each] < n:
+            place(pose, p, each, room.world)
+            placed[each] = n
+    return touches(p, room, i, j, 0.0)
 
 
 @compiled
 def nearest_pairs(
-    poses: Floats, p: Pieces, pairs: Ints, beyond: float, distance: Floats, pair: Ints, witness: Floats
+    poses: Floats, p: Pieces, q: Pairs, beyond: float, distance: Floats, pair: Ints, witness: Floats
 ) -> None:
     """The least signed distance (n,) below `beyond`, its pair (n,) or -1, and its points and normal (n, 9)."""
-    count = p.carrier.shape[0]
-    world, centres, simplex, found = p.vertices.copy(), np.empty((count, 3)), np.empty((5, 10)), np.empty(9)
+    room = room_for(p)
     for n in range(poses.shape[0]):
-        place_centres(poses[n], p, centres)
-        for i in range(count):
-            place(poses[n], p, i, world)
+        move_bounds(poses[n], p.carrier, p.bounds, room.bounds)
+        move_vertices(poses[n], p, room)
         distance[n], pair[n], witness[n] = beyond, -1, 0.0
-        for m in range(pairs.shape[0]):
-            i, j = pairs[m, 0], pairs[m, 1]
-            if far_apart(poses[n], p, centres, i, j, max(distance[n], 0.0)):
+        for g in range(q.groups.shape[0]):
+            margin = max(distance[n], 0.0)
+            if verdict(room.bounds, q.groups[g, 0], q.groups[g, 1], margin) == APART:
                 continue
-            gap = piece_separation(world, p, i, j, simplex, found)
-            if gap < distance[n]:
-                distance[n], pair[n], witness[n] = gap, m, found
+            for m in range(q.groups[g, 2], q.groups[g, 3]):
+                i, j = q.pairs[m, 0], q.pairs[m, 1]
+                if verdict(room.bounds, i, j, max(distance[n], 0.0)) == APART:
+                    continue
+                gap = piece_separation(p, room, i, j)
+                if gap < distance[n]:
+                    distance[n], pair[n], witness[n] = gap, q.order[m], room.found
 
 
 @compiled
@@ -151,13 +202,12 @@ def near_pairs(
     pose: Floats, p: Pieces, pairs: Ints, within: float, distance: Floats, witness: Floats
 ) -> None:
     """For one set of carrier poses, the signed distance of every pair (m,) nearer than `within`, else infinity."""
-    count = p.carrier.shape[0]
-    world, centres, simplex = p.vertices.copy(), np.empty((count, 3)), np.empty((5, 10))
-    place_centres(pose, p, centres)
-    for i in range(count):
-        place(pose, p, i, world)
+    room = room_for(p)
+    move_bounds(pose, p.carrier, p.bounds, room.bounds)
+    move_vertices(pose, p, room)
     for m in range(pairs.shape[0]):
         i, j = pairs[m, 0], pairs[m, 1]
         distance[m] = math.inf
-        if not far_apart(pose, p, centres, i, j, within):
-            distance[m] = piece_separation(world, p, i, j, simplex, witness[m])
+        if verdict(room.bounds, i, j, within) != APART:
+            distance[m] = piece_separation(p, room, i, j)
+            witness[m] = room.found

@@ -106,8 +106,9 @@ def test_segments_and_blocks_have_a_formula_of_their_own(one: str, seed: int) ->
     pose[:3, :3] = rotation(axis / np.linalg.norm(axis), 1.0)
     corners = np.array(list(product((-1, 1), repeat=3))) * half
     middle = rng.normal(size=3) * 0.2
-    block = np.concatenate([np.eye(3).ravel(), middle, half])
-    gap = segment_block_gap(segment, 0, len(segment), pose, block)
+    R = pose[:3, :3]
+    bounds = np.concatenate([R @ middle, [0.0], R.T.ravel(), half, [0.0, 1.0]])[None]
+    gap = segment_block_gap(segment, 0, len(segment), bounds, 0)
     plain = signed_distance(segment, (corners + middle) @ pose[:3, :3].T)
     assert math.isclose(math.sqrt(gap), max(0.0, plain), abs_tol=1e-7)
 
