@@ -20,12 +20,19 @@ class Effort:
     expanded: int = 0
     generated: int = 0
     most: int = 1 << 60
+    asked: int = 0
 
     def spent(self) -> bool:
-        """Whether to stop."""
-        if self.expanded >= self.limit or self.generated >= self.most:
-            return True
-        return self.expanded % 64 == 0 and self.interrupted()
+        """Whether to stop; after something quick, as not every call asks whether it is interrupted."""
+        self.asked += 1
+        return self._used_up() or (self.asked % 64 == 1 and self.interrupted())
+
+    def over(self) -> bool:
+        """Whether to stop, after something slow."""
+        return self._used_up() or self.interrupted()
+
+    def _used_up(self) -> bool:
+        return self.expanded >= self.limit or self.generated >= self.most
 
     def part(self, expansions: int | None = None, most: int | None = None) -> "Effort":
         """A slice of this effort: so many more expansions, or nodes generated."""

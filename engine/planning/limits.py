@@ -15,13 +15,14 @@ def _deaf(_: Plan) -> None:
 class Limits:
     """Work allowed: `expansions` while searching, `improvement` nodes generated once a plan is known.
 
-    `strategy` is one of `STRATEGIES`; `seed` breaks ties where a search breaks them by chance. `interrupted` is asked
+    `thorough` improves on until interrupted, in ever wider windows. `strategy` is one of `STRATEGIES`; `seed` breaks ties where a search breaks them by chance. `interrupted` is asked
     now and then whether to stop, with the best plan so far; `improved` is called with the first plan and every better one.
     """
 
     expansions: int = 1_000_000
     improvement: int = 4_000
     interrupted: Interrupted = field(default=lambda: False)
+    thorough: bool = False
     strategy: str = "auto"
     seed: int = 0
     improved: Callable[[Plan], None] = _deaf
@@ -32,4 +33,4 @@ class Limits:
 
     def improving(self) -> Effort:
         """The effort that improvement may take."""
-        return Effort(1 << 60, self.interrupted, most=self.improvement)
+        return Effort(1 << 60, self.interrupted, most=1 << 60 if self.thorough else self.improvement)

@@ -63,6 +63,12 @@ class Setting:
 
         return forward(self.task, self.seed, landmarks=True)
 
+    def parallel(self, single: bool = False) -> Search:
+        """The search for stable models. Raises `TooManyVariants`."""
+        from engine.planning.parallel import Parallel
+
+        return Parallel(self.task, unconditional(self.task), single)
+
 
 class Chaining:
     """The backward searches of one task."""
@@ -112,6 +118,16 @@ def landmarks(setting: Setting, effort: Effort) -> Answer | None:
     return setting.landmarks.run(effort)
 
 
+def asp(setting: Setting, effort: Effort) -> Answer | None:
+    """Stable models by horizon, several operators a step."""
+    return setting.parallel().run(effort)
+
+
+def shortest(setting: Setting, effort: Effort) -> Answer | None:
+    """Stable models by horizon, one operator a step: the first plan has the fewest steps."""
+    return setting.parallel(single=True).run(effort)
+
+
 def auto(setting: Setting, effort: Effort) -> Answer | None:
     """Regression while it is quick; then forward, with landmarks and best first backward in turns that double."""
     if setting.regression is None:
@@ -136,6 +152,8 @@ STRATEGIES: dict[str, Strategy] = {
     "backward": backward,
     "forward": forward,
     "landmarks": landmarks,
+    "asp": asp,
+    "shortest": shortest,
 }
 
 

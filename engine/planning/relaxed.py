@@ -126,3 +126,24 @@ class _Wave:
         for atom in indices(self.relaxation.operators[supporter].preconditions):
             union |= self.plans[atom] or 0
         return union
+
+
+def levels(initial: Bits, operators: Sequence[GroundOperator], size: int) -> tuple[list[int], list[int]]:
+    """The steps after which atoms, and at which operators, are first possible without deletes; -1 for never."""
+    reached, first = [-1] * size, [-1] * len(operators)
+    for atom in indices(initial):
+        reached[atom] = 0
+    state, waiting, step = initial, list(range(len(operators))), 0
+    while waiting:
+        step += 1
+        ready = [number for number in waiting if operators[number].preconditions & ~state == 0]
+        if not ready:
+            break
+        waiting = [number for number in waiting if operators[number].preconditions & ~state]
+        for number in ready:
+            first[number] = step
+            for atom in indices(operators[number].adds & ~state):
+                reached[atom] = step
+        for number in ready:
+            state |= operators[number].adds
+    return reached, first

@@ -1,48 +1,32 @@
 """Window optimisation: stretches of a plan are replaced by cheaper ones between the same points (in the spirit of
 block deordering and window optimisation, Siddiqui & Haslum 2015).
-
-A window is planned anew by regression in the space of what is near its first state. Between rounds the sequence is
-arranged anew from its partial order, so that steps that serve each other come to stand in one window.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 from engine.model.task import Bits, GroundOperator, progress
 from engine.planning.backward import Backward, Regression
 from engine.planning.effort import Effort
 from engine.planning.regression import BestFirst
 
-WIDTHS = ((6, 500), (12, 1500))  # steps in a window, and the nodes that may be generated for it
 SHARE = 32  # operators that cost as much as one node when a window's relaxed plans are made
+
+Cheaper = Callable[[Bits, Bits, Sequence[GroundOperator], Effort], list[GroundOperator] | None]
+"""From a state to what must hold at the end: a cheaper way than the given one, if one is found soon."""
 
 
 def straighten(
-    regression: Regression, initial: Bits, steps: Sequence[GroundOperator], goals: Bits, effort: Effort
+    initial: Bits, steps: Sequence[GroundOperator], goals: Bits, width: int, cheaper: Cheaper, effort: Effort
 ) -> list[GroundOperator]:
-    """The steps after a pass of a narrow window over them, then of a wide one, with every cheaper stretch put in."""
-    kept = list(steps)
-    for width, nodes in WIDTHS:
-        kept = _pass(regression, initial, kept, goals, effort, width, nodes)
-    return kept
-
-
-def _pass(
-    regression: Regression,
-    initial: Bits,
-    steps: Sequence[GroundOperator],
-    goals: Bits,
-    effort: Effort,
-    width: int,
-    nodes: int,
-) -> list[GroundOperator]:
+    """The steps after a pass of a window of `width` steps, with every cheaper stretch put in."""
     kept = list(steps)
     start = 0
-    while start < len(kept) and not effort.spent():
+    while start < len(kept) and not effort.over():
         states, needed = _states(initial, kept), _needed(kept, goals)
         end = min(start + width, len(kept))
-        cheaper = _cheaper(regression, states[start], needed[end], kept[start:end], effort, nodes)
-        if cheaper is not None:
-            kept[start:end] = cheaper
+        found = cheaper(states[start], needed[end], kept[start:end], effort)
+        if found is not None:
+            kept[start:end] = found
             start = max(0, start - width)
         elif end == len(kept):
             break
@@ -65,25 +49,24 @@ def _needed(steps: Sequence[GroundOperator], goals: Bits) -> list[Bits]:
     return needed[::-1]
 
 
-def _cheaper(
-    regression: Regression,
-    state: Bits,
-    goals: Bits,
-    window: Sequence[GroundOperator],
-    effort: Effort,
-    nodes: int,
-) -> list[GroundOperator] | None:
-    """A cheaper way than `window` from a state to its goals, if one is found soon."""
-    effort.generated += len(regression.operators) // SHARE
-    bound = sum(map(regression.relaxation.charge, window))
-    local = Backward(regression, state, bound)
-    root = local.root(goals)
-    if root is None:
-        return None
-    part = effort.part(most=nodes)
-    answer = BestFirst(local, [root], 1, bound).run(part)
-    effort.add(part)
-    if answer is None or answer.steps is None:
-        return None
-    saved = sum(operator.cost for operator in window) - sum(operator.cost for operator in answer.steps)
-    return answer.steps if saved > 0 else None
+def by_regression(regression: Regression, nodes: int) -> Cheaper:
+    """Windows planned anew by regression in the space of what is near their first state."""
+
+    def cheaper(
+        state: Bits, goals: Bits, window: Sequence[GroundOperator], effort: Effort
+    ) -> list[GroundOperator] | None:
+        effort.generated += len(regression.operators) // SHARE
+        bound = sum(map(regression.relaxation.charge, window))
+        local = Backward(regression, state, bound)
+        root = local.root(goals)
+        if root is None:
+            return None
+        part = effort.part(most=nodes)
+        answer = BestFirst(local, [root], 1, bound).run(part)
+        effort.add(part)
+        if answer is None or answer.steps is None:
+            return None
+        saved = sum(operator.cost for operator in window) - sum(operator.cost for operator in answer.steps)
+        return answer.steps if saved > 0 else None
+
+    return cheaper
