@@ -107,16 +107,17 @@ def _tokens(text: str) -> Iterator[tuple[str, int]]:
             yield found[0], found.start()
 
 
-_ACTION = re.compile(
-    r"^\s*(?:\d+(?:\.\d+)?\s*:)?\s*\(?\s*([^();\n\[\]]*?)\s*\)?\s*(?:\[[^\n]*)?(?:;[^\n]*)?$", re.MULTILINE
-)
+_LINE = re.compile(r"[^\n]+")
+_AROUND = re.compile(r"^\s*(?:\d+(?:\.\d+)?\s*:)?\s*|\s*(?:\[[\d.\s]*\])?\s*(?:;.*)?$")
 
 
 def actions(text: str) -> Iterator[tuple[list[str], int]]:
     """The actions of a plan file, one a line: their words in small letters, and where they stand.
 
-    Parentheses, a time before (`3: (...)`), a duration behind (`[1]`) and comments are left out.
+    Parentheses around them, a time before (`3: (...)`), a duration behind (`[1]`) and comments are left out.
     """
-    for found in _ACTION.finditer(text):
-        if words := found[1].lower().split():
-            yield words, found.start(1)
+    for line in _LINE.finditer(text):
+        small = line[0].lower()
+        said = _AROUND.sub("", small)
+        if words := said.removeprefix("(").removesuffix(")").split():
+            yield words, line.start() + small.index(words[0], small.index(said))

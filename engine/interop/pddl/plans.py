@@ -1,10 +1,10 @@
 """Plans as the planning competitions write them: one action a line, in order."""
 
-import re
 from collections.abc import Iterator
 from pathlib import Path
 
 from engine.interop.pddl import PddlProblem
+from engine.interop.pddl.expressions import actions
 from kb.diagnostics import Diagnostic, InvalidInput, nearest
 from kb.files import File, read_file
 from kb.model.conditions import Literal
@@ -34,25 +34,23 @@ def read_plan(task: PddlProblem, path: Path) -> Plan:
     file = read_file(path)
     found: list[Diagnostic] = []
     steps: list[Step] = []
-    for line in re.finditer(r"[^\n]+", file.text):
-        text = line[0].partition(";")[0].strip().lower()
-        if text:
-            instance = _instance(task, text, file, line.start(), found)
-            number = len(steps) + 1
-            after = (StepId(number - 1),) if number > 1 else ()
-            steps.append(Step(StepId(number), instance, after, cost=_cost(task, instance)))
+    for number, (words, offset) in enumerate(actions(file.text), 1):
+        instance = _instance(task, words, file, offset, found)
+        after = (StepId(number - 1),) if number > 1 else ()
+        steps.append(Step(StepId(number), instance, after, cost=_cost(task, instance)))
     if found:
         raise InvalidInput(found)
     return Plan(tuple(steps))
 
 
-def _instance(task: PddlProblem, text: str, file: File, offset: int, found: list[Diagnostic]) -> Function:
-    words = text.removeprefix("(").removesuffix(")").split()
+def _instance(
+    task: PddlProblem, words: list[str], file: File, offset: int, found: list[Diagnostic]
+) -> Function:
     names = {task.names.original("operator", o.name): o for o in task.problem.domain.operators}
-    operator = names.get(words[0]) if words else None
+    operator = names.get(words[0])
     if operator is None:
-        hint = nearest(words[0], list(names)) if words else ""
-        found.append(Diagnostic(file.at(offset), "K101", f"unknown action '{text}'", hint))
+        hint = nearest(words[0], list(names))
+        found.append(Diagnostic(file.at(offset), "K101", f"unknown action '{words[0]}'", hint))
         return Function("unreadable")
     plain = [parameter for parameter in operator.parameters if parameter.type not in NUMERIC_TYPES]
     if len(plain) != len(words) - 1:

@@ -1,5 +1,6 @@
 """A problem and its export have the same plans."""
 
+import itertools
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,6 +12,7 @@ from engine import pipeline
 from engine.grounding import ground
 from engine.interop.pddl import PddlProblem, read_pddl
 from engine.interop.pddl.export import PddlText, export, import_plan, write_plan
+from engine.interop.pddl.expressions import actions
 from engine.interop.pddl.plans import read_plan
 from engine.interop.pddl.plans import write_plan as write_pddl_plan
 from engine.model.outcome import Found, Infeasible
@@ -170,11 +172,23 @@ def test_workflows_are_compiled(problem: Problem, lifted: bool, tmp_path: Path) 
         assert pipeline.check_plan(read.problem, read_plan(read, tmp_path / "plan")) == []
 
 
-@given(line=st.sampled_from(["(lift", "lift)", "3: (lift) [1]", "  (LIFT) ; now", "(lift) ;"]))
+@pytest.mark.parametrize(
+    "line", ["(lift a)", "lift a", "3.5: (lift a) [1]", "  (LIFT a) ; now", "( lift a );"]
+)
 def test_plans_are_read_as_planners_print_them(line: str) -> None:
-    from engine.interop.pddl.expressions import actions
+    text = f"; cost = 3\n\n{line}\n"
+    ((words, offset),) = actions(text)
+    assert words == ["lift", "a"]
+    assert text[offset : offset + 4].lower() == "lift"
 
-    assert [words for words, _ in actions(f"; cost = 3\n\n{line}\n")] == [["lift"]]
+
+def test_a_line_that_is_no_action_is_refused() -> None:
+    problem = pipeline.problem_of(str(TESTED / "workshop" / "problems" / "dirty.yaml"))
+    for lifted, line in itertools.product((True, False), ("(a) (b)", "((a))", "(a) b", "(a b)")):
+        text = export(problem, ground(problem), lifted)
+        assert import_plan(text, "(light_fire)\n(look)").steps
+        with pytest.raises(InvalidInput):
+            import_plan(text, line.replace("a", "light_fire").replace("b", "look"))
 
 
 def test_what_is_no_action_of_the_export_is_pointed_at() -> None:

@@ -28,12 +28,12 @@ class GroundWriter:
         """The domain file."""
         requirements = [":strips"]
         requirements += [] if self.plain else [":negative-preconditions", ":conditional-effects"]
-        requirements += [":disjunctive-preconditions"] if len(self.task.goals) != 1 else []
+        requirements += [":disjunctive-preconditions"] if len(self.task.goals) > 1 else []
         requirements += [":action-costs"] if self.priced else []
         parts = [
             f"(define (domain {self.names.of('domain', self.name)})",
             f"  (:requirements {' '.join(requirements)})",
-            f"  (:predicates {self._all((1 << len(self.task.atoms)) - 1)})",
+            f"  (:predicates {self._all((1 << len(self.task.atoms)) - 1)}{'' if self.task.goals else self._never})",
             *(["  (:functions (total-cost) - number)"] if self.priced else []),
             *(self._action(name, operator) for name, operator in self.actions.items()),
         ]
@@ -41,7 +41,7 @@ class GroundWriter:
 
     def problem(self) -> str:
         """The problem file."""
-        goals = [f"(and {self._conditions(goal)})" for goal in self.task.goals]
+        goals = [f"(and {self._conditions(goal)})" for goal in self.task.goals] or [f"(and{self._never})"]
         facts = self._all(self.task.initial) + (" (= (total-cost) 0)" if self.priced else "")
         parts = [
             f"(define (problem {self.names.of('problem', self.name)})",
@@ -51,6 +51,11 @@ class GroundWriter:
             *(["  (:metric minimize (total-cost))"] if self.priced else []),
         ]
         return "\n".join(parts) + ")\n"
+
+    @property
+    def _never(self) -> str:
+        """An atom that nothing makes true: the goal where there is no way to any."""
+        return f" ({self.names.of('predicate', '_never')})"
 
     def _complement(self, index: int) -> bool:
         return self.task.atoms[index].name == "not"

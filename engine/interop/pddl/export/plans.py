@@ -53,7 +53,8 @@ class LiftedPlans:
                 found.append(Diagnostic(file.at(offset), "K101", f"unknown action '{words[0]}'", hint))
                 continue
             arguments = [self.terms.get(word) for word in words[1 : operator.header + 1]]
-            if len(arguments) != operator.header or None in arguments:
+            count = sum(p.type != "int" for p in operator.operator.parameters)  # a cost is no argument
+            if len(words) != count + 1 or None in arguments:
                 message = f"{words[0]} takes other arguments"
                 found.append(Diagnostic(file.at(offset), "K102", message))
                 continue
@@ -109,7 +110,7 @@ class GroundPlans:
         """The plan in `text`; steps that only the compiled goal needs are none of ours."""
         file, found, instances = File.of(name, text), list[Diagnostic](), list[Function]()
         for words, offset in actions(text):
-            operator = self.actions.get(words[0])
+            operator = self.actions.get(" ".join(words))
             if operator is None:
                 hint = nearest(words[0], list(self.actions))
                 found.append(Diagnostic(file.at(offset), "K101", f"unknown action '{words[0]}'", hint))
