@@ -12,6 +12,7 @@ from engine.cli.init import init
 from engine.cli.macros import app as macros
 from engine.cli.plan import plan, validate
 from engine.cli.prepare import prepare
+from engine.cli.revise import revise
 from engine.cli.schedule import schedule
 
 app = typer.Typer(
@@ -24,7 +25,7 @@ def cellwright() -> None:
     """Plan and diagnose for robot work cells."""
 
 
-for command in (check, explain, export, init, plan, prepare, schedule, schema, validate):
+for command in (check, explain, export, init, plan, prepare, revise, schedule, schema, validate):
     app.command()(command)
 app.command("test")(golden_plans)
 app.add_typer(macros, name="macros")
