@@ -195,8 +195,11 @@ def test_what_is_no_action_of_the_export_is_pointed_at() -> None:
     problem = pipeline.problem_of("bulkhead/one_point")
     text = export(problem, ground(problem))
     with pytest.raises(InvalidInput) as error:
-        import_plan(text, "(move t3_746 meas-m1 meas-m2)\n(mvoe t3_746)\n(move t3_746)\n", "sas_plan")
+        import_plan(text, "(mvoe t3_746)\n(move t3_746)\n(apply_couplant t3_746 m2 m9 m9 m9)\n", "sas_plan")
     said = [str(each) for each in error.value.diagnostics]
-    assert "sas_plan:2:2" in said[0]
+    assert "sas_plan:1:2" in said[0]
     assert "did you mean 'move'?" in said[0]
-    assert "sas_plan:3:2" in said[1]
+    assert "sas_plan:2:2" in said[1]
+    assert "arguments, not 1" in said[1]
+    assert "sas_plan:3:2" in said[2]
+    assert "unknown object 'm9'" in said[2]

@@ -10,7 +10,7 @@ from engine.interop.pddl.export.stages import BEGIN, named
 from engine.interop.pddl.expressions import actions
 from engine.model.schedule import STAGE, stage_atom
 from engine.model.task import GroundOperator, Task, progress
-from kb.diagnostics import Diagnostic, InvalidInput, nearest
+from kb.diagnostics import Diagnostic, InvalidInput, Source, nearest
 from kb.files import File
 from kb.model.plan import Plan, Step, StepId
 from kb.model.problem import Problem
@@ -45,24 +45,27 @@ class LiftedPlans:
         """The plan in `text`; steps that begin chains are none of ours."""
         file, found, instances = File.of(name, text), list[Diagnostic](), list[Function]()
         for words, offset in actions(text):
-            if words[0] in self.others:
-                continue
-            operator = self.operators.get(words[0])
-            if operator is None:
-                hint = nearest(words[0], list(self.operators))
-                found.append(Diagnostic(file.at(offset), "K101", f"unknown action '{words[0]}'", hint))
-                continue
-            arguments = [self.terms.get(word) for word in words[1 : operator.header + 1]]
-            count = sum(p.type != "int" for p in operator.operator.parameters)  # a cost is no argument
-            if len(words) != count + 1 or None in arguments:
-                message = f"{words[0]} takes other arguments"
-                found.append(Diagnostic(file.at(offset), "K102", message))
-                continue
-            terms = tuple(term for term in arguments if term is not None)
-            instances.append(Function(operator.operator.name, terms))
+            if words[0] not in self.others:
+                read = self._instance(words, file.at(offset))
+                (instances if isinstance(read, Function) else found).append(read)  # type: ignore[arg-type]
         if found:
             raise InvalidInput(found)
         return _sequence(instances, self.task)
+
+    def _instance(self, words: list[str], where: Source) -> Function | Diagnostic:
+        """The operator instance behind an action, or what is wrong with the line."""
+        operator = self.operators.get(words[0])
+        if operator is None:
+            hint = nearest(words[0], list(self.operators))
+            return Diagnostic(where, "K101", f"unknown action '{words[0]}'", hint)
+        count = sum(each.type != "int" for each in operator.operator.parameters)  # a cost is no argument
+        if len(words) != count + 1:
+            return Diagnostic(where, "K102", f"{words[0]} takes {count} arguments, not {len(words) - 1}")
+        if unknown := [word for word in words[1:] if word not in self.terms]:
+            hint = nearest(unknown[0], list(self.terms))
+            return Diagnostic(where, "K101", f"unknown object '{unknown[0]}'", hint)
+        terms = (self.terms[word] for word in words[1 : operator.header + 1])
+        return Function(operator.operator.name, tuple(terms))
 
     def written(self, plan: Plan) -> str:
         """The plan's steps in order, each with all the arguments that its action has."""
