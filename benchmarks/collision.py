@@ -4,11 +4,12 @@
 
 The cells are those of MotionBenchMaker for a UR5 (`ur5_mbm` in the folder of the data, by default $CELLWRIGHT_DATA): an arm
 of spheres among boxes and cylinders. All backends get the same convex pieces and pairs; "mujoco, own boxes" may use its
-primitive in place of convex meshes. Random configurations within the limits (seed 7); the best of five runs in
-processor time on one core, and of the built-in backend in real time on all. Every difference from the built-in backend is put to the plain NumPy reference: it is *touching* when the bodies are within a
-micrometre of contact, else *wrong there* when the reference is with the built-in backend, else unexplained. Exits with 1
-when a difference is unexplained, when the start or goal of a published problem is in collision, or when the built-in
-backend in batches is not three times as fast as MuJoCo.
+primitive in place of convex meshes. Random configurations within the limits (seed 7); the best of five runs, in processor
+time on one core, and for the built-in backend in real time on all cores, too. Every difference from the built-in backend
+is put to the plain NumPy reference: it is *touching* when the bodies are within a micrometre of contact, *wrong there*
+when the reference is with the built-in backend, else unexplained. Exits with 1 when a difference is unexplained, when the
+start or goal of a published problem is in collision, or when the built-in backend on one core is not three times as fast
+in batches as MuJoCo.
 """
 
 import argparse

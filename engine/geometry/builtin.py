@@ -1,9 +1,12 @@
 """The built-in geometry backend: compiled kernels over packed arrays."""
 
+from functools import cached_property
+
 import numpy as np
 
 from engine.geometry.contacts import nearest_of_bodies
-from engine.geometry.packing import grouped
+from engine.geometry.likelihood import SAMPLES, likeliest_first, sampled, touchable
+from engine.geometry.packing import Pairs, bounded, grouped
 from engine.geometry.stretches import in_stretches
 from engine.model.geometry import Contact, Floats, Ints, Scene, Truths
 from engine.ports import CollisionChecker
@@ -16,7 +19,17 @@ class BuiltinChecker:
 
     def __init__(self, scene: Scene) -> None:
         self._scene = scene
-        self._pieces, self._pairs = grouped(scene)
+        self._pieces, bound_of = bounded(scene)
+        self._pairs = grouped(scene.pairs, bound_of)
+        self._touchable = grouped(scene.pairs, bound_of, touchable(scene, self._pieces))
+
+    @cached_property
+    def _likeliest(self) -> Pairs:
+        """The pairs that can touch; before a large batch it is worth finding out which ones do so most often."""
+        if self._scene.free:
+            return self._touchable
+        poses = pose_batch(self._scene, sampled(self._scene.joints))
+        return likeliest_first(poses, self._pieces, self._touchable)
 
     @property
     def scene(self) -> Scene:
@@ -32,10 +45,11 @@ class BuiltinChecker:
         from engine.geometry.kernels.checks import first_contacts
 
         found = np.full(len(where), -1, dtype=np.int64)
+        pairs = self._likeliest if len(where) > SAMPLES else self._touchable
 
         def look(first: int, after: int) -> None:
             poses = pose_batch(self._scene, where[first:after])
-            first_contacts(poses, self._pieces, self._pairs, found[first:after])
+            first_contacts(poses, self._pieces, pairs, found[first:after])
 
         in_stretches(len(where), look)
         return found

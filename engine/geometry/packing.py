@@ -71,8 +71,8 @@ def joined(first: Pieces, second: Pieces) -> Pieces:
     )
 
 
-def grouped(scene: Scene) -> tuple[Pieces, Pairs]:
-    """The pieces of a scene with bounds added around those that move together, and its pairs by bounds.
+def bounded(scene: Scene) -> tuple[Pieces, Ints]:
+    """The pieces of a scene with bounds added around those that move together, and the number of each one's bounds.
 
     What stands is bounded body by body, what moves carrier by carrier.
     """
@@ -85,11 +85,13 @@ def grouped(scene: Scene) -> tuple[Pieces, Pairs]:
         bound_of[numbers] = numbers[0] if len(numbers) == 1 else len(pieces)
         if len(numbers) > 1:
             pieces.append(bound([pieces[number] for number in numbers]))
-    return pack(pieces), _by_bounds(np.asarray(scene.pairs, dtype=np.int64).reshape(-1, 2), bound_of)
+    return pack(pieces), bound_of
 
 
-def _by_bounds(pairs: Ints, bound_of: Ints) -> Pairs:
-    """Pairs in the order of their bounds, then of their first pieces."""
+def grouped(pairs: Ints, bound_of: Ints, kept: Truths | None = None) -> Pairs:
+    """The pairs (m, 2) that are `kept` (all, when not given), in the order of their bounds, then of their first pieces."""
+    numbers = np.arange(len(pairs)) if kept is None else np.nonzero(kept)[0]
+    pairs = np.asarray(pairs, dtype=np.int64).reshape(-1, 2)[numbers]
     sides = bound_of[pairs]
     order = np.lexsort((pairs[:, 1], pairs[:, 0], sides[:, 1], sides[:, 0]))
     groups, firsts = np.unique(sides[order], axis=0, return_index=True)
@@ -98,7 +100,7 @@ def _by_bounds(pairs: Ints, bound_of: Ints) -> Pairs:
     runs = np.column_stack([sides[order], pairs[order, 0]])
     changes = np.nonzero((np.diff(runs, axis=0) != 0).any(axis=1))[0] + 1
     after = np.append(changes, len(pairs))[np.searchsorted(changes, np.arange(len(pairs)), side="right")]
-    return Pairs(np.ascontiguousarray(pairs[order]), rows, after.astype(np.int64), order.astype(np.int64))
+    return Pairs(np.ascontiguousarray(pairs[order]), rows, after.astype(np.int64), numbers[order])
 
 
 def bound(pieces: Sequence[Piece]) -> Piece:

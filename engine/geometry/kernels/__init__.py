@@ -19,3 +19,8 @@ def compiled(function: F) -> F:
     except RuntimeError:  # "cannot cache function": neither beside the module nor under the home folder
         kernel = numba.njit(error_model="numpy", nogil=True)(function)
     return cast(F, kernel)
+
+
+def inlined(function: F) -> F:
+    """`function`, copied into every kernel that calls it: for the few lines that run hundreds of times per check."""
+    return cast(F, numba.njit(error_model="numpy", nogil=True, forceinline=True)(function))

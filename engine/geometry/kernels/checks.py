@@ -148,6 +148,18 @@ def first_contacts(poses: Floats, p: Pieces, q: Pairs, out: Ints) -> None:
 
 
 @compiled
+def count_hits(poses: Floats, p: Pieces, q: Pairs, hits: Ints) -> None:
+    """In how many of the carrier poses each group (g,) has a pair that touches."""
+    room, placed = room_for(p), np.full(p.carrier.shape[0], -1)
+    placed[p.carrier == 0] = poses.shape[0]
+    for n in range(poses.shape[0]):
+        move_bounds(poses[n], p.carrier, p.bounds, room.bounds)
+        for g in range(q.groups.shape[0]):
+            if _first_of_group(poses[n], p, q, g, n, placed, room) >= 0:
+                hits[g] += 1
+
+
+@compiled
 def _first_of_group(pose: Floats, p: Pieces, q: Pairs, g: int, n: int, placed: Ints, room: Room) -> int:
     """The first pair of a group that touches, or -1. A first piece that is off the other bounds spares its pairs."""
     m, last, checked = q.groups[g, 2], q.groups[g, 3], -1

@@ -2,14 +2,14 @@
 
 import numpy as np
 
-from engine.geometry.kernels import compiled
+from engine.geometry.kernels import compiled, inlined
 from engine.geometry.packing import AXES, BALL, BALL_ITSELF, BLOCK_ITSELF, HALF, KIND, RADIUS
 from engine.model.geometry import Floats
 
 APART, TOUCHING, UNDECIDED = 0, 1, 2
 
 
-@compiled
+@inlined
 def place_bounds(T: Floats, own: Floats, i: int, placed: Floats) -> None:
     """Row `i` of bounds (n, 18), given in a carrier at T (3, 4), as a row of bounds in the world."""
     for r in range(3):
@@ -21,7 +21,7 @@ def place_bounds(T: Floats, own: Floats, i: int, placed: Floats) -> None:
                 placed[i, a + r] = T[r, 0] * x + T[r, 1] * y + T[r, 2] * z
 
 
-@compiled
+@inlined
 def block_gap(bounds: Floats, j: int, x: float, y: float, z: float) -> float:
     """How far a point, given from the middle of block `j`, is from it, squared."""
     total = 0.0
@@ -35,7 +35,7 @@ def block_gap(bounds: Floats, j: int, x: float, y: float, z: float) -> float:
     return total
 
 
-@compiled
+@inlined
 def verdict(bounds: Floats, i: int, j: int, by: float) -> int:
     """What bounds in the world tell of two pieces: APART by more than `by`, TOUCHING (within `by`), or UNDECIDED.
 
@@ -55,7 +55,7 @@ def verdict(bounds: Floats, i: int, j: int, by: float) -> int:
     return TOUCHING if one + other == BALL_ITSELF + BLOCK_ITSELF else UNDECIDED
 
 
-@compiled
+@inlined
 def _off_block(bounds: Floats, i: int, j: int, x: float, y: float, z: float, by: float) -> bool:
     """Whether the ball of `i` is more than `by` from the block of `j`."""
     reach = bounds[i, BALL] + bounds[j, RADIUS] + by
