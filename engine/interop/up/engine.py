@@ -160,12 +160,18 @@ class UpEngine(
         problem: up.Problem,
         interrupted: Interrupted,
         tell: Callable[[PlanGenerationResult], None],
+        thorough: bool = False,
     ) -> PlanGenerationResult:
-        """Plan once; `tell` hears of every plan that is better than the one before."""
+        """Plan once; `tell` hears of every plan that is better than the one before.
+
+        With `thorough`, plans are improved until somebody interrupts.
+        """
         try:
             ours = translated(problem)
             improved = cheaper(lambda plan: tell(self._result(Status.INTERMEDIATE, self._plan(ours, plan))))
-            outcome = self.stages.plan(ours.ours, interrupted, improved, self._options)
+            outcome = self.stages.plan(
+                ours.ours, interrupted, improved, {"thorough": thorough, **self._options}
+            )
         except (Unsupported, InvalidInput) as error:
             return self._result(Status.UNSUPPORTED_PROBLEM, None, str(error))
         except MemoryError:
@@ -193,8 +199,13 @@ class UpEngine(
     def _get_solutions(
         self, problem: up.Problem, timeout: float | None = None, output_stream: IO[str] | None = None
     ) -> Iterator[PlanGenerationResult]:
-        """Every better plan when it is found, then the last one again with its final status."""
-        for result in streamed(lambda *heard: self._planned(problem, *heard), until(timeout)):
+        """Every better plan when it is found, then the last one again with its final status.
+
+        Given a time, it is used: plans are improved until it is over.
+        """
+        for result in streamed(
+            lambda *heard: self._planned(problem, *heard, thorough=timeout is not None), until(timeout)
+        ):
             if output_stream is not None:
                 output_stream.write(f"{result}\n")
             yield result

@@ -280,6 +280,21 @@ def test_no_time_is_a_timeout() -> None:
         assert planner.solve(corridor(40), timeout=0).status is Status.TIMEOUT
 
 
+def test_anytime_planning_uses_the_time_it_is_given() -> None:
+    problem = EXAMPLES["hierarchical_blocks_world"].problem
+    with AnytimePlanner(name="cellwright") as planner:
+        *before, last = planner.get_solutions(problem, timeout=1)
+    assert before
+    assert last.status in SOLVED
+    assert accepted(problem, last.plan)
+
+
+def test_an_anytime_planner_may_be_left() -> None:
+    with AnytimePlanner(name="cellwright") as planner:
+        first = next(planner.get_solutions(corridor(10), timeout=600))
+    assert first.status is Status.INTERMEDIATE
+
+
 def test_other_kinds_are_refused() -> None:
     example = get_example_problems()["counter"].problem
     assert not CellwrightEngine.supports(example.kind)
