@@ -203,9 +203,12 @@ class UpEngine(
 
         Given a time, it is used: plans are improved until it is over.
         """
-        for result in streamed(
-            lambda *heard: self._planned(problem, *heard, thorough=timeout is not None), until(timeout)
-        ):
+        thorough = timeout is not None
+
+        def solve(stop: Interrupted, tell: Callable[[PlanGenerationResult], None]) -> PlanGenerationResult:
+            return self._planned(problem, stop, tell, thorough)
+
+        for result in streamed(solve, until(timeout)):
             if output_stream is not None:
                 output_stream.write(f"{result}\n")
             yield result
