@@ -8,6 +8,7 @@ BIN := $(VENV)/bin
 $(VENV)/ready: pyproject.toml constraints.txt
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev]'
+	$(BIN)/python -m compileall -q kb engine
 	touch $@
 
 SENTENCE := process probes 1 and 2 in the furnace for 15 min, cool them down in the freezer for 5 min \

@@ -110,7 +110,9 @@ def _output(line: Sequence[str], place: Path, seconds: float) -> str:
 
 
 def _environment() -> dict[str, str]:
-    return {**os.environ, "PYTHONPATH": str(Path(__file__).resolve().parent.parent)}
+    """Ours, with this checkout; bytecode is kept, as it is where people work."""
+    kept = {key: value for key, value in os.environ.items() if key != "PYTHONDONTWRITEBYTECODE"}
+    return {**kept, "PYTHONPATH": str(Path(__file__).resolve().parent.parent)}
 
 
 def _steps(folder: Path, plan: Path) -> int | None:

@@ -107,36 +107,33 @@ class Backward:
         """
         open_, regression = node.open, self.regression
         conflicts, needs = regression.conflicts, self._needs
-        ranked = self._ranked(open_)
-        others = self._others([atom for _, atom in ranked])
         several: set[int] = set()
-        for (lightness, atom), rest in zip(ranked, others, strict=True):
+        for lightness, atom, others in self._ranked(open_):
             for number in regression.achievers[atom]:
                 if conflicts[number] & open_:
                     continue
                 plan = needs[number] if number in needs else self._needed(number)
                 if plan is None or number in several:
                     continue
-                achieved = open_ & regression.adds[number]
+                achieved, rest = open_ & regression.adds[number], others
                 if achieved & (achieved - 1):
                     several.add(number)
                     rest = self.relaxed.plan(open_ & ~achieved) or 0
                 conditions = open_ & ~achieved | regression.preconditions[number]
                 yield Successor(lightness, (plan | rest).bit_count(), number, conditions)
 
-    def _ranked(self, conditions: Bits) -> list[tuple[int, int]]:
-        """Open conditions with their lightness, heaviest first; those that hold initially are the lightest."""
-        weights, lightest = self.regression.weights, 1
+    def _ranked(self, conditions: Bits) -> Iterator[tuple[int, int, Bits]]:
+        """Open conditions with their lightness and what reaches all others, heaviest first; those that hold initially
+        are the lightest."""
+        weights = self.regression.weights
         unsatisfied = sorted(indices(conditions & ~self.initial), key=lambda atom: -weights[atom])
-        satisfied = indices(conditions & self.initial)
-        return [(-weights[atom], atom) for atom in unsatisfied] + [(lightest, atom) for atom in satisfied]
-
-    def _others(self, atoms: Sequence[int]) -> list[Bits]:
-        """For each atom the union of the relaxed plans of all the others."""
-        plans = [self.relaxed.plans[atom] or 0 for atom in atoms]
+        plans = [self.relaxed.plans[atom] or 0 for atom in unsatisfied]
         before = [0, *itertools.accumulate(plans, or_)]
         after = [0, *itertools.accumulate(reversed(plans), or_)]
-        return [before[place] | after[len(plans) - 1 - place] for place in range(len(plans))]
+        for place, atom in enumerate(unsatisfied):
+            yield -weights[atom], atom, before[place] | after[len(plans) - 1 - place]
+        for atom in indices(conditions & self.initial):
+            yield 1, atom, before[-1]
 
     def _needed(self, number: int) -> Bits | None:
         """The relaxed plan of an operator's preconditions."""

@@ -22,13 +22,14 @@ class RelaxedPlans:
     cost. `supporters` names the operator that reaches each atom, -1 if none.
     """
 
+    initial: Bits
     plans: list[Bits | None]
     supporters: list[int]
 
     def plan(self, goals: Bits) -> Bits | None:
         """The union of the goals' relaxed plans; None if one is unreachable."""
         union = 0
-        for atom in indices(goals):
+        for atom in indices(goals & ~self.initial):
             plan = self.plans[atom]
             if plan is None:
                 return None
@@ -66,7 +67,7 @@ class _Wave:
     """One Dijkstra search over additive costs."""
 
     def __init__(self, relaxation: Relaxation, initial: Bits, bound: int) -> None:
-        self.relaxation, self.bound = relaxation, bound
+        self.relaxation, self.initial, self.bound = relaxation, initial, bound
         size = len(relaxation.consumers)
         self.plans: list[Bits | None] = [None] * size
         self.supporters, self.best, self.depths = [-1] * size, [FAR] * size, [0] * size
@@ -88,7 +89,7 @@ class _Wave:
             if self.plans[atom] is None:
                 self.plans[atom] = self._joined(self.supporters[atom])
                 self._offer(self._ready(atom, cost))
-        return RelaxedPlans(self.plans, self.supporters)
+        return RelaxedPlans(self.initial, self.plans, self.supporters)
 
     def _offer(self, ready: Sequence[int]) -> None:
         """Note what operators add, where that is cheaper than before."""
