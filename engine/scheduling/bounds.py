@@ -39,7 +39,7 @@ def resource_bound(lags: Lags, resource: Resource) -> int:
     if not taken:
         return 0
     if resource.capacity == 1:
-        least = _least_travel(lags, taken)
+        least = least_travel(lags, taken)
         return jackson([(each.head, each.size + least, each.tail - least) for each in taken])
     work = sum(each.size for each in taken)
     return min(each.head for each in taken) - -work // resource.capacity + min(each.tail for each in taken)
@@ -66,7 +66,7 @@ def jackson(works: Sequence[tuple[int, int, int]]) -> int:
     return end
 
 
-def _least_travel(lags: Lags, taken: Sequence[Occupation]) -> int:
+def least_travel(lags: Lags, taken: Sequence[Occupation]) -> int:
     """The least empty travel from the end of one occupation to the start of another."""
     pairs = ((one.last, other.first) for one in taken for other in taken if one is not other)
     return min((_travel(lags, last, first) for last, first in pairs), default=0)

@@ -5,11 +5,11 @@ placed that needs it otherwise; several changes in the order in which they can b
 schedules with the least estimate of the end: what has been placed and its tail, and what each resource still has to serve.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from engine.model.jobs import Adjustment, Change, Need, Schedule, Stage
-from engine.scheduling.bounds import Occupation, occupations
+from engine.scheduling.bounds import Occupation, least_travel, occupations
 from engine.scheduling.lags import Lags, first_needs
 from engine.scheduling.symmetry import alike
 
@@ -77,11 +77,9 @@ class Builder:
             self.after[earlier].append((later, lag))
         self.queue = [[job.stages[0].name for job in group] for group in alike(self.shop)]
         self.kinds = len(self.shop.jobs) - sum(len(queue) - 1 for queue in self.queue)
-        self.served = [
-            (resource.name, list(occupations(lags, resource)))
-            for resource in self.shop.resources
-            if resource.capacity == 1
-        ]
+        single = [resource for resource in self.shop.resources if resource.capacity == 1]
+        self.served = {resource.name: list(occupations(lags, resource)) for resource in single}
+        self.least = {name: least_travel(lags, served) for name, served in self.served.items()}
 
     def beam(self, width: int) -> Schedule | None:
         """The best complete schedule of a beam of partial ones."""
@@ -211,7 +209,7 @@ class Builder:
 
     def _estimated(self, partial: Partial, stage: Stage, start: int) -> Partial:
         estimate = max(partial.estimate, start + self.lags.tails[stage.name])
-        for name, served in self.served:
+        for name, served in self.served.items():
             estimate = max(estimate, self._remaining(partial, name, served))
         job = self.shop.owners[stage.name]
         done = all(each.name in partial.starts for each in job.stages)
@@ -221,17 +219,27 @@ class Builder:
             late = job.priority * max(0, end - job.due)
         return replace(partial, estimate=estimate, tardiness=partial.tardiness + late)
 
-    def _remaining(self, partial: Partial, resource: str, served: list[Occupation]) -> int:
+    def _remaining(self, partial: Partial, resource: str, served: Sequence[Occupation]) -> int:
         """When a resource can have served all, with what follows the last; those under way count from their start."""
         now = max(partial.units[resource], default=0)
-        left, tail = 0, None
+        waiting = [each for each in served if each.first.name not in partial.starts]
         for each in served:
-            if each.first.name not in partial.starts:
-                left += each.size
-                tail = each.tail if tail is None else min(tail, each.tail)
-            elif each.last.name not in partial.starts:
+            if each.first.name in partial.starts and each.last.name not in partial.starts:
                 now = max(now, partial.starts[each.first.name] + each.size)
-        return now + left + (tail or 0)
+        if not waiting:
+            return now
+        least = self.least[resource]
+        now = max(now, min(self._free(partial, each.first) for each in waiting))
+        work = sum(each.size + least for each in waiting) - least
+        return now + work + min(each.tail for each in waiting)
+
+    def _free(self, partial: Partial, stage: Stage) -> int:
+        """When the resources of a stage are free and where it starts; 0 for one that is taken for an unknown time."""
+        times = [
+            partial.units[name][0] + self._travel(partial, name, stage.origin) if partial.units[name] else 0
+            for name in stage.resources
+        ]
+        return max(times, default=0)
 
     def _finish(self, partial: Partial) -> Schedule | None:
         """The whole schedule, with devices at their final settings."""

@@ -38,25 +38,43 @@ class Touch:
 
 
 def holds_of(resource: str, touches: Sequence[Touch], initially: bool) -> list[Hold] | None:
-    """What takes a place whose being free is touched so, in the order of the plan; None if it is no such place."""
+    """What takes a place whose being free is touched so; None if it is no such place.
+
+    Each object gives back what it has taken before it takes it again. Whoever gives back first without having taken
+    has been there from the start.
+    """
+    jobs: dict[str, list[Touch]] = {}
+    for touch in touches:
+        jobs.setdefault(touch.job, []).append(touch)
+    found: list[Hold] = []
+    for each in jobs.values():
+        own = _holds_of_one(resource, each)
+        if own is None:
+            return None
+        found += own
+    from_start = sum(hold.begin is None for hold in found)
+    return found if from_start <= (0 if initially else 1) else None
+
+
+def _holds_of_one(resource: str, touches: Sequence[Touch]) -> list[Hold] | None:
+    """The same for one object; a step that only needs the place free takes it while it lasts."""
     found: list[Hold] = []
     taker: Touch | None = None
-    free = initially
     for touch in touches:
         if touch.ends:
-            if not free or not touch.needs or touch.makes:
+            if taker is not None or not touch.needs:
                 return None
-            taker, free = touch, False
+            taker = touch
         elif touch.makes:
-            if free or (taker and taker.job != touch.job):
+            if taker is None and found:
                 return None
             found.append(Hold(resource, taker.first if taker else None, touch.last))
-            taker, free = None, True
-        elif free:
+            taker = None
+        elif taker is None:
             found.append(Hold(resource, touch.first, touch.last))
         else:
             return None
-    return found if free else [*found, Hold(resource, taker.first if taker else None, None)]
+    return [*found, Hold(resource, taker.first, None)] if taker else found
 
 
 @dataclass(frozen=True)

@@ -13,12 +13,13 @@ def shortest(shop: Shop, resource: Resource) -> Table:
     if not resource.travel:
         return {}
     moves = list(_moves(shop, resource))
-    places = sorted({resource.home, *(place for one, other, _ in moves for place in (one, other))})
+    between = sorted({place for one, other, _ in moves for place in (one, other)})
+    places = sorted({resource.home, *between})  # nothing goes by way of a home where nothing is done
     best = {(a, b): 0 if a == b else resource.travel.get((a, b), 0) for a in places for b in places}
     for one, other, lasts in moves:
         best[one, other] = min(best[one, other], lasts)
-    for between, a, b in itertools.product(places, repeat=3):
-        best[a, b] = min(best[a, b], best[a, between] + best[between, b])
+    for middle, a, b in itertools.product(between, places, places):
+        best[a, b] = min(best[a, b], best[a, middle] + best[middle, b])
     return best
 
 

@@ -11,8 +11,9 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 from engine.model.jobs import Hold, Job, Moment, Resource, Shop, Stage, Window, in_order
-from engine.model.task import Bits, GroundOperator, Task, indices
+from engine.model.task import Bits, GroundOperator, Task, bitset, indices
 from engine.scheduling.blocks import Block, arm_of, atoms_about, cut, mentions
+from engine.scheduling.detours import straightened
 from engine.scheduling.places import Exchange, Touch, holds_of
 from engine.scheduling.settings import Mechanism, mechanisms
 from kb.terms import Function, Term
@@ -96,30 +97,26 @@ class _Assembly:
         return arm_of(self.steps)
 
     @cached_property
-    def blocks(self) -> tuple[Block, ...]:
+    def cut(self) -> tuple[Block, ...]:
+        """The blocks of the plan as it stands."""
         return tuple(cut(self.task, self.steps, self.arm, self.subjects))
 
     @cached_property
+    def named(self) -> dict[str, Block]:
+        """The blocks that serve an object or a stage, without detours, by the name of the stage they become."""
+        places = bitset(list(self._held(self._touches(_named(self.cut)))))
+        return _named(straightened(self.cut, places | atoms_about(self.task, self.arm)))
+
+    @cached_property
     def mechanisms(self) -> tuple[Mechanism, ...]:
-        return mechanisms(self.task, self.arm, self.blocks, self.goals, self._place)
+        return mechanisms(self.task, self.arm, self.cut, self.goals, self._place)
 
     def _place(self, step: GroundOperator) -> str:
-        """Where a step is done: the last of its terms that empty travel knows."""
+        """Where a step is done: the first of its terms that empty travel knows."""
         known = {place for pair in self.wishes.travel for place in pair}
         terms = (*step.instance.arguments, *(each for each in step.resources if each != self.arm))
         found = [str(term) for term in terms if term in known]
         return found[0] if found else ""
-
-    @cached_property
-    def named(self) -> dict[str, Block]:
-        """The blocks that serve an object or a stage, by the name of the stage they become."""
-        found: dict[str, Block] = {}
-        numbers: dict[Term | None, Iterator[int]] = defaultdict(lambda: itertools.count(1))
-        for block in (each for each in self.blocks if each.serves):
-            said = " ".join(dict.fromkeys(step.instance.name for step in block.steps))
-            owner = block.subject if block.subject is not None else REST
-            found[f"{owner} {next(numbers[block.subject])} {said}"] = block
-        return found
 
     @cached_property
     def jobs(self) -> tuple[Job, ...]:
@@ -142,12 +139,15 @@ class _Assembly:
 
     @cached_property
     def touches(self) -> dict[int, list[Touch]]:
-        """What steps do to each atom that is neither the arm's nor a device's, in the order of the plan."""
+        """What stages do to each atom that is neither the arm's nor a device's, in the order of the plan."""
+        return self._touches(self.named)
+
+    def _touches(self, named: Mapping[str, Block]) -> dict[int, list[Touch]]:
         private = atoms_about(self.task, self.arm)
         for each in self.mechanisms:
             private |= each.atoms
         found: dict[int, list[Touch]] = defaultdict(list)
-        for name, block in self.named.items():
+        for name, block in named.items():
             for (step, begin, end), ends, makes in zip(block.timed, block.ends, block.makes, strict=True):
                 for atom in indices((step.preconditions | ends | makes) & ~private):
                     does = (bool(bits >> atom & 1) for bits in (step.preconditions, ends, makes))
@@ -157,13 +157,15 @@ class _Assembly:
     @cached_property
     def held(self) -> dict[Function, list[Hold]]:
         """The atoms that say that a place is free, with what takes it."""
-        found: dict[Function, list[Hold]] = {}
-        for number, touches in self.touches.items():
-            atom = self.task.atoms[number]
-            if any(each.ends for each in touches) and any(each.makes for each in touches):
-                holds = holds_of("", touches, bool(self.task.initial >> number & 1))
+        return {self.task.atoms[number]: holds for number, holds in self._held(self.touches).items()}
+
+    def _held(self, touches: Mapping[int, Sequence[Touch]]) -> dict[int, list[Hold]]:
+        found: dict[int, list[Hold]] = {}
+        for number, each in touches.items():
+            if any(touch.ends for touch in each) and any(touch.makes for touch in each):
+                holds = holds_of("", each, bool(self.task.initial >> number & 1))
                 if holds is not None:
-                    found[atom] = holds
+                    found[number] = holds
         return found
 
     def _pools(self) -> Iterator[tuple[tuple[Function, ...], list[tuple[Function, Hold]]]]:
@@ -232,6 +234,17 @@ class _Assembly:
     def _resource(self, name: str, places: Mapping[str, tuple[Term, ...]]) -> Resource:
         units = tuple(map(str, places.get(name, ())))
         return Resource(name, max(1, len(units)), units=units)
+
+
+def _named(blocks: Sequence[Block]) -> dict[str, Block]:
+    """The blocks that serve an object or a stage, by the name of the stage they become."""
+    found: dict[str, Block] = {}
+    numbers: dict[Term | None, Iterator[int]] = defaultdict(lambda: itertools.count(1))
+    for block in (each for each in blocks if each.serves):
+        said = " ".join(dict.fromkeys(step.instance.name for step in block.steps))
+        owner = block.subject if block.subject is not None else REST
+        found[f"{owner} {next(numbers[block.subject])} {said}"] = block
+    return found
 
 
 def _resources(holds: Sequence[Hold]) -> list[str]:
