@@ -249,7 +249,7 @@ def main() -> None:
         if "planning" in parts:
             found["planning"] = planning(bench)
         if "lookup" in parts:
-            days = different_days(options.macrops * 5 // 4, SMALL, SEED)
+            days = different_days(options.macrops * 11 // 10, SMALL, SEED)
             if not library.exists():
                 fill(library, days)
             lookup(bench, library, days)

@@ -67,6 +67,7 @@ class Day:
     tool: Function | None
     points: tuple[int, ...]
     final: str = ""
+    coated: frozenset[int] = frozenset()  # points that have couplant on them already
 
     def initial(self) -> tuple[Atom, ...]:
         """The whole initial state."""
@@ -75,6 +76,7 @@ class Day:
         state = [atom("at", ARM, atom("in_contact_point" if touching else "approach_point", place))]
         state += [atom("location", t, ARM, Function("in_rack")) for t in (PROBE, LASER) if t != self.tool]
         state.append(atom("holding", ARM, self.tool) if self.tool else atom("hand_empty", ARM))
+        state += [atom("couplant_applied", atom("goal_point", meas(n))) for n in sorted(self.coated)]
         return tuple(state)
 
     def goals(self) -> And:
@@ -125,7 +127,8 @@ class _Script:
         if kind_of(point) == "profile":
             self._step("laser_measure", LASER, ARM, name)
             return
-        self._step("apply_couplant", ARM, name)
+        if point not in self.day.coated:
+            self._step("apply_couplant", ARM, name)
         self._step("move_contact", ARM, name)
         self.contact = point
         self._step("us_measure", PROBE, ARM, name)
@@ -167,7 +170,8 @@ def some_day(draw: random.Random, points: int, most: int = 6) -> Day:
     start_point = draw.choice(visits) if near else draw.randint(1, points)
     start = draw.choice(STARTS)
     tool = PROBE if start == "contact" else draw.choice([PROBE, LASER, None])
-    return Day(start, start_point, tool, visits, draw.choice(FINALS))
+    coated = frozenset(n for n in visits if kind_of(n) == "thickness" and draw.random() < 0.3)
+    return Day(start, start_point, tool, visits, draw.choice(FINALS), coated)
 
 
 def again(day: Day, draw: random.Random, points: int) -> Day:
@@ -177,14 +181,17 @@ def again(day: Day, draw: random.Random, points: int) -> Day:
         if old not in names:
             free = [n for n in range(1, points + 1) if kind_of(n) == kind_of(old) and n not in names.values()]
             names[old] = draw.choice(free)
-    return Day(day.start, names[day.start_point], day.tool, tuple(names[p] for p in day.points), day.final)
+    visits = tuple(names[point] for point in day.points)
+    coated = frozenset(names[point] for point in day.coated)
+    return Day(day.start, names[day.start_point], day.tool, visits, day.final, coated)
 
 
 def pattern(day: Day) -> tuple[object, ...]:
     """What days have in common whose plans differ in the names of points alone."""
-    kinds = tuple(map(kind_of, day.points))
-    own = day.points.index(day.start_point) if day.start_point in day.points else kind_of(day.start_point)
-    return day.start, own if day.start != "rack" or day.final == "at" else None, day.tool, kinds, day.final
+    kinds = tuple((kind_of(point), point in day.coated) for point in day.points)
+    own = day.points.index(day.start_point) if day.start_point in day.points else -1
+    where = own if day.start != "rack" or day.final == "at" else -1
+    return day.start, where, day.tool, kinds, day.final
 
 
 def different_days(number: int, points: int, seed: int) -> list[Day]:

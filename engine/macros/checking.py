@@ -23,9 +23,10 @@ from kb.terms import Atom, Term, Variable, is_ground, match, substitute_atom
 
 @dataclass(frozen=True, slots=True)
 class Refused:
-    """Why a plan is none for a query."""
+    """Why a plan is none for a query; `lost` if a goal that held is given up, as other instances would, too."""
 
     reason: str
+    lost: bool = False
 
 
 @dataclass
@@ -87,7 +88,7 @@ def check(plan: Plan, asked: Query) -> Situation | Refused:
     end = Situation(asked.world, run.facts)
     missed = next((goal for goal in (*asked.goals, *asked.kept) if not is_met(goal, end)), None)
     if missed is not None:
-        return Refused(f"{missed} does not hold at the end")
+        return Refused(f"{missed} does not hold at the end", missed in asked.kept)
     refusal = _unfinished(plan, asked, run, end) or _disturbed(plan, run)
     return Refused(refusal) if refusal else end
 

@@ -48,4 +48,6 @@ def _instance(entry: Entry, asked: Query, work: Work) -> Hit | None:
         after = check(plan, asked)
         if isinstance(after, Situation):
             return Hit(entry.key, entry.macrop, plan, after)
+        if after.lost:
+            return None
     return None
