@@ -60,6 +60,8 @@ CODES = {
     "K705": "a place that no arm configuration reaches",
     "K801": "not PDDL",
     "K802": "a PDDL feature that is not supported",
+    "K803": "not a TSPLIB file",
+    "K804": "not a QIF file, or not a table of measurements",
     "K901": "probabilities that are none",
     "K902": "causes that neither a test tells apart nor a repair serves together",
     "K903": "a cause that nothing repairs",

@@ -14,6 +14,7 @@ from engine.cli.plan import plan, validate
 from engine.cli.prepare import prepare
 from engine.cli.revise import revise
 from engine.cli.schedule import schedule
+from engine.cli.sequence import sequence
 
 app = typer.Typer(
     name="cellwright", no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False
@@ -27,6 +28,7 @@ def cellwright() -> None:
 
 for command in (check, explain, export, init, plan, prepare, revise, schedule, schema, validate):
     app.command()(command)
+app.command()(sequence)
 app.command("test")(golden_plans)
 app.add_typer(macros, name="macros")
 

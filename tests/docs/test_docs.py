@@ -22,6 +22,17 @@ DOMAIN = """(define (domain shelf) (:predicates (at ?x) (on ?x))
   (:action lift :parameters (?x) :precondition (at ?x) :effect (and (on ?x) (not (at ?x)))))
 """
 PROBLEM = "(define (problem one) (:domain shelf) (:objects box) (:init (at box)) (:goal (on box)))\n"
+SQUARE = """NAME: square
+TYPE: TSP
+DIMENSION: 4
+EDGE_WEIGHT_TYPE: EUC_2D
+NODE_COORD_SECTION
+1 0 0
+2 9 0
+3 9 9
+4 0 9
+EOF
+"""
 PLACEHOLDERS = {
     "TARGET": "mine/problems/two_items.yaml",
     "FOLDER": "mine",
@@ -30,6 +41,7 @@ PLACEHOLDERS = {
     "STEP": "1",
     "DOMAIN": "shelf.pddl",
     "PROBLEM": "box.pddl",
+    "INSTANCE": "square.tsp",
 }
 ANSWERS = {0, exits.INFEASIBLE}
 
@@ -58,6 +70,7 @@ def desk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     (tmp_path / "shelf.pddl").write_text(DOMAIN)
     (tmp_path / "box.pddl").write_text(PROBLEM)
     (tmp_path / "plan.ipc").write_text("(lift box)\n")
+    (tmp_path / "square.tsp").write_text(SQUARE)
     run(f"cellwright export pddl {PLACEHOLDERS['TARGET']} --output exported")
     planned = run("cellwright plan --pddl exported/domain.pddl exported/problem.pddl --format ipc")
     (tmp_path / "exported.ipc").write_text(planned.stdout)

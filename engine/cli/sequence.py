@@ -1,0 +1,115 @@
+"""`cellwright sequence`: the order of visits at least cost."""
+
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from engine.cli.answers import Answer, Form, give
+from engine.cli.exits import GAVE_UP, INFEASIBLE, INTERRUPTED
+from engine.cli.options import Seed, TimeLimit
+
+if TYPE_CHECKING:
+    from engine.model.outcome import GaveUp, Infeasible
+    from engine.model.tour import Tour, TourProblem
+    from engine.sequencing import Limits
+
+
+class TourForm(StrEnum):
+    """How a tour is written."""
+
+    TEXT = "text"
+    JSON = "json"
+    SVG = "svg"
+
+
+def sequence(
+    target: Annotated[str, typer.Argument(help="a TSPLIB file, or a problem with points to be measured")],
+    method: Annotated[str, typer.Option(help="auto, chain1987 or exact")] = "auto",
+    closed: Annotated[
+        bool | None,
+        typer.Option("--closed/--open", help="back to the first visit, or not; TSPLIB files: closed"),
+    ] = None,
+    start: Annotated[str, typer.Option(help="the visit to begin with")] = "",
+    end: Annotated[str, typer.Option(help="the visit to end with")] = "",
+    time_limit: TimeLimit = None,
+    work: Annotated[
+        int, typer.Option(min=0, help="kicks of the search; 0: as suits the number of visits")
+    ] = 0,
+    seed: Seed = 0,
+    format: Annotated[TourForm, typer.Option("--format", help="how the tour is written")] = TourForm.TEXT,
+) -> None:
+    """Print the best order found for the visits of TARGET, with a lower bound on the cost of any."""
+    form = Form.JSON if format is TourForm.JSON else Form.TEXT
+    give(lambda: _sequence(target, method, (closed, start, end), (time_limit, work, seed), format), form)
+
+
+def _sequence(
+    target: str,
+    method: str,
+    ends: tuple[bool | None, str, str],
+    effort: tuple[float | None, int, int],
+    form: TourForm,
+) -> Answer:
+    from engine.cli.interruption import Interruption
+    from engine.sequencing import METHODS, Limits
+    from kb.diagnostics import Diagnostic, InvalidInput, Source, nearest
+
+    if method not in METHODS:
+        hint = nearest(method, list(METHODS)) or f"one of {', '.join(METHODS)}"
+        raise InvalidInput([Diagnostic(Source("--method"), "K401", f"no method '{method}'", hint)])
+    with Interruption(effort[0]) as interrupted:
+        limits = Limits(effort[1], effort[2], interrupted)
+        problem, answer = _solve(target, method, ends, limits)
+    return _answer(problem, answer, form, interrupted.heard)
+
+
+def _solve(
+    target: str, method: str, ends: tuple[bool | None, str, str], limits: "Limits"
+) -> "tuple[TourProblem, Tour | Infeasible | GaveUp]":
+    from dataclasses import replace
+
+    from engine.interop.tsplib import read_tsplib
+    from engine.sequencing import sequence
+
+    problem = read_tsplib(Path(target))
+    closed, start, end = ends
+    problem = replace(
+        problem,
+        closed=problem.closed if closed is None else closed,
+        start=_named(problem, start, "--start"),
+        end=_named(problem, end, "--end"),
+    )
+    return problem, sequence(problem, limits, method)
+
+
+def _named(problem: "TourProblem", name: str, option: str) -> int | None:
+    """The number of a visit."""
+    from kb.diagnostics import InvalidInput, Source, unknown_name
+
+    names = [visit.name for visit in problem.visits]
+    if name and name not in names:
+        raise InvalidInput([unknown_name("visit", name, set(names), Source(option))])
+    return names.index(name) if name else None
+
+
+def _answer(
+    problem: "TourProblem", answer: "Tour | Infeasible | GaveUp", form: TourForm, heard: bool
+) -> Answer:
+    from rich.text import Text
+
+    from engine.model.tour import Tour
+    from engine.report import json, tour
+
+    if not isinstance(answer, Tour):
+        code = INTERRUPTED if heard else INFEASIBLE if json.status(answer) == "infeasible" else GAVE_UP
+        reason = answer.reason
+        return Answer(json.status(answer), {"reason": reason}, lambda: Text(f"No tour: {reason}."), code)
+    return Answer(
+        "optimal" if answer.proved else "found",
+        tour.entry(answer, problem),
+        lambda: tour.text(answer, problem),
+        INTERRUPTED if heard else 0,
+        raw=tour.svg(answer, problem) if form is TourForm.SVG else None,
+    )

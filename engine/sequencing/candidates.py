@@ -1,0 +1,41 @@
+"""Candidate neighbours: the few cities that are worth coming next."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+Ints = NDArray[np.int32]
+COUNT = 6
+
+
+def nearest(cost: NDArray[np.integer], count: int = COUNT) -> Ints:
+    """The cheapest cities from each city (n, k), cheapest first; k = `count` at most."""
+    n = len(cost)
+    count = min(count, n - 1)
+    far = cost.astype(np.int64)
+    np.fill_diagonal(far, np.iinfo(np.int64).max)
+    chosen = np.argpartition(far, count - 1, axis=1)[:, :count]
+    chosen.sort(axis=1)
+    order = np.argsort(np.take_along_axis(far, chosen, 1), axis=1, kind="stable")
+    return np.take_along_axis(chosen, order, 1).astype(np.int32)
+
+
+def quadrant(positions: NDArray[np.floating], cost: NDArray[np.integer], count: int = COUNT) -> Ints:
+    """The cheapest city in each quadrant about each city, then the cheapest left: (n, k), cheapest first.
+
+    `positions` (n, 2). Without them the neighbours of a city in a cluster all lie in it (Johnson & McGeoch 1997).
+    """
+    n = len(cost)
+    count = min(count, n - 1)
+    found = np.empty((n, count), np.int32)
+    for city in range(n):
+        far = cost[city].astype(np.int64)
+        far[city] = np.iinfo(np.int64).max
+        near = np.argsort(far, kind="stable")[: n - 1]
+        step = positions[near] - positions[city]
+        quarter = 2 * (step[:, 0] >= 0) + (step[:, 1] >= 0)
+        picked = {int(np.argmax(quarter == each)) for each in range(4) if (quarter == each).any()}
+        rest = (index for index in range(n - 1) if index not in picked)
+        while len(picked) < count:
+            picked.add(next(rest))
+        found[city] = near[sorted(picked)[:count]]
+    return found

@@ -1,0 +1,149 @@
+"""Compiled minimum 1-trees and the ascent over penalties.
+
+Held & Karp 1970, 1971; the step as in Volgenant & Jonker 1982. Penalties are whole multiples of 1/64, so that sums of
+them with integer costs are exact in floating point: a bound is a bound, not one up to rounding.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from engine.sequencing.kernels import compiled
+from engine.sequencing.kernels.arrays import Ints
+
+Floats = NDArray[np.float64]
+Truths = NDArray[np.bool_]
+GRAIN = 64.0
+
+
+@compiled
+def _nearest(cost: Ints, penalty: Floats, city: int, near: Floats, parent: Ints, done: Truths) -> int:
+    """Offer the edges of `city`, just joined to the tree, to the cities outside; the one that is nearest to the tree."""
+    row, own, chosen, least = cost[city], penalty[city], -1, np.inf
+    for other in range(1, near.shape[0]):
+        if done[other]:
+            continue
+        weight = row[other] + own + penalty[other]
+        if weight < near[other]:
+            near[other], parent[other] = weight, city
+        if near[other] < least:
+            chosen, least = other, near[other]
+    return chosen
+
+
+@compiled
+def cheapest_two(cost: Ints, penalty: Floats) -> tuple[int, int]:
+    """The cities to which city 0 has its cheapest and its second cheapest edge."""
+    first, second = 1, 2
+    if cost[0, 2] + penalty[2] < cost[0, 1] + penalty[1]:
+        first, second = 2, 1
+    for other in range(3, cost.shape[0]):
+        weight = cost[0, other] + penalty[other]
+        if weight < cost[0, first] + penalty[first]:
+            first, second = other, first
+        elif weight < cost[0, second] + penalty[second]:
+            second = other
+    return first, second
+
+
+@compiled
+def one_tree(cost: Ints, penalty: Floats, degree: Ints, parent: Ints) -> float:
+    """The weight of a minimum 1-tree under cost + penalties, less twice the penalties: a lower bound on all tours.
+
+    A minimum spanning tree of all cities but 0 (Prim 1957), its root being city 1, and the two cheapest edges of city
+    0; n >= 3. `degree` and `parent` (n,) are written.
+    """
+    n = cost.shape[0]
+    near, done = np.full(n, np.inf), np.zeros(n, np.bool_)
+    degree[:] = 0
+    total, city = 0.0, 1
+    done[1] = True
+    for _ in range(n - 2):
+        city = _nearest(cost, penalty, city, near, parent, done)
+        total += near[city]
+        done[city] = True
+        degree[city] += 1
+        degree[parent[city]] += 1
+    for end in cheapest_two(cost, penalty):
+        total += cost[0, end] + penalty[end] + penalty[0]
+        degree[end] += 1
+        degree[0] += 1
+    return float(total - 2 * penalty.sum())
+
+
+@compiled
+def ascend(cost: Ints, penalty: Floats, upper: float, steps: int, size: float) -> tuple[float, Floats, int]:
+    """Raise the bound by subgradient steps, of `size` times the gap to `upper` at first, halved when they do not help.
+
+    `penalty` (n,) is changed in place. The best bound, its penalties, and the steps that were made; it ends early when
+    the bound reaches `upper` or a 1-tree is a tour.
+    """
+    n = cost.shape[0]
+    degree, parent = np.zeros(n, np.int32), np.zeros(n, np.int32)
+    last = np.zeros(n)
+    best, kept = -np.inf, penalty.copy()
+    patience, waited = max(10, n // 10), 0
+    for step in range(steps):
+        bound = one_tree(cost, penalty, degree, parent)
+        waited += 1
+        if bound > best:
+            best, waited = bound, 0
+            kept[:] = penalty
+        square = 0.0
+        for city in range(n):
+            square += (degree[city] - 2) ** 2
+        if square == 0 or best > upper - 1:
+            return best, kept, step + 1
+        if waited >= patience:
+            size, waited = size / 2, 0
+            penalty[:] = kept
+        pace = size * max(upper - bound, 1.0) / square
+        for city in range(n):
+            turn = degree[city] - 2.0
+            penalty[city] += np.rint(GRAIN * pace * (0.7 * turn + 0.3 * last[city])) / GRAIN
+            last[city] = turn
+    return best, kept, steps
+
+
+@compiled
+def _from_the_root(parent: Ints) -> Ints:
+    """The cities of the tree (n - 1,), each after its parent."""
+    n = parent.shape[0]
+    order, placed, size = np.empty(n - 1, np.int32), np.zeros(n, np.bool_), 1
+    order[0] = 1
+    placed[1] = True
+    trail = np.empty(n, np.int32)
+    for city in range(2, n):
+        depth, at = 0, city
+        while not placed[at]:
+            trail[depth] = at
+            depth += 1
+            at = parent[at]
+        for level in range(depth - 1, -1, -1):
+            order[size] = trail[level]
+            placed[trail[level]] = True
+            size += 1
+    return order
+
+
+@compiled
+def excess(cost: Ints, penalty: Floats) -> Floats:
+    """How much (n, n) the minimum 1-tree grows when it has to contain an edge (Helsgaun 2000: alpha); 0 for its own."""
+    n = cost.shape[0]
+    degree, parent = np.zeros(n, np.int32), np.zeros(n, np.int32)
+    one_tree(cost, penalty, degree, parent)
+    order, heaviest = _from_the_root(parent), np.zeros((n, n))
+    for index in range(1, n - 1):
+        city = order[index]
+        above = parent[city]
+        weight = cost[city, above] + penalty[city] + penalty[above]
+        for earlier in range(index):
+            other = order[earlier]
+            value = max(weight, heaviest[above, other]) if other != above else weight
+            heaviest[city, other] = heaviest[other, city] = value
+    _, second = cheapest_two(cost, penalty)
+    heaviest[0, :] = heaviest[:, 0] = cost[0, second] + penalty[0] + penalty[second]
+    for city in range(n):
+        for other in range(n):
+            weight = cost[city, other] + penalty[city] + penalty[other]
+            heaviest[city, other] = max(0.0, weight - heaviest[city, other])
+    return heaviest

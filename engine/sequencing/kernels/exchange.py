@@ -1,0 +1,317 @@
+"""Compiled search for short closed tours: exchanges of two and three edges, kicked and annealed.
+
+An exchange is evaluated before anything is moved: most are rejected, and then cost no reversal. Costs are symmetric
+integers. `near` (n, k) has each city's candidates, nearest first; `toll` (n, k) the costs to them.
+
+Lin & Kernighan 1973, all choices on the first levels; Bentley 1992 (queue of cities worth looking at); Martin, Otto &
+Felten 1991 (double-bridge kicks with annealed acceptance), the kicks kept local.
+"""
+
+import numpy as np
+
+from engine.sequencing.kernels import compiled
+from engine.sequencing.kernels.arrays import Ints, after, before, flip, reverse, undo
+
+SEGMENT = 30  # cities between the cuts of a kick along the tour
+WALK = 10  # steps between the cuts of a kick in space
+SPATIAL = 0.5  # how many of the kicks are made in space
+ROOM = 8  # rows that one exchange may need in the journal
+TWO, TWO_TWICE, SWAPPED, TURNED = 1, 2, 3, 4
+
+
+@compiled
+def _step(tour: Ints, position: Ints, forward: bool, city: int) -> int:
+    return after(tour, position, city) if forward else before(tour, position, city)
+
+
+@compiled
+def _within(position: Ints, forward: bool, first: int, city: int, last: int) -> bool:
+    """Whether one meets `city` on the way from `first` to `last` in the given direction."""
+    a, b, c = position[first], position[city], position[last]
+    if not forward:
+        a, c = c, a
+    if a <= c:
+        return bool(a <= b and b <= c)
+    return bool(b >= a or b <= c)
+
+
+@compiled
+def _second_turn(
+    tour: Ints,
+    position: Ints,
+    cost: Ints,
+    near: Ints,
+    toll: Ints,
+    forward: bool,
+    gain: int,
+    best: int,
+    found: Ints,
+) -> int:
+    """After t2..t4 is turned round, another two-edge exchange of the edges at t1: the best gain so far."""
+    t1, t2, t3, t4 = found[0], found[1], found[2], found[3]
+    follower = _step(tour, position, not forward, t4)
+    for rank in range(near.shape[1]):
+        t5 = near[t4, rank]
+        left = gain - toll[t4, rank]
+        if left <= best:
+            break
+        if t5 in (t1, t3, follower):
+            continue
+        t6 = _step(tour, position, forward == _within(position, forward, t2, t5, t4), t5)
+        if left + cost[t5, t6] - cost[t6, t1] > best:
+            best = left + cost[t5, t6] - cost[t6, t1]
+            found[4], found[5], found[6] = t5, t6, TWO_TWICE
+            found[7:10] = found[1:4]
+    return best
+
+
+@compiled
+def _opened_cycle(
+    tour: Ints,
+    position: Ints,
+    cost: Ints,
+    near: Ints,
+    toll: Ints,
+    forward: bool,
+    gain: int,
+    best: int,
+    found: Ints,
+) -> int:
+    """The cycle t2..t3 that the first two exchanged edges cut off is opened and put between t4 and t1 again."""
+    t1, t2, t3, t4 = found[0], found[1], found[2], found[3]
+    for rank in range(near.shape[1]):
+        t5 = near[t4, rank]
+        left = gain - toll[t4, rank]
+        if left <= best:
+            break
+        if t5 == t3 or not _within(position, forward, t2, t5, t3):
+            continue
+        for kind in (SWAPPED, TURNED):
+            if kind == TURNED and t5 == t2:
+                continue
+            t6 = _step(tour, position, forward == (kind == SWAPPED), t5)
+            if left + cost[t5, t6] - cost[t6, t1] > best:
+                best = left + cost[t5, t6] - cost[t6, t1]
+                found[4], found[5], found[6] = t5, t6, kind
+                found[7:10] = found[1:4]
+    return best
+
+
+@compiled
+def _best_exchange(
+    tour: Ints, position: Ints, cost: Ints, near: Ints, toll: Ints, t1: int, forward: bool, found: Ints
+) -> int:
+    """The exchange of most gain that removes the edge after `t1`: its kind in found[6], t2 to t4 in found[7:10]."""
+    t2 = _step(tour, position, forward, t1)
+    beyond = _step(tour, position, forward, t2)
+    best, removed = 0, cost[t1, t2]
+    found[0], found[1] = t1, t2
+    for rank in range(near.shape[1]):
+        t3 = near[t2, rank]
+        left = removed - toll[t2, rank]
+        if left <= 0:
+            break
+        if t3 in (t1, beyond):
+            continue
+        t4 = _step(tour, position, not forward, t3)
+        found[2], found[3] = t3, t4
+        gain = left + cost[t3, t4]
+        if gain - cost[t4, t1] > best:
+            best = gain - cost[t4, t1]
+            found[6] = TWO
+            found[7:10] = found[1:4]
+        best = _second_turn(tour, position, cost, near, toll, forward, gain, best, found)
+        t4 = _step(tour, position, forward, t3)
+        found[3] = t4
+        gain = left + cost[t3, t4]
+        best = _opened_cycle(tour, position, cost, near, toll, forward, gain, best, found)
+    return best
+
+
+@compiled
+def _turn(
+    tour: Ints, position: Ints, forward: bool, first: int, last: int, journal: Ints, written: int
+) -> bool:
+    """Turn the path from `first` to `last` round; the direction that is forward then."""
+    if forward:
+        return not flip(tour, position, first, last, journal, written)
+    return flip(tour, position, last, first, journal, written)
+
+
+@compiled
+def _apply(tour: Ints, position: Ints, forward: bool, found: Ints, journal: Ints, written: int) -> int:
+    """Make the exchange that was found; the journal's length."""
+    kind, t2, t3, t4, t5, t6 = found[6], found[7], found[8], found[9], found[4], found[5]
+    if kind == TWO:
+        _turn(tour, position, forward, t2, t4, journal, written)
+        return written + 1
+    if kind == TWO_TWICE:
+        forward = _turn(tour, position, forward, t2, t4, journal, written)
+        _turn(tour, position, forward, t4, t6, journal, written + 1)
+        return written + 2
+    if kind == TURNED:
+        forward = _turn(tour, position, forward, t2, t6, journal, written)
+        _turn(tour, position, forward, t5, t3, journal, written + 1)
+        return written + 2
+    forward = _turn(tour, position, forward, t2, t5, journal, written)
+    forward = _turn(tour, position, forward, t6, t3, journal, written + 1)
+    _turn(tour, position, forward, t5, t6, journal, written + 2)
+    return written + 3
+
+
+@compiled
+def _wake(city: int, queue: Ints, waiting: Ints, head: int, size: int) -> int:
+    """Put a city at the end of the queue unless it waits there; the queue's size."""
+    if waiting[city] == 0:
+        waiting[city] = 1
+        queue[(head + size) % queue.shape[0]] = city
+        return size + 1
+    return size
+
+
+@compiled
+def _settle(
+    tour: Ints,
+    position: Ints,
+    cost: Ints,
+    near: Ints,
+    toll: Ints,
+    queue: Ints,
+    waiting: Ints,
+    size: int,
+    journal: Ints,
+    written: int,
+    found: Ints,
+) -> tuple[int, int]:
+    """Exchange edges around the cities in the queue until none of them gains; the gain and the journal's length."""
+    head, gain = 0, 0
+    while size > 0:
+        city = queue[head]
+        head = (head + 1) % queue.shape[0]
+        size -= 1
+        waiting[city] = 0
+        idle = 0
+        forward = True
+        while idle < 2 and written + ROOM < journal.shape[0]:
+            won = _best_exchange(tour, position, cost, near, toll, city, forward, found)
+            if won > 0:
+                written = _apply(tour, position, forward, found, journal, written)
+                gain += won
+                idle = 0
+                for place in range(7, 10):
+                    size = _wake(found[place], queue, waiting, head, size)
+                if found[6] != TWO:
+                    size = _wake(found[4], queue, waiting, head, size)
+                    size = _wake(found[5], queue, waiting, head, size)
+            else:
+                idle += 1
+                forward = not forward
+    return gain, written
+
+
+@compiled
+def _near_cuts(position: Ints, near: Ints, cuts: Ints) -> bool:
+    """Four different positions of cities close to each other in space go into `cuts`, in order round the tour.
+
+    They are turned so that the longest path lies between the last and the first. False if no four were found.
+    """
+    n = position.shape[0]
+    city = np.random.randint(n)
+    for place in range(4):
+        cuts[place] = position[city]
+        for _ in range(1 + np.random.randint(WALK)):
+            city = near[city, np.random.randint(near.shape[1])]
+    cuts.sort()
+    longest, turn = n - cuts[3] + cuts[0], 0
+    for place in range(3):
+        path = cuts[place + 1] - cuts[place]
+        if path == 0:
+            return False
+        if path > longest:
+            longest, turn = path, place + 1
+    for _ in range(turn):
+        cuts[0], cuts[1], cuts[2], cuts[3] = cuts[1], cuts[2], cuts[3], cuts[0]
+    return True
+
+
+@compiled
+def _short_cuts(n: int, cuts: Ints) -> None:
+    """Four different positions that follow each other closely round the tour go into `cuts`."""
+    limit = max(1, min(SEGMENT, (n - 2) // 3))
+    cuts[0] = np.random.randint(n)
+    for place in range(3):
+        cuts[place + 1] = (cuts[place] + 1 + np.random.randint(limit)) % n
+
+
+@compiled
+def _kick(
+    tour: Ints, position: Ints, cost: Ints, near: Ints, queue: Ints, waiting: Ints, journal: Ints, cuts: Ints
+) -> tuple[int, int, int]:
+    """A double bridge: three neighbouring paths in reverse order. The loss, the journal's length, the queue's size.
+
+    No exchange of three edges takes it back.
+    """
+    n = tour.shape[0]
+    if np.random.random() >= SPATIAL or not _near_cuts(position, near, cuts):
+        _short_cuts(n, cuts)
+    p, q, r, s = cuts[0], cuts[1], cuts[2], cuts[3]
+    loss, size = 0, 0
+    for place in range(4):
+        last, first = tour[cuts[place]], tour[(cuts[place] + 1) % n]
+        loss -= cost[last, first]
+        size = _wake(last, queue, waiting, 0, size)
+        size = _wake(first, queue, waiting, 0, size)
+    loss += cost[tour[p], tour[(r + 1) % n]] + cost[tour[s], tour[(q + 1) % n]]
+    loss += cost[tour[r], tour[(p + 1) % n]] + cost[tour[q], tour[(s + 1) % n]]
+    stretches = (((p + 1) % n, q), ((q + 1) % n, r), ((r + 1) % n, s), ((p + 1) % n, s))
+    for index in range(4):
+        journal[index, 0], journal[index, 1] = stretches[index]
+        reverse(tour, position, stretches[index][0], stretches[index][1])
+    return loss, 4, size
+
+
+@compiled
+def improve(
+    tour: Ints,
+    cost: Ints,
+    near: Ints,
+    toll: Ints,
+    kicks: int,
+    warmth: float,
+    cooling: float,
+    seed: int,
+) -> tuple[Ints, int, int, float]:
+    """Anneal over `kicks` local double bridges, each repaired by exchanges; n >= 8.
+
+    `tour` (n,) is changed in place. `cost` (n, n) is symmetric. Worse tours are accepted with the probability
+    exp(-loss / warmth); `warmth` is multiplied by `cooling` each kick.
+    Returns the best tour, what it gained over the given one, what the current one gained, and the final warmth.
+    """
+    n = tour.shape[0]
+    np.random.seed(seed)
+    position = np.empty(n, np.int32)
+    for index in range(n):
+        position[tour[index]] = index
+    queue, waiting, found = np.empty(n, np.int32), np.zeros(n, np.int32), np.zeros(10, np.int32)
+    journal = np.empty((max(40 * n, 4096), 2), np.int32)
+    cuts = np.zeros(4, np.int32)
+    size = 0
+    for index in range(n):
+        size = _wake(tour[index], queue, waiting, 0, size)
+    current, _ = _settle(tour, position, cost, near, toll, queue, waiting, size, journal, 0, found)
+    best_gain, best = current, tour.copy()
+    for _ in range(kicks):
+        loss, written, size = _kick(tour, position, cost, near, queue, waiting, journal, cuts)
+        won, written = _settle(
+            tour, position, cost, near, toll, queue, waiting, size, journal, written, found
+        )
+        change = won - loss
+        if change >= 0 or np.random.random() < np.exp(change / max(warmth, 1e-9)):
+            current += change
+            if current > best_gain:
+                best_gain = current
+                best[:] = tour
+        else:
+            undo(tour, position, journal, written, 0)
+        warmth *= cooling
+    return best, best_gain, current, warmth
