@@ -5,7 +5,10 @@ import sys
 import time
 from collections.abc import Callable
 from types import FrameType, TracebackType
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from kb.model.plan import Plan
 
 
 class Interruption:
@@ -15,7 +18,8 @@ class Interruption:
     """
 
     def __init__(self, seconds: float | None = None) -> None:
-        self.deadline = time.monotonic() + seconds if seconds is not None else None
+        self.started = time.monotonic()
+        self.deadline = self.started + seconds if seconds is not None else None
         self.heard = False
         self._before: Callable[[int, FrameType | None], Any] | int | None = None
         self._progress = _Progress() if sys.stderr.isatty() else None
@@ -35,6 +39,14 @@ class Interruption:
         if self._progress:
             self._progress.tick()
         return self.heard or (self.deadline is not None and time.monotonic() >= self.deadline)
+
+    def tell(self, plan: "Plan") -> None:
+        """Tell on standard error of a better plan."""
+        if self._progress:
+            self._progress.clear()
+        seconds = time.monotonic() - self.started
+        sys.stderr.write(f"{len(plan.steps)} steps, cost {plan.cost}, after {seconds:.1f} s\n")
+        sys.stderr.flush()
 
     def _hear(self, _signal: int, _frame: FrameType | None) -> None:
         if self.heard:
@@ -61,3 +73,13 @@ class _Progress:
         if self.shown > self.started:
             sys.stderr.write("\r\x1b[K")
             sys.stderr.flush()
+
+
+def limit_memory(megabytes: int | None) -> None:
+    """Let this process and those it starts take no more than so much memory; beyond it a `MemoryError` is raised."""
+    if megabytes is not None:
+        import resource
+
+        _, most = resource.getrlimit(resource.RLIMIT_DATA)
+        wanted = megabytes * 2**20
+        resource.setrlimit(resource.RLIMIT_DATA, (wanted if most < 0 else min(wanted, most), most))

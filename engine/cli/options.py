@@ -19,7 +19,22 @@ TimeLimit = Annotated[
 Seed = Annotated[int, typer.Option(min=0, help="the same seed gives the same answer on any machine")]
 Pddl = Annotated[bool, typer.Option("--pddl", help="the arguments are a PDDL domain and a PDDL problem")]
 Ground = Annotated[bool, typer.Option("--ground", help="write PDDL without variables, as plain STRIPS")]
-Strategy = Annotated[str, typer.Option(help="auto, backward, forward or landmarks")]
+Strategy = Annotated[
+    str,
+    typer.Option(
+        help="auto, backward, forward, landmarks, asp, or shortest: proved to have the fewest steps"
+    ),
+]
+Race = Annotated[
+    bool, typer.Option("--race", help="run the strategies on all processors; the first answer counts")
+]
+Anytime = Annotated[
+    bool,
+    typer.Option(
+        "--anytime", help="improve the plan until the time limit or Ctrl-C, and tell of every better one"
+    ),
+]
+MemoryLimit = Annotated[int | None, typer.Option(min=128, help="megabytes that the command may take")]
 Expansions = Annotated[int, typer.Option(min=0, help="states that the search may expand before it gives up")]
 Library = Annotated[
     str,

@@ -10,13 +10,16 @@ import typer
 from engine.cli.answers import Answer, Form, give
 from engine.cli.exits import FINDINGS, INTERRUPTED, exit_code
 from engine.cli.options import (
+    Anytime,
     Command,
     Expansions,
     Format,
     Goals,
     Ground,
     Library,
+    MemoryLimit,
     Pddl,
+    Race,
     Seed,
     Stats,
     Strategy,
@@ -56,6 +59,9 @@ def plan(
     time_limit: TimeLimit = None,
     expansions: Expansions = 1_000_000,
     strategy: Strategy = "auto",
+    race: Race = False,
+    anytime: Anytime = False,
+    memory_limit: MemoryLimit = None,
     seed: Seed = 0,
     store: Library = "",
 ) -> None:
@@ -64,7 +70,8 @@ def plan(
         raise typer.BadParameter("--pddl takes a domain and a problem; without it there is one target")
     form = Form.JSON if format is PlanForm.JSON else Form.TEXT
     wanted = Wanted(target, goals, command, task)
-    give(lambda: _plan(wanted, format, stats, Work(time_limit, expansions, seed, strategy, store)), form)
+    work = Work(time_limit, memory_limit, expansions, seed, "race" if race else strategy, anytime, store)
+    give(lambda: _plan(wanted, format, stats, work), form)
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,30 +86,37 @@ class Wanted:
 
 @dataclass(frozen=True, slots=True)
 class Work:
-    """How long the search may take: seconds, expansions; and its seed."""
+    """What the search may take: seconds, megabytes, expansions; and how it is made."""
 
     seconds: float | None
+    megabytes: int | None
     expansions: int
     seed: int
     strategy: str
+    anytime: bool = False
     store: str = ""
 
 
 def _plan(wanted: Wanted, form: PlanForm, stats: bool, work: Work) -> Answer:
     from engine import pipeline
-    from engine.cli.interruption import Interruption
+    from engine.cli.interruption import Interruption, limit_memory
     from engine.cli.macros import planned
-    from engine.planning import STRATEGIES, Limits
+    from engine.planning import Limits
     from engine.report import json
-    from kb.diagnostics import Diagnostic, InvalidInput, Source, nearest
 
-    if work.strategy not in STRATEGIES:
-        hint = nearest(work.strategy, list(STRATEGIES)) or f"one of {', '.join(STRATEGIES)}"
-        raise InvalidInput([Diagnostic(Source("--strategy"), "K401", f"no strategy '{work.strategy}'", hint)])
+    _require_strategy(work.strategy)
+    limit_memory(work.megabytes)
     with Interruption(work.seconds) as interrupted:
         task = pipeline.pddl_task(wanted.target, wanted.pddl) if wanted.pddl else None
         problem = task.problem if task else pipeline.problem_of(wanted.target, wanted.goals, wanted.command)
-        limits = Limits(work.expansions, interrupted=interrupted, strategy=work.strategy, seed=work.seed)
+        limits = Limits(
+            work.expansions,
+            interrupted=interrupted,
+            thorough=work.anytime,
+            strategy=work.strategy,
+            seed=work.seed,
+            improved=interrupted.tell if work.anytime else lambda _: None,
+        )
         outcome, origin = planned(problem, limits, work.store)
     content = {**json.outcome(outcome, problem), **origin}
     if stats:
@@ -114,6 +128,15 @@ def _plan(wanted: Wanted, form: PlanForm, stats: bool, work: Work) -> Answer:
         code=INTERRUPTED if interrupted.heard else exit_code(outcome),
         raw=_ipc(outcome, task) if form is PlanForm.IPC else _picture(outcome, problem, form),
     )
+
+
+def _require_strategy(name: str) -> None:
+    from engine.planning import RACE, STRATEGIES
+    from kb.diagnostics import Diagnostic, InvalidInput, Source, nearest
+
+    if name not in (*STRATEGIES, RACE):
+        hint = nearest(name, list(STRATEGIES)) or f"one of {', '.join(STRATEGIES)}"
+        raise InvalidInput([Diagnostic(Source("--strategy"), "K401", f"no strategy '{name}'", hint)])
 
 
 def _ipc(outcome: "Outcome", task: "PddlProblem | None") -> str | None:

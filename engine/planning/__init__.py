@@ -8,11 +8,17 @@ from engine.planning.limits import Limits
 from engine.planning.portfolio import STRATEGIES, Setting
 from engine.planning.variants import TooManyVariants
 
-__all__ = ["STRATEGIES", "Limits", "plan"]
+__all__ = ["RACE", "STRATEGIES", "Limits", "plan"]
+
+RACE = "race"  # all strategies at once
 
 
 def plan(task: Task, limits: Limits = Limits()) -> Outcome:
     """A partially ordered plan for a ground task, or why there is none."""
+    if limits.strategy == RACE:
+        from engine.planning.race import race
+
+        return race(task, limits)
     effort = limits.searching()
     if not task.goals:
         return Infeasible("some goal cannot be reached, whatever is done", _statistics(effort))
@@ -21,6 +27,8 @@ def plan(task: Task, limits: Limits = Limits()) -> Outcome:
         answer = STRATEGIES[limits.strategy](setting, effort)
     except TooManyVariants as error:
         return GaveUp(str(error), "expansions", _statistics(effort))
+    except MemoryError:
+        return GaveUp("out of memory: raise the memory limit, or make the problem smaller", "memory")
     statistics = _statistics(effort)
     if answer is None:
         stopped = "time" if effort.expanded < effort.limit else "expansions"
@@ -29,7 +37,9 @@ def plan(task: Task, limits: Limits = Limits()) -> Outcome:
         return Infeasible("the goals cannot be reached together, whatever is done", statistics)
     if answer.steps is None:
         return Infeasible("every way to the goals has been tried", statistics)
-    return Found(best_plan(setting, answer.steps, limits), statistics)
+    best = best_plan(setting, answer.steps, limits)
+    proved = limits.strategy == "shortest" and len({operator.cost for operator in task.operators}) == 1
+    return Found(best, statistics, optimal=proved)
 
 
 def _statistics(effort: Effort) -> Statistics:

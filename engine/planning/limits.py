@@ -15,7 +15,7 @@ def _deaf(_: Plan) -> None:
 class Limits:
     """Work allowed: `expansions` while searching, `improvement` nodes generated once a plan is known.
 
-    `thorough` improves on until interrupted, in ever wider windows. `strategy` is one of `STRATEGIES`; `seed` breaks ties where a search breaks them by chance. `interrupted` is asked
+    `thorough` improves on until interrupted, in ever wider windows. `strategy` is one of `STRATEGIES`, or `RACE`; `seed` breaks ties where a search breaks them by chance. `interrupted` is asked
     now and then whether to stop, with the best plan so far; `improved` is called with the first plan and every better one.
     """
 

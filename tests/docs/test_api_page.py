@@ -1,0 +1,17 @@
+"""Every example of the Python interface runs, in the order of the page."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+PAGE = (Path(__file__).parents[2] / "docs" / "api.md").read_text()
+EXAMPLES = re.findall(r"^```python\n(.*?)^```", PAGE, re.M | re.S)
+
+
+def test_the_examples_run_one_after_another(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert len(EXAMPLES) >= 6
+    names: dict[str, object] = {}
+    for example in EXAMPLES:
+        exec(compile(example, "api.md", "exec"), names)
