@@ -12,6 +12,7 @@ from engine.grounding import ground
 from engine.interop.up.engine import Stages, UpEngine
 from engine.model.outcome import Outcome
 from engine.planning import Limits
+from engine.revision import Course, revise
 from kb.model.plan import Plan
 from kb.model.problem import Problem
 from kb.terms import Function
@@ -29,6 +30,18 @@ def _plan(
     return pipeline.plan(problem, limits)
 
 
+def _revise(
+    former: Problem,
+    plan: Plan,
+    problem: Problem,
+    interrupted: Callable[[], bool],
+    compare: bool,
+    options: dict[str, Any],
+) -> Outcome:
+    limits = Limits(interrupted=interrupted, **options)
+    return revise(Course.of(former, plan), (), problem.initial, limits, compare).outcome
+
+
 def _instances(problem: Problem) -> tuple[Function, ...]:
     return tuple(dict.fromkeys(operator.instance for operator in ground(problem).operators))
 
@@ -36,4 +49,4 @@ def _instances(problem: Problem) -> tuple[Function, ...]:
 class CellwrightEngine(UpEngine):
     """One-shot and anytime planner, validator of sequential and partial-order plans, grounder and replanner."""
 
-    stages = Stages(_plan, every_order, _instances)
+    stages = Stages(_plan, _revise, every_order, _instances)

@@ -20,6 +20,7 @@ from engine.planning import Limits
 from engine.planning import plan as plan_task
 from engine.planning.deorder import deorder
 from engine.planning.elimination import eliminate
+from engine.planning.variants import plainly
 from engine.revision.course import Course
 from engine.revision.remaining import changes_of, remaining, stages_reached
 from kb.model.plan import CausalLink, Plan, Step, StepId
@@ -145,7 +146,8 @@ class _Repair:
         for operator in operators:
             state = progress(state, operator)
         goals = self.course.reached_goals(state)
-        return None if goals is None else (goals, operators[len(finished) :])
+        left = plainly(self.course.task, operators)[len(finished) :]  # kernels do not see conditional effects
+        return None if goals is None else (goals, left)
 
     def _over_a_gap(
         self, here: Bits, steps: Sequence[GroundOperator], goals: Bits, kernels: Sequence[Bits]
@@ -178,8 +180,8 @@ class _Repair:
 
     def _made(self, here: Bits, steps: Sequence[GroundOperator], goals: Bits) -> Plan | None:
         """A plan of the steps that are needed, if it passes the check."""
-        kept = eliminate(here, steps, goals)
         task = dataclasses.replace(self.course.task, initial=here)
+        kept = eliminate(here, plainly(task, steps), goals)
         made = deorder(task, kept, goals)
         shifted = Plan(made.steps, tuple(self._shifted(link) for link in made.links))
         return shifted if self._checked(shifted) else None

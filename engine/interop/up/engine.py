@@ -46,11 +46,29 @@ class Planner(Protocol):
     ) -> Outcome: ...
 
 
+class Reviser(Protocol):
+    """A plan for a problem that differs in its initial state from one for which there is a plan.
+
+    With `compare`, repair is compared with planning from nothing in any case.
+    """
+
+    def __call__(
+        self,
+        former: Problem,
+        plan: Plan,
+        problem: Problem,
+        interrupted: Interrupted,
+        compare: bool,
+        options: dict[str, Any],
+    ) -> Outcome: ...
+
+
 @dataclass(frozen=True, slots=True)
 class Stages:
-    """Who does the work: the planner, the judge of all orders of a plan, and the operator instances that can be reached."""
+    """Who does the work: planner, reviser, the judge of all orders of a plan, and which operator instances can be reached."""
 
     plan: Planner
+    revise: Reviser
     judge: Callable[[Problem, Plan], Verdict]
     instances: Callable[[Problem], tuple[Function, ...]]
 
@@ -82,6 +100,7 @@ class UpEngine(
         mixins.OneshotPlannerMixin.__init__(self)
         mixins.CompilerMixin.__init__(self, CompilationKind.GROUNDING)
         self._partial_order, self._options = partial_order, options
+        self._former: tuple[Problem, Plan] | None = None  # what a replanner answered last
         if problem is not None:
             ChangingProblem.__init__(self, problem, error_on_failed_checks)
 
@@ -150,33 +169,31 @@ class UpEngine(
         timeout: float | None = None,
         output_stream: IO[str] | None = None,
     ) -> PlanGenerationResult:
-        result = self._planned(problem, until(timeout), lambda _: None)
+        late = until(timeout)
+        result = self._made(problem, lambda ours: self._planned(ours.ours, late))
         if output_stream is not None:
             output_stream.write(f"{result}\n")
         return result
 
     def _planned(
         self,
-        problem: up.Problem,
+        problem: Problem,
         interrupted: Interrupted,
-        tell: Callable[[PlanGenerationResult], None],
+        improved: Callable[[Plan], None] = lambda _: None,
         thorough: bool = False,
-    ) -> PlanGenerationResult:
-        """Plan once; `tell` hears of every plan that is better than the one before.
+    ) -> Outcome:
+        """Plan from nothing; with `thorough`, plans are improved until somebody interrupts."""
+        return self.stages.plan(problem, interrupted, improved, {"thorough": thorough, **self._options})
 
-        With `thorough`, plans are improved until somebody interrupts.
-        """
+    def _made(self, problem: up.Problem, make: Callable[[Translated], Outcome]) -> PlanGenerationResult:
+        """What comes of a problem in their words, whatever becomes of it."""
         try:
             ours = translated(problem)
-            improved = cheaper(lambda plan: tell(self._result(Status.INTERMEDIATE, self._plan(ours, plan))))
-            outcome = self.stages.plan(
-                ours.ours, interrupted, improved, {"thorough": thorough, **self._options}
-            )
+            return self._told(ours, make(ours))
         except (Unsupported, InvalidInput) as error:
             return self._result(Status.UNSUPPORTED_PROBLEM, None, str(error))
         except MemoryError:
             return self._result(Status.MEMOUT, None, "out of memory")
-        return self._told(ours, outcome)
 
     def _told(self, problem: Translated, outcome: Outcome) -> PlanGenerationResult:
         match outcome:
@@ -203,10 +220,13 @@ class UpEngine(
 
         Given a time, it is used: plans are improved until it is over.
         """
-        thorough = timeout is not None
 
         def solve(stop: Interrupted, tell: Callable[[PlanGenerationResult], None]) -> PlanGenerationResult:
-            return self._planned(problem, stop, tell, thorough)
+            def made(ours: Translated) -> Outcome:
+                better = cheaper(lambda plan: tell(self._result(Status.INTERMEDIATE, self._plan(ours, plan))))
+                return self._planned(ours.ours, stop, better, thorough=timeout is not None)
+
+            return self._made(problem, made)
 
         for result in streamed(solve, until(timeout)):
             if output_stream is not None:
@@ -216,7 +236,23 @@ class UpEngine(
     def _resolve(
         self, timeout: float | None = None, output_stream: IO[str] | None = None
     ) -> PlanGenerationResult:
-        return self._solve(self._problem, None, timeout, output_stream)
+        late = until(timeout)
+        result = self._made(self._problem, lambda ours: self._revised(ours, late))
+        if output_stream is not None:
+            output_stream.write(f"{result}\n")
+        return result
+
+    def _revised(self, problem: Translated, interrupted: Interrupted) -> Outcome:
+        """The former plan repaired, if only initial values have changed since; else a new one."""
+        ours, former = problem.ours, self._former
+        if former is not None and former[0].replace(ours.initial) == ours:
+            compare = bool(problem.theirs.quality_metrics)
+            outcome = self.stages.revise(*former, ours, interrupted, compare, self._options)
+        else:
+            outcome = self._planned(ours, interrupted)
+        if isinstance(outcome, Found):
+            self._former = (ours, outcome.plan)
+        return outcome
 
     def _validate(self, problem: up.Problem, plan: UpPlan) -> ValidationResult:
         try:

@@ -302,6 +302,24 @@ def test_other_kinds_are_refused() -> None:
         CellwrightEngine().solve(example)
 
 
+def test_a_replanner_keeps_what_is_left_of_its_plan() -> None:
+    problem = corridor(6)
+    problem.add_quality_metric(MinimizeSequentialPlanLength())
+    at, rooms = problem.fluent("at"), problem.all_objects
+    with Replanner(problem, name="cellwright") as replanner:
+        before = list(map(str, replanner.resolve().plan.actions))
+        for done in range(1, 6):
+            replanner.update_initial_value(at, rooms[done])
+            assert list(map(str, replanner.resolve().plan.actions)) == before[done:]
+        replanner.update_initial_value(problem.fluent("lit")(rooms[1]), True)
+        assert replanner.resolve().status is Status.UNSOLVABLE_PROVEN
+        replanner.update_initial_value(at, rooms[0])
+        changed = replanner.resolve().plan
+        problem.set_initial_value(problem.fluent("lit")(rooms[1]), True)
+        assert accepted(problem, changed)
+        assert len(changed.actions) == len(before) + 1
+
+
 def test_a_replanner_follows_what_changes() -> None:
     problem = corridor()
     at, (first, second, last) = problem.fluent("at"), problem.all_objects

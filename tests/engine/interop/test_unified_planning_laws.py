@@ -212,3 +212,24 @@ def test_partial_order_plans_hold_in_every_order(problem: Problem) -> None:
     if result.plan is not None:
         for plan in itertools.islice(result.plan.all_sequential_plans(), 50):
             assert SequentialPlanValidator().validate(problem, plan)
+
+
+@given(problems(), st.data())
+@DILIGENT
+def test_a_replanner_agrees_with_brute_force_whatever_changes(problem: Problem, data: st.DataObject) -> None:
+    replanner = CellwrightEngine(problem)
+    for _ in range(3):
+        result = replanner.resolve()
+        if result.status is Status.UNSUPPORTED_PROBLEM:
+            return
+        length = shortest(problem)
+        assert (result.plan is None) == (length is None)
+        if result.plan is not None:
+            event("plan")
+            assert SequentialPlanValidator().validate(problem, result.plan)
+        if data.draw(st.booleans()):
+            place, value = AT(data.draw(st.sampled_from([B, C]))), data.draw(st.sampled_from([A, B, C]))
+        else:
+            place, value = data.draw(st.sampled_from([P(A), P(B), Q(C), R()])), data.draw(st.booleans())
+        problem.set_initial_value(place, value)
+        replanner.update_initial_value(place, value)
