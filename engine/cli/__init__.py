@@ -4,6 +4,7 @@ import gc
 
 import typer
 
+from engine.cli.cell import app as cell
 from engine.cli.check import check, schema
 from engine.cli.explain import explain
 from engine.cli.export import export
@@ -31,6 +32,7 @@ for command in (check, explain, export, init, plan, prepare, revise, schedule, s
 app.command()(sequence)
 app.command("test")(golden_plans)
 app.add_typer(macros, name="macros")
+app.add_typer(cell, name="cell")
 
 
 def main() -> None:

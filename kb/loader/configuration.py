@@ -1,0 +1,40 @@
+"""Joint values on the command line: `0, -90, 1.2 rad`, or `left: 0, -90, 1.2 rad` where there are several arms."""
+
+from pathlib import Path
+
+from kb.diagnostics import Diagnostic, InvalidInput, unknown_name
+from kb.files import File
+from kb.loader.quantities import ANGLE, LENGTH, Quantities
+from kb.loader.reader import Findings, require
+from kb.loader.tree import Node
+from kb.model.cell import Cell, JointKind
+
+
+def read_configuration(
+    text: str, cell: Cell, option: str = "--configuration"
+) -> tuple[str, tuple[float, ...]]:
+    """The arm, and its joint values in rad or m; bare numbers count degrees or metres. Raises `InvalidInput`."""
+    findings, file = Findings(), File.of(option, text)
+    name, colon, listed = text.rpartition(":")
+    arm = name.strip() or next(iter(cell.arms), "")
+    if arm not in cell.arms or (not colon and len(cell.arms) > 1):
+        raise InvalidInput([_which(arm if colon else "", cell, file)])
+    joints, parts = cell.arms[arm].arm.joints, listed.split(",")
+    if len(parts) != len(joints):
+        hint = f"{arm} has {len(joints)} joints"
+        raise InvalidInput([Diagnostic(file.at(0), "K102", f"{len(parts)} joint values", hint)])
+    read, values, start = Quantities(findings, Path()), [], len(text) - len(listed)
+    for joint, part in zip(joints, parts, strict=True):
+        at = start + len(part) - len(part.lstrip())
+        kind = LENGTH if joint.kind is JointKind.PRISMATIC else ANGLE
+        values.append(read.number(Node(part.strip(), file, at, start + len(part)), kind))
+        start += len(part) + 1
+    require(findings)
+    return arm, tuple(values)
+
+
+def _which(arm: str, cell: Cell, file: File) -> Diagnostic:
+    if arm:
+        return unknown_name("arm", arm, cell.arms, file.at(0))
+    hint = f"write one of: {', '.join(f'{name}: ...' for name in cell.arms)}" if cell.arms else ""
+    return Diagnostic(file.at(0), "K005", "which arm stands so?", hint or "the cell has no arms")
