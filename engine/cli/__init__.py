@@ -6,6 +6,7 @@ import typer
 
 from engine.cli.cell import app as cell
 from engine.cli.check import check, schema
+from engine.cli.diagnose import diagnose
 from engine.cli.explain import explain
 from engine.cli.export import export
 from engine.cli.golden import golden_plans
@@ -27,7 +28,7 @@ def cellwright() -> None:
     """Plan and diagnose for robot work cells."""
 
 
-for command in (check, explain, export, init, plan, prepare, revise, schedule, schema, validate):
+for command in (check, diagnose, explain, export, init, plan, prepare, revise, schedule, schema, validate):
     app.command()(command)
 app.command()(sequence)
 app.command("test")(golden_plans)

@@ -151,6 +151,7 @@ def searcher(problem: Troubleshooting, expansions: int) -> Searcher:
     """The search that suits a problem, knowing nothing yet."""
     beliefs, sets = arrays.beliefs(problem), arrays.partition(problem)
     states = math.prod(len(action.outcomes) + 1 for action in problem.actions) * len(beliefs.costs)
-    if sets is None and states <= min(MOST_STATES, CHEAPER * expansions):
+    open_ended = 2 * sum(not action.certain for action in problem.actions) >= len(problem.actions)
+    if sets is None and open_ended and states <= min(MOST_STATES, CHEAPER * expansions):
         return Table(beliefs, problem)
     return BranchAndBound(beliefs, sets)

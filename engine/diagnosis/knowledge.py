@@ -1,5 +1,6 @@
 """Fault knowledge as troubleshooting problems: which tests and repairs bear on an exception, under which hypotheses."""
 
+import itertools
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from enum import StrEnum
@@ -37,8 +38,7 @@ def open_case(
     """The problem that an exception poses, each of its causes being alone. `counts` replace those of the fault base."""
     priors = model.priors(exception, counts)
     hypotheses = tuple(Hypothesis((cause,)) for cause in priors)
-    groups = [*((cause,) for cause in priors), *model.alike(exception)]
-    return case_of(model, exception, hypotheses, tuple(priors.values()), objective, groups, setup)
+    return case_of(model, exception, hypotheses, tuple(priors.values()), objective, setup)
 
 
 def case_of(
@@ -47,26 +47,30 @@ def case_of(
     hypotheses: tuple[Hypothesis, ...],
     weights: Sequence[float],
     objective: Objective,
-    groups: Sequence[tuple[str, ...]],
     setup: PlanSetup = no_setup,
     done: Iterable[str] = (),
 ) -> Case:
-    """The problem of telling hypotheses apart. `groups` are causes that may be concluded together; `done` stays out."""
+    """The problem of telling hypotheses apart; tests and repairs that were `done` stay out of it."""
     past = set(done)
     tests = [test for test in model.tests.values() if test.name not in past]
     chosen: list[FaultTest | Repair] = [t for t in tests if _tells(t, hypotheses)]
-    conclusions = _conclusions(hypotheses, groups)
     if objective is Objective.REPAIR:
         chosen += [r for r in model.repairs.values() if r.name not in past and _serves(r, hypotheses)]
-        conclusions = (Conclusion(STOP, (float(model.stop),) * len(hypotheses)),)
+    prepared = setup([each.preconditions for each in chosen])
+    if prepared is not None and not all(map(math.isfinite, prepared.costs[0])):
+        chosen = [each for each, cost in zip(chosen, prepared.costs[0], strict=True) if math.isfinite(cost)]
+        prepared = setup([each.preconditions for each in chosen])
     actions = tuple(_action(each, hypotheses) for each in chosen)
+    conclusions: tuple[Conclusion, ...] = (Conclusion(STOP, (float(model.stop),) * len(hypotheses)),)
+    if objective is Objective.ISOLATE:
+        conclusions = _conclusions(hypotheses, [each for each in chosen if isinstance(each, FaultTest)])
     total = math.fsum(weights)
     problem = Troubleshooting(
         tuple(map(str, hypotheses)),
         tuple(weight / total for weight in weights),
         actions,
         conclusions,
-        setup([each.preconditions for each in chosen]),
+        prepared,
     )
     return Case(exception, hypotheses, problem)
 
@@ -116,12 +120,23 @@ def _serves(repair: Repair, hypotheses: Sequence[Hypothesis]) -> bool:
     return any(cure_chance(repair, hypothesis) > 0.0 for hypothesis in hypotheses)
 
 
-def _conclusions(
-    hypotheses: Sequence[Hypothesis], groups: Sequence[tuple[str, ...]]
-) -> tuple[Conclusion, ...]:
-    """One for each group of causes: it may be drawn when every hypothesis that is left is within the group."""
-    found = []
-    for group in groups:
-        losses = tuple(0.0 if set(h.causes) <= set(group) and h.causes else math.inf for h in hypotheses)
-        found.append(Conclusion(" or ".join(group), losses))
-    return tuple(found)
+def _conclusions(hypotheses: Sequence[Hypothesis], tests: Sequence[FaultTest]) -> tuple[Conclusion, ...]:
+    """Each hypothesis may be concluded once no other is possible; those that no test surely tells apart, together."""
+    groups: list[set[int]] = [{index} for index in range(len(hypotheses))]
+    for one, other in itertools.combinations(range(len(hypotheses)), 2):
+        if not any(_surely_apart(test, hypotheses[one], hypotheses[other]) for test in tests):
+            joined = [group for group in groups if one in group or other in group]
+            groups = [group for group in groups if group not in joined] + [set[int]().union(*joined)]
+    alone = [{index} for index in range(len(hypotheses))]
+    return tuple(
+        Conclusion(
+            " or ".join(str(hypotheses[index]) for index in sorted(group)),
+            tuple(0.0 if index in group else math.inf for index in range(len(hypotheses))),
+        )
+        for group in [*alone, *(group for group in groups if len(group) > 1)]
+    )
+
+
+def _surely_apart(test: FaultTest, one: Hypothesis, other: Hypothesis) -> bool:
+    """Whether any outcome rules out one of two hypotheses."""
+    return all(likelihood(test, o, one) == 0.0 or likelihood(test, o, other) == 0.0 for o in test.outcomes)

@@ -80,7 +80,7 @@ def test_priors_sum_to_one_whatever_was_counted(counts: dict[str, int]) -> None:
         ("{stuck: 3, empty: 1}", "{stuck: 3, emtpy: 1}", "K101"),
         ("of: place(Plate)", "of: place(Plate, Plate)", "K102"),
         ("of: place(Plate)", "of: plaice(Plate)", "K101"),
-        ("doubts: placed(Plate)", "doubts: placed(Plate, Plate)", "K102"),
+        ("doubts: placed(Plate)", 'doubts: "placed(Plate, Plate)"', "K102"),
         ("doubts: placed(Plate)", "doubts: plate(Plate)", "K108"),
         ("none 0.75", "nine 0.75", "K101"),
         ("none 0.75", "none 75%", "K901"),

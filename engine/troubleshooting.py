@@ -1,0 +1,281 @@
+"""Where diagnosis meets planning: set-up costs are plans, and what was found out goes back to the planner.
+
+Here the exception handler's questions ("what does it take to do this test now?", "how do we go on?") are put to the planner.
+"""
+
+import json
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+from engine import pipeline
+from engine.diagnosis.knowledge import CURED, NOT_CURED, Objective, no_setup
+from engine.diagnosis.revision import Binding, binding_of, bound, certainties, revised, revision
+from engine.diagnosis.selection import EXPANSIONS
+from engine.diagnosis.session import Answer, Session
+from engine.model.diagnosis import Setup
+from engine.model.faults import Diagnosis, Hypothesis, Revision
+from engine.model.outcome import Found, Outcome
+from engine.planning import Limits
+from engine.validation.semantics import Semantics
+from kb.asp import AspError, ground_term
+from kb.diagnostics import Diagnostic, InvalidInput, Source, unknown_name
+from kb.files import read_file
+from kb.loader import find, load
+from kb.loader.faults import load_faults
+from kb.model.conditions import And, Condition, Exists, Literal, Parameter
+from kb.model.domain import OBJECT, Domain
+from kb.model.faults import FaultModel
+from kb.model.plan import Plan
+from kb.model.problem import Problem
+from kb.store.cases import Cases, ClosedCase, counts
+from kb.terms import Atom, Function, Term, Variable
+
+FAR = 1e6  # seconds: what cannot be brought about from where an earlier test has led
+WORK = Limits(expansions=20_000, improvement=0)
+
+State = frozenset[Atom]
+
+
+@dataclass
+class Preparations:
+    """What bringing about the preconditions of tests and repairs costs, from the present state and from each other."""
+
+    problem: Problem
+    binding: Binding = field(default_factory=dict)
+    limits: Limits = WORK
+    plans: dict[tuple[State, Condition], Plan | None] = field(default_factory=dict)
+
+    def __call__(self, preconditions: Sequence[tuple[Atom, ...]]) -> Setup:
+        """The situations: the present one, and after preparing each of the conditions in turn.
+
+        Cost i, j is the duration of the steps of a plan from situation i to the preconditions of action j; infinite
+        from the present one where there is none.
+        """
+        goals = [self.goal(each) for each in preconditions]
+        states = [frozenset(Semantics(self.problem).initial())]
+        for goal in dict.fromkeys(goals):
+            reached = self._after(states[0], goal)
+            if reached is not None and reached not in states:
+                states.append(reached)
+        costs, following = [], []
+        for state in states:
+            after = [self._after(state, goal) for goal in goals]
+            price = [self._cost(state, goal) for goal in goals]
+            near = [states.index(each) if each in states else -1 for each in after]
+            at = [
+                self._like(states, goal) if place < 0 else place
+                for place, goal in zip(near, goals, strict=True)
+            ]
+            costs.append(tuple(price if state is states[0] else [min(each, FAR) for each in price]))
+            following.append(tuple(at))
+        return Setup(tuple(costs), tuple(following))
+
+    def plan_for(self, preconditions: tuple[Atom, ...]) -> Plan | None:
+        """The plan that prepares an action from the present state; None if there is none."""
+        return self._plan(frozenset(Semantics(self.problem).initial()), self.goal(preconditions))
+
+    def goal(self, preconditions: Iterable[Atom]) -> Condition:
+        """The condition: what the interrupted step does not bind is some object of its type."""
+        atoms = bound(preconditions, self.binding)
+        types: dict[Variable, str] = {}
+        for atom in atoms:
+            _infer(atom, self.problem.domain.predicates[atom.name].arguments, self.problem.domain, types)
+        goal = And(tuple(Literal(atom) for atom in atoms))
+        return Exists(tuple(Parameter(v, t) for v, t in types.items()), goal) if types else goal
+
+    def _like(self, states: Sequence[State], goal: Condition) -> int:
+        """The situation that preparing a goal from the present one leads to stands for all that a plan may lead to."""
+        reached = self._after(states[0], goal)
+        return states.index(reached) if reached in states else 0
+
+    def _cost(self, state: State, goal: Condition) -> float:
+        made = self._plan(state, goal)
+        return math.inf if made is None else float(sum(step.duration for step in made.steps))
+
+    def _after(self, state: State, goal: Condition) -> State | None:
+        made = self._plan(state, goal)
+        return None if made is None else after(self.problem, state, made)
+
+    def _plan(self, state: State, goal: Condition) -> Plan | None:
+        key = (state, goal)
+        if key not in self.plans:
+            ordered = tuple(sorted(state, key=str))
+            asked = replace(self.problem.replace(ordered), goal=goal, chains=())
+            outcome = pipeline.plan(asked, self.limits)
+            self.plans[key] = outcome.plan if isinstance(outcome, Found) else None
+        return self.plans[key]
+
+
+def after(problem: Problem, state: State, plan: Plan) -> State:
+    """The state that the steps of a plan lead to, by the semantics of the independent checker."""
+    semantics = Semantics(problem)
+    for step in plan.steps:
+        found = semantics.binding(step.operator)
+        if isinstance(found, str):
+            raise ValueError(found)
+        change = semantics.change(*found, semantics.facts(state), state)
+        state = frozenset((state - change.ends) | change.adds)
+    return state
+
+
+@dataclass(frozen=True, slots=True)
+class Recovery:
+    """How the case goes on: the state as it is now known, and the planner's answer for the original goals."""
+
+    problem: Problem
+    outcome: Outcome
+
+
+def recover(problem: Problem, change: Revision, limits: Limits = Limits()) -> Recovery:
+    """Plan from the revised state to the goals that the failed plan had. What was lost is no longer there to be used."""
+    semantics = Semantics(problem)
+    state = tuple(sorted(semantics.initial(), key=str))
+    usable = _without(problem, change.lost)
+    now = usable.replace(revised(state, change))
+    return Recovery(now, pipeline.plan(now, limits))
+
+
+def _without(problem: Problem, lost: Sequence[str]) -> Problem:
+    """The problem without the steps that would use a lost resource."""
+    if not lost:
+        return problem
+    gone = {Function(name) for name in lost}
+    operators = tuple(each for each in problem.domain.operators if not gone & set(each.resources))
+    return replace(problem, domain=replace(problem.domain, operators=operators))
+
+
+def _infer(term: Term, expected: Sequence[str], domain: Domain, types: dict[Variable, str]) -> None:
+    """Types of the variables in a term's arguments, from signatures; the narrower one counts."""
+    if not isinstance(term, Function):
+        return
+    for argument, type_ in zip(term.arguments, expected, strict=True):
+        if isinstance(argument, Variable):
+            known = types.get(argument, OBJECT)
+            types[argument] = type_ if domain.is_subtype(type_, known) else known
+        elif isinstance(argument, Function) and argument.name in domain.functions:
+            _infer(argument, domain.functions[argument.name].arguments, domain, types)
+
+
+@dataclass
+class Desk:
+    """One case with everything around it: the fault base, the problem it happened in, and what the step binds."""
+
+    model: FaultModel
+    session: Session
+    binding: Binding
+    problem: Problem | None = None
+
+    def says(self, name: str) -> str:
+        """What people call a test or a repair."""
+        test = self.model.tests.get(name)
+        return test.say if test else self.model.repairs[name].say
+
+    def certainties(self, made: Diagnosis) -> dict[Atom, float]:
+        """How certain the assertions are that some cause puts in doubt."""
+        return certainties(self.model, made.hypotheses, self.binding)
+
+    def revision(self, made: Diagnosis) -> Revision:
+        """What the case changes in the world model."""
+        return revision(self.model, made, self.binding, made.cured)
+
+    def recover(self, change: Revision) -> Recovery:
+        """Plan on. Raises `InvalidInput` when the case has no problem."""
+        if self.problem is None:
+            hint = "give a problem as the target: its goals are planned for"
+            raise InvalidInput([Diagnostic(Source("--recover"), "K401", "a domain has no goals", hint)])
+        return recover(self.problem, change)
+
+    def keep(self, made: Diagnosis, store: str) -> None:
+        """Learn from a case whose cause is known."""
+        causes = made.hypotheses[0][0].causes if made.isolated and made.hypotheses else ()
+        if causes:
+            seen = tuple((each.action, each.outcome) for each in made.observations)
+            with Cases(store) as cases:
+                cases.add([ClosedCase(self.model.domain, made.exception, causes, made.cost, seen)])
+
+
+def desk(
+    target: str,
+    exception: str,
+    step: str = "",
+    objective: str = "isolate",
+    store: str = "",
+    expansions: int = EXPANSIONS,
+) -> Desk:
+    """Open a case. With a problem as target, set-up is planned in it; a domain alone has none. Raises `InvalidInput`."""
+    loaded = load(find(target))
+    model, _ = load_faults(Path(loaded.domain.path))
+    if exception not in model.exceptions:
+        raise InvalidInput([unknown_name("exception", exception, model.exceptions, Source("--exception"))])
+    binding = binding_of(model, exception, _step(step))
+    setup = Preparations(loaded.problem, binding) if loaded.problem else no_setup
+    counted = model.exceptions[exception].counts
+    if store:
+        with Cases(store) as cases:
+            counted = counts(counted, cases.history(model.domain, exception))
+    session = Session(model, exception, Objective(objective), counted, setup, expansions)
+    return Desk(model, session, binding, loaded.problem)
+
+
+def fault_model(target: str) -> FaultModel:
+    """The fault base of a target. Raises `InvalidInput`."""
+    return load_faults(Path(load(find(target)).domain.path))[0]
+
+
+def _step(text: str) -> Function | None:
+    if not text:
+        return None
+    try:
+        found = ground_term(text)
+    except AspError as error:
+        found = None
+        said = str(error)
+    else:
+        said = "this is no step"
+    if isinstance(found, Function):
+        return found
+    hint = "write it as in a plan: us_measure(us_probe, t3_746, m1)"
+    raise InvalidInput([Diagnostic(Source("--step"), "K107", said, hint)])
+
+
+def scripted(found: Desk, text: str) -> Answer:
+    """Outcomes from a list `test=outcome, ...`; the case ends at a test that is not in it. Raises `InvalidInput`."""
+    known = {**found.model.tests, **found.model.repairs}
+    given: dict[str, str] = {}
+    for part in filter(None, (each.strip() for each in text.split(","))):
+        name, _, outcome = (each.strip() for each in part.partition("="))
+        if name not in known:
+            raise InvalidInput([unknown_name("test or repair", name, known, Source("--outcomes"))])
+        possible = found.model.tests[name].outcomes if name in found.model.tests else (CURED, NOT_CURED)
+        if outcome not in possible:
+            raise InvalidInput([unknown_name("outcome", outcome, possible, Source("--outcomes"))])
+        given[name] = outcome
+    return lambda action, _advice: given.get(action.name)
+
+
+def hidden_hypothesis(found: Desk, text: str) -> Hypothesis:
+    """The causes that a simulated world hides. Raises `InvalidInput`."""
+    causes = tuple(each.strip() for each in text.split(",") if each.strip())
+    for cause in causes:
+        if cause not in found.model.causes:
+            raise InvalidInput([unknown_name("cause", cause, found.model.causes, Source("--hidden"))])
+    return Hypothesis(causes)
+
+
+def imported(model: FaultModel, path: Path) -> list[ClosedCase]:
+    """Counts from a JSON file {exception: {cause: count}} as cases. Raises `InvalidInput`."""
+    try:
+        given = json.loads(read_file(path).text)
+        pairs = [(e, c, float(n)) for e, causes in given.items() for c, n in causes.items()]
+    except (ValueError, AttributeError, TypeError) as error:
+        hint = "it holds {exception: {cause: count}}"
+        raise InvalidInput([Diagnostic(Source(str(path)), "K402", f"no counts: {error}", hint)]) from None
+    for exception, cause, _ in pairs:
+        if exception not in model.exceptions:
+            raise InvalidInput([unknown_name("exception", exception, model.exceptions, Source(str(path)))])
+        if cause not in model.exceptions[exception].counts:
+            known = model.exceptions[exception].counts
+            raise InvalidInput([unknown_name("cause", cause, known, Source(str(path)))])
+    return [ClosedCase(model.domain, e, (c,), weight=n) for e, c, n in pairs if n > 0]

@@ -1,0 +1,45 @@
+"""Optimal stable models of programs with `#minimize`, one after the other, none containing one that was given before."""
+
+from collections.abc import Iterator
+
+import clingo
+
+from kb.asp import AspError, Messages, term
+from kb.terms import Function
+
+
+def best_models(
+    text: str, shown: str, limit: int, options: tuple[str, ...] = ()
+) -> Iterator[tuple[int, tuple[Function, ...]]]:
+    """The cost and the arguments of unary predicate `shown`, in models of least cost that contain no earlier one.
+
+    So with costs of each atom apart, the minimal sets come out, cheapest first. At most `limit`; one thread, so that
+    the order repeats. Raises `AspError`.
+    """
+    messages = Messages()
+    control = clingo.Control(["--warn=none", *options], logger=messages, message_limit=50)
+    try:
+        control.add("base", [], f"{text}\n#show {shown}/1.")
+        control.ground([("base", [])])
+    except RuntimeError as error:
+        raise AspError(messages.heard or [(0, 0, str(error))]) from None
+    for number in range(limit):
+        found = _optimum(control)
+        if found is None:
+            return
+        yield found
+        part = f"above_{number}"
+        body = ", ".join(f"{shown}({atom})" for atom in found[1])
+        control.add(part, [], f":- {body}." if body else ":- .")
+        control.ground([(part, [])])
+
+
+def _optimum(control: clingo.Control) -> tuple[int, tuple[Function, ...]] | None:
+    """The last model of a search is the optimal one."""
+    best = None
+    with control.solve(yield_=True) as models:
+        for model in models:
+            atoms = (term(symbol.arguments[0]) for symbol in model.symbols(shown=True))
+            chosen = tuple(sorted((atom for atom in atoms if isinstance(atom, Function)), key=str))
+            best = (sum(model.cost), chosen)
+    return best

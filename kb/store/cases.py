@@ -1,0 +1,127 @@
+"""Closed cases in the same database as the MACROPs: what was behind each exception, and what finding it out took."""
+
+import json
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from types import TracebackType
+
+from sqlalchemy import (
+    Column,
+    Engine,
+    Float,
+    Integer,
+    MetaData,
+    String,
+    Table,
+    Text,
+    delete,
+    func,
+    select,
+    update,
+)
+
+from kb.store.engines import connected, transaction, write_ahead
+
+metadata = MetaData()
+cases = Table(
+    "fault_cases",
+    metadata,
+    Column("id", Integer, primary_key=True),
+    Column("domain", String, nullable=False, index=True),
+    Column("exception", String, nullable=False),
+    Column("causes", Text, nullable=False),  # a JSON list: several may be there at once
+    Column("weight", Float, nullable=False),  # how many cases this row counts for; ageing makes it less
+    Column("cost", Float, nullable=False),
+    Column("observations", Text, nullable=False),  # a JSON list of [action, outcome]
+)
+
+
+@dataclass(frozen=True, slots=True)
+class ClosedCase:
+    """A case that is over. `weight` says for how many it counts."""
+
+    domain: str
+    exception: str
+    causes: tuple[str, ...]
+    cost: float = 0.0
+    observations: tuple[tuple[str, str], ...] = ()
+    weight: float = 1.0
+
+
+class Cases:
+    """The closed cases of a database, a file or a URL. Raises `InvalidInput` where it refuses."""
+
+    def __init__(self, target: str) -> None:
+        self.target = target
+        self._engine: Engine = connected(target)
+        write_ahead(self._engine)
+        with transaction(self._engine, target, writes=True) as connection:
+            metadata.create_all(connection)
+
+    def __enter__(self) -> "Cases":
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._engine.dispose()
+
+    def add(self, closed: Iterable[ClosedCase]) -> None:
+        """Keep cases."""
+        rows = [
+            {
+                "domain": each.domain,
+                "exception": each.exception,
+                "causes": json.dumps(each.causes),
+                "weight": each.weight,
+                "cost": each.cost,
+                "observations": json.dumps(each.observations),
+            }
+            for each in closed
+        ]
+        if rows:
+            with transaction(self._engine, self.target, writes=True) as connection:
+                connection.execute(cases.insert(), rows)
+
+    def history(self, domain: str, exception: str = "") -> tuple[ClosedCase, ...]:
+        """The cases of a domain, of one exception if that is named, the oldest first."""
+        asked = select(cases).where(cases.c.domain == domain).order_by(cases.c.id)
+        if exception:
+            asked = asked.where(cases.c.exception == exception)
+        with transaction(self._engine, self.target) as connection:
+            rows = connection.execute(asked).mappings().all()
+        return tuple(
+            ClosedCase(
+                row["domain"],
+                row["exception"],
+                tuple(json.loads(row["causes"])),
+                row["cost"],
+                tuple((action, outcome) for action, outcome in json.loads(row["observations"])),
+                row["weight"],
+            )
+            for row in rows
+        )
+
+    def age(self, domain: str, factor: float) -> None:
+        """Let every case of a domain count for less."""
+        changed = update(cases).where(cases.c.domain == domain).values(weight=cases.c.weight * factor)
+        with transaction(self._engine, self.target, writes=True) as connection:
+            connection.execute(changed)
+
+    def reset(self, domain: str) -> int:
+        """Forget every case of a domain; how many there were."""
+        mine = cases.c.domain == domain
+        with transaction(self._engine, self.target, writes=True) as connection:
+            count = connection.execute(select(func.count()).where(mine)).scalar_one()
+            connection.execute(delete(cases).where(mine))
+        return int(count)
+
+
+def counts(given: Mapping[str, float], closed: Sequence[ClosedCase]) -> dict[str, float]:
+    """The counts of a fault base with those of closed cases added; a case of several causes counts for each of them."""
+    found = dict(given)
+    for each in closed:
+        for cause in each.causes:
+            if cause in found:
+                found[cause] += each.weight
+    return found
