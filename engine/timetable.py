@@ -79,6 +79,8 @@ def timetable(
         return outcome
     planned = time.perf_counter()
     made = timed(problem, task, outcome.plan, limits)
+    if not isinstance(made, Timetable):
+        return made
     seconds = {
         "planning": planned - started,
         **made.statistics.seconds,
@@ -87,23 +89,31 @@ def timetable(
     return replace(made, statistics=Statistics(made.statistics.counts, seconds))
 
 
-def timed(problem: Problem, task: Task, plan: Plan, limits: ScheduleLimits = ScheduleLimits()) -> Timetable:
-    """The timetable of a plan: as scheduled, or in its own order if that cannot be given up."""
+def timed(
+    problem: Problem, task: Task, plan: Plan, limits: ScheduleLimits = ScheduleLimits()
+) -> Timetable | Infeasible | GaveUp:
+    """The timetable of a plan: as scheduled, or in its own order if that cannot be given up.
+
+    Where longest stays are asked for, the plan's own order is no answer: then there may be none.
+    """
     try:
         steps, goals = operators_of(task, plan)
         subjects = tuple(dict.fromkeys(c.subject for c in problem.chains if c.subject is not None))
         work = cell_work(task, steps, goals, subjects, wishes_of(problem))
-        return _scheduled(problem, task, goals, work, limits)
+        found = schedule(work.shop, limits)
+        if isinstance(found, Scheduled):
+            return _as_plan(problem, task, goals, work, found)
+        return found if _dwells(work.shop) else in_its_order(plan, found.reason)
     except (Unstructured, Mislaid) as error:
         return in_its_order(plan, str(error))
 
 
-def _scheduled(
-    problem: Problem, task: Task, goals: Bits, work: CellWork, limits: ScheduleLimits
-) -> Timetable:
-    found = schedule(work.shop, limits)
-    if not isinstance(found, Scheduled):
-        raise Mislaid(found.reason)
+def _dwells(shop: Shop) -> bool:
+    return any(window.most is not None for window in shop.windows)
+
+
+def _as_plan(problem: Problem, task: Task, goals: Bits, work: CellWork, found: Scheduled) -> Timetable:
+    """The schedule as a plan that the checker accepts. Raises `Mislaid`."""
     steps = timed_steps(task, work, found.schedule)
     plan = deorder(task, [step.operator for step in steps], goals)
     starts = {made.id: step.start for made, step in zip(plan.steps, steps, strict=True)}

@@ -29,6 +29,8 @@ def schedule(shop: Shop, limits: ScheduleLimits = ScheduleLimits()) -> Timing:
             f"no stage can be so early and so late: the windows around {error} contradict each other"
         )
     first = construct(lags, bound)
+    if first is not None:
+        _require_valid(shop, first)
     constructed = time.perf_counter()
     found = first if first is not None and first.proved else _improved(lags, bound, first, limits)
     seconds = {"first schedule": constructed - started, "search": time.perf_counter() - constructed}
@@ -73,8 +75,11 @@ def horizon(shop: Shop, first: Schedule | None) -> int:
 
 
 def _checked(shop: Shop, found: Schedule, statistics: Statistics) -> Scheduled:
-    wrong = check_schedule(shop, found)
-    if wrong:
-        raise Refused("; ".join(wrong[:5]))
+    _require_valid(shop, found)
     proved = found.proved or (found.lower_bound == found.makespan and not found.tardiness)
     return Scheduled(replace(found, proved=proved), statistics)
+
+
+def _require_valid(shop: Shop, found: Schedule) -> None:
+    if wrong := check_schedule(shop, found):
+        raise Refused("; ".join(wrong[:5]))

@@ -5,7 +5,7 @@ placed that needs it otherwise; several changes in the order in which they can b
 schedules with the least estimate of the end: what has been placed and its tail, and what each resource still has to serve.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from engine.model.jobs import Adjustment, Change, Need, Schedule, Stage
@@ -14,7 +14,7 @@ from engine.scheduling.lags import Lags, first_needs
 from engine.scheduling.symmetry import alike
 
 WIDTHS = (1, 6, 30, 150)  # of the beam, until the lower bound is reached
-MOST = 25_000  # partial schedules in one beam, about
+MOST = 8_000  # partial schedules in one beam, about
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,15 +98,19 @@ class Builder:
         devices = {device.name: Standing(device.initial) for device in self.shop.devices}
         return Partial({}, units, places, devices)
 
-    def _children(self, partial: Partial) -> Iterator[Partial]:
-        waiting = [each for queue in self.queue for each in [n for n in queue if n not in partial.starts][1:]]
-        for name, stage in self.shop.stages.items():
-            if name in partial.starts or name in waiting:
-                continue
-            if all(earlier in partial.starts or lag < 0 for earlier, lag in self.before[name]):
-                child = self._placed(partial, stage)
-                if child is not None:
-                    yield child
+    def _children(self, partial: Partial) -> list[Partial]:
+        """The partial schedule with one more stage: any that starts before another could have ended (Giffler &
+        Thompson 1960), and of jobs that are alike only the first that has not been begun."""
+        waiting = {each for queue in self.queue for each in [n for n in queue if n not in partial.starts][1:]}
+        found = [
+            (child.starts[name], child.starts[name] + stage.duration, child)
+            for name, stage in self.shop.stages.items()
+            if name not in partial.starts and name not in waiting
+            if all(earlier in partial.starts or lag < 0 for earlier, lag in self.before[name])
+            if (child := self._placed(partial, stage)) is not None
+        ]
+        soonest = min((end for _, end, _ in found), default=0)
+        return [child for start, end, child in found if start < soonest or end == soonest]
 
     def _placed(self, partial: Partial, stage: Stage) -> Partial | None:
         """The partial schedule with one more stage, as early as it can be; None if it cannot come now."""

@@ -1,5 +1,6 @@
 """Plans of the laboratory cell, scheduled: the furnace's critical path, proved, and always also a valid plan."""
 
+import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,7 +13,7 @@ from engine.model.schedule import makespan
 from engine.scheduling import check_schedule
 from engine.timetable import timetable
 from engine.validation import validate
-from kb.loader import load_problem
+from kb.loader import bundled, load_problem
 from kb.model.problem import Problem
 
 
@@ -69,7 +70,7 @@ workflow:
     for statics in ("", "'capacity(freezer, 2)'"):
         file = tmp_path / "cold.yaml"
         file.write_text(text.format(statics=statics))
-        made.append(timed(load_problem(file)))
+        made.append(timed(load_problem(str(file))))
     assert [each.schedule.proved for each in made] == [True, True]
     assert made[1].schedule.makespan < made[0].schedule.makespan
     used = {str(step.operator.arguments[1]) for step in made[1].plan.steps if step.operator.name == "cool"}
@@ -86,3 +87,64 @@ def test_chains_after_others_stay_after_them() -> None:
         if each.operator.arguments
     }
     assert starts["heat", "probe_2"] >= starts["cool", "probe_1"] + 300
+
+
+STATICS = """
+  travel(object, object, time): {}
+  near(object, unit): {}
+  way(unit, unit, time): {}
+  longest_stay(unit, time): {}
+  release(probe, time): {}
+  due(probe, time): {}
+"""
+RULES = """
+near(D, U) :- part_of(D, U).  near(drawer, drawer).  near(flap, furnace).  near(lid, freezer).
+way(drawer, furnace, 4).  way(furnace, freezer, 3).  way(drawer, freezer, 5).  way(V, U, T) :- way(U, V, T).
+travel(A, B, T) :- near(A, U), near(B, V), way(U, V, T).
+"""
+
+
+@pytest.fixture
+def laboratory(tmp_path: Path) -> Path:
+    """The laboratory with empty travel, and predicates for what else can be said about time."""
+    home = tmp_path / "lab"
+    shutil.copytree(bundled()["themse"], home, ignore=shutil.ignore_patterns("golden", "problems"))
+    rules, domain = home / "rules.lp", home / "domain.yaml"
+    rules.write_text(rules.read_text("utf-8") + RULES, "utf-8")
+    text = domain.read_text("utf-8").replace("\nstatics:", f"\nstatics:{STATICS.rstrip()}", 1)
+    domain.write_text(text, "utf-8")
+    (home / "problems").mkdir()
+    return home
+
+
+def of_two(home: Path, *statics: str) -> Problem:
+    facts = "".join(f"  - {fact}\n" for fact in statics)
+    text = "problem: two\ndomain: ..\n" + (f"statics:\n{facts}" if facts else "")
+    text += "workflow:\n  - for: {P: [probe_1, probe_2]}\n    stages: heated(P, 15 min), cooled(P, 5 min), stored(P)\n"
+    (home / "problems" / "two.yaml").write_text(text, "utf-8")
+    return load_problem(str(home / "problems" / "two.yaml"))
+
+
+def test_empty_travel_counts(laboratory: Path) -> None:
+    made = timed(of_two(laboratory))
+    assert made.schedule.makespan == 2243 + 4 + 5  # from the flap to the drawer, and from the freezer to it
+    assert made.schedule.proved
+
+
+def test_nothing_stays_in_the_heat_longer_than_allowed(laboratory: Path) -> None:
+    free = timed(of_two(laboratory)).schedule
+    made = timed(of_two(laboratory, "longest_stay(furnace, 906)"))
+    steps = {(s.operator.name, *map(str, s.operator.arguments[:2])): s for s in made.plan.steps}
+    for probe in ("probe_1", "probe_2"):
+        put, pick = steps["put", probe, "slot(furnace, 1)"], steps["pick", probe, "slot(furnace, 1)"]
+        assert made.starts[pick.id] - made.starts[put.id] - put.duration <= 906
+    assert made.schedule.makespan >= free.makespan
+    assert isinstance(timetable(of_two(laboratory, "longest_stay(furnace, 905)")), Infeasible)
+
+
+def test_release_and_due_times_are_kept_in_mind(laboratory: Path) -> None:
+    made = timed(of_two(laboratory, "release(probe_1, 100)", "due(probe_1, 1500)")).schedule
+    assert min(start for name, start in made.starts.items() if name.startswith("probe_1")) >= 100
+    first = min(made.starts, key=lambda name: made.starts[name])
+    assert first.startswith("probe_1")
+    assert made.tardiness == 0
