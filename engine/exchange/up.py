@@ -7,6 +7,7 @@ from collections.abc import Callable
 from typing import Any
 
 from engine import pipeline
+from engine.exchange.optimum import proved
 from engine.exchange.orders import every_order
 from engine.grounding import ground
 from engine.interop.up.engine import Stages, UpEngine
@@ -49,4 +50,4 @@ def _instances(problem: Problem) -> tuple[Function, ...]:
 class CellwrightEngine(UpEngine):
     """One-shot and anytime planner, validator of sequential and partial-order plans, grounder and replanner."""
 
-    stages = Stages(_plan, _revise, every_order, _instances)
+    stages = Stages(_plan, _revise, proved, every_order, _instances)

@@ -65,10 +65,15 @@ class Reviser(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Stages:
-    """Who does the work: planner, reviser, the judge of all orders of a plan, and which operator instances can be reached."""
+    """Who does the work.
+
+    `prove` says whether a plan is as cheap as any, and may find a cheaper one; `judge` judges all orders of a plan;
+    `instances` are the operator instances that can be reached.
+    """
 
     plan: Planner
     revise: Reviser
+    prove: Callable[[Problem, Found, Interrupted], Found]
     judge: Callable[[Problem, Plan], Verdict]
     instances: Callable[[Problem], tuple[Function, ...]]
 
@@ -170,7 +175,7 @@ class UpEngine(
         output_stream: IO[str] | None = None,
     ) -> PlanGenerationResult:
         late = until(timeout)
-        result = self._made(problem, lambda ours: self._planned(ours.ours, late))
+        result = self._made(problem, lambda ours: self._proved(ours, self._planned(ours.ours, late), late))
         if output_stream is not None:
             output_stream.write(f"{result}\n")
         return result
@@ -185,6 +190,12 @@ class UpEngine(
         """Plan from nothing; with `thorough`, plans are improved until somebody interrupts."""
         return self.stages.plan(problem, interrupted, improved, {"thorough": thorough, **self._options})
 
+    def _proved(self, problem: Translated, outcome: Outcome, interrupted: Interrupted) -> Outcome:
+        """The outcome with the proof that nothing is better, if there is a metric and the proof is not too long."""
+        if isinstance(outcome, Found) and problem.theirs.quality_metrics:
+            return self.stages.prove(problem.ours, outcome, interrupted)
+        return outcome
+
     def _made(self, problem: up.Problem, make: Callable[[Translated], Outcome]) -> PlanGenerationResult:
         """What comes of a problem in their words, whatever becomes of it."""
         try:
@@ -198,7 +209,7 @@ class UpEngine(
     def _told(self, problem: Translated, outcome: Outcome) -> PlanGenerationResult:
         match outcome:
             case Found(plan, optimal=optimal):
-                best = bool(problem.theirs.quality_metrics) and (optimal or plan.cost == 0)
+                best = optimal and bool(problem.theirs.quality_metrics)
                 status = Status.SOLVED_OPTIMALLY if best else Status.SOLVED_SATISFICING
                 return self._result(status, self._plan(problem, plan))
             case Infeasible(reason):
@@ -224,7 +235,11 @@ class UpEngine(
         def solve(stop: Interrupted, tell: Callable[[PlanGenerationResult], None]) -> PlanGenerationResult:
             def made(ours: Translated) -> Outcome:
                 better = cheaper(lambda plan: tell(self._result(Status.INTERMEDIATE, self._plan(ours, plan))))
-                return self._planned(ours.ours, stop, better, thorough=timeout is not None)
+                first = self._proved(ours, self._planned(ours.ours, stop, better), stop)
+                if timeout is None or not isinstance(first, Found) or first.optimal:
+                    return first
+                last = self._planned(ours.ours, stop, better, thorough=True)
+                return last if isinstance(last, Found) and last.plan.cost <= first.plan.cost else first
 
             return self._made(problem, made)
 
@@ -237,7 +252,7 @@ class UpEngine(
         self, timeout: float | None = None, output_stream: IO[str] | None = None
     ) -> PlanGenerationResult:
         late = until(timeout)
-        result = self._made(self._problem, lambda ours: self._revised(ours, late))
+        result = self._made(self._problem, lambda ours: self._proved(ours, self._revised(ours, late), late))
         if output_stream is not None:
             output_stream.write(f"{result}\n")
         return result

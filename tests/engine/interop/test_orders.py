@@ -1,11 +1,13 @@
-"""Partially ordered plans judged by their orders alone."""
+"""Partially ordered plans judged by their orders alone, and proofs that no plan is cheaper."""
 
 from dataclasses import replace
 
 import pytest
 
 from engine import pipeline
+from engine.exchange.optimum import Optimum, optimum
 from engine.exchange.orders import every_order
+from engine.grounding import ground
 from engine.model.outcome import Found
 from engine.validation import validate
 from kb.model.conditions import And, Exists, Literal, Not, Parameter
@@ -76,3 +78,15 @@ def test_plans_of_a_cell_hold_in_every_order(target: str) -> None:
     outcome = pipeline.plan(problem)
     assert isinstance(outcome, Found)
     assert every_order(problem, outcome.plan).valid is True
+
+
+def test_the_search_for_a_cheaper_plan_ends_with_one_or_a_proof_or_gives_up() -> None:
+    task = ground(pipeline.problem_of("bulkhead/one_point"))
+    for bound in (6, 100):
+        found = optimum(task, bound, lambda: False)
+        assert found is not None
+        assert found.steps is not None
+        assert len(found.steps) == 5
+    assert optimum(task, 5, lambda: False) == Optimum(None)
+    assert optimum(task, 6, lambda: False, most=10) is None
+    assert optimum(task, 6, lambda: True) is None

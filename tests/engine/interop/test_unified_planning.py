@@ -256,6 +256,7 @@ def priced(metric: Any = None) -> Problem:
 def test_metrics_decide_which_plan_is_better(metric: Any, expected: Any) -> None:
     problem = priced(metric)
     result = solved(problem)
+    assert result.status is Status.SOLVED_OPTIMALLY
     assert cost(problem, result.plan) == expected
     with PlanValidator(name="cellwright") as validator:
         assert validator.validate(problem, result.plan).metric_evaluations == {
