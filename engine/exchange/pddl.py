@@ -21,15 +21,18 @@ def exported(problem: Problem, lifted: bool = True) -> PddlText:
 def write(text: PddlText, folder: Path) -> tuple[Path, Path]:
     """Write both files into a folder, made if need be; files that are no exports are not overwritten.
 
-    Raises `InvalidInput`, `OSError`.
+    Raises `InvalidInput`.
     """
-    folder.mkdir(parents=True, exist_ok=True)
     files = (folder / DOMAIN, folder / PROBLEM)
-    foreign = [Diagnostic(Source(str(file)), "K403", _REFUSED, _HINT) for file in files if not _ours(file)]
-    if foreign:
-        raise InvalidInput(foreign)
-    for file, content in zip(files, (text.domain, text.problem), strict=True):
-        file.write_text(f"{SIGNATURE}\n{content}", "utf-8")
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        if foreign := [file for file in files if not _ours(file)]:
+            raise InvalidInput([Diagnostic(Source(str(file)), "K403", _REFUSED, _HINT) for file in foreign])
+        for file, content in zip(files, (text.domain, text.problem), strict=True):
+            file.write_text(f"{SIGNATURE}\n{content}", "utf-8")
+    except OSError as error:
+        message = f"cannot be written: {error.strerror}"
+        raise InvalidInput([Diagnostic(Source(str(folder)), "K403", message, _HINT)]) from None
     return files
 
 

@@ -41,3 +41,11 @@ def test_an_export_replaces_an_export_and_nothing_else(tmp_path: Path) -> None:
     code, envelope = answer(*line)
     assert (code, envelope["diagnostics"][0]["code"]) == (2, "K403")
     assert (tmp_path / "domain.pddl").read_text() == "(define (domain precious))\n"
+
+
+def test_a_folder_that_cannot_be_written_is_bad_input(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    for folder in (tmp_path / "file", tmp_path / "file" / "below"):
+        code, envelope = answer("export", "pddl", "bulkhead/one_point", "-o", str(folder))
+        assert (code, envelope["diagnostics"][0]["code"]) == (2, "K403")
+        assert "cannot be written" in envelope["diagnostics"][0]["message"]
