@@ -1,7 +1,9 @@
 """The engine for unified-planning beside the library's own validator, grounder and examples."""
 
 import itertools
+import re
 from fractions import Fraction
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -341,3 +343,15 @@ def test_a_replanner_follows_what_changes() -> None:
         with pytest.warns(UserWarning, match="the action back"):
             replanner.remove_action("back")
     assert len(solved(problem).plan.actions) == 3
+
+
+def test_what_the_page_shows_works() -> None:
+    top = Path(__file__).parents[3]
+    (shown,) = re.findall(
+        r"```python\n(.*?)```", (top / "docs" / "unified-planning.md").read_text(), re.DOTALL
+    )
+    (line,) = (each for each in shown.splitlines() if "add_engine" in each)
+    assert line in (top / "README.md").read_text()
+    names: dict[str, Any] = {"problem": corridor()}
+    exec(shown, names)
+    assert accepted(names["problem"], names["result"].plan)
