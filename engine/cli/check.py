@@ -20,13 +20,15 @@ def check(target: Target, no_reach: NoReach = False, format: Format = Form.TEXT)
 
 
 def _check(target: str, reach: bool) -> Answer:
+    from rich.console import Console
     from rich.text import Text
 
     from engine import pipeline
     from engine.report.findings import summary
     from kb.diagnostics import errors
 
-    report = pipeline.check(target, reach)
+    with Console(stderr=True).status(f"checking {target}"):
+        report = pipeline.check(target, reach)
     found = report.diagnostics
     code = BAD_INPUT if errors(found) else FINDINGS if found else 0
     said = f"{summary(found)} in {len(report.checked)} file{'' if len(report.checked) == 1 else 's'}"
