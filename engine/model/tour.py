@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 Longs = NDArray[np.int64]
+Floats = NDArray[np.float64]
 Window = tuple[int, int]
 
 
@@ -64,6 +65,20 @@ class TourProblem:
     def ordered(self) -> bool:
         """Whether it matters where a tour begins beyond its cost: precedence or windows."""
         return bool(self.precedence) or self.timed
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PoseProblem:
+    """Which order of the visits, and which pose at each, take least time on a closed tour from the first visit?
+
+    `poses` has for each visit its configurations (m, k), m >= 1; `speeds` (k,) are those of the joints, which move at
+    the same time: going from one pose to another takes as long as the slowest joint needs.
+    """
+
+    name: str
+    visits: tuple[Visit, ...]
+    poses: tuple[Floats, ...]
+    speeds: Floats
 
 
 @dataclass(frozen=True, slots=True)

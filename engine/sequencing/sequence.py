@@ -74,7 +74,7 @@ def _plain(problem: TourProblem, limits: Limits, method: str) -> Tour:
     if method == "chain1987":
         tour, work = chain(_narrow(cost), positions), 0
     else:
-        start = chain(_narrow(cost), positions) if n <= 12 else _greedy(_narrow(cost))
+        start = chain(_narrow(cost), positions) if n <= 12 else nearest_first(_narrow(cost))
         found = symmetric.search(_narrow(cost), start, limits, positions)
         tour, work = found.order, found.work
     order = _unrolled(problem, tour)
@@ -111,7 +111,7 @@ def _narrow(cost: Longs) -> symmetric.Matrix:
     return cost.astype(np.int32) if cost.max(initial=0) < 2**28 else cast(symmetric.Matrix, cost)
 
 
-def _greedy(cost: symmetric.Matrix) -> symmetric.Order:
+def nearest_first(cost: NDArray[np.integer]) -> symmetric.Order:
     """Always on to the nearest city not yet visited."""
     n, at = len(cost), 0
     order, left = np.zeros(n, np.int32), np.ones(n, bool)

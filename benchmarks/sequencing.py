@@ -1,0 +1,154 @@
+"""Gap to the optimum against processor time on TSPLIB: the chain of 1987, the default, and OR-Tools routing.
+
+    python benchmarks/sequencing.py [--data FOLDER] [--seconds 1 10] [--only NAME ...] [--peers] [--json FILE]
+
+FOLDER (or the environment variable CELLWRIGHT_DATA) has `tsplib/*.tsp` and `tsplib/optima.txt`, lines `name : optimum`.
+Times are those of the search, compiled kernels loaded. Exits with 1 when a bar is missed: over the instances with more
+than 100 cities a mean gap of at most 0.5 % after 10 s; at most 1 % after 1 s at 800 to 1500 cities; and up to 100
+cities an optimal tour, proved within 30 s.
+"""
+
+import argparse
+import json
+import os
+import statistics
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.table import Table
+
+from engine.interop.tsplib import read_tsplib
+from engine.model.tour import Tour, TourProblem
+from engine.sequencing import Limits, sequence
+
+PROOF_SECONDS = 30.0
+SMALL, LARGE = 100, (800, 1500)
+
+
+def instances(data: Path, only: list[str]) -> list[tuple[TourProblem, int]]:
+    """The instances and their optima, smallest first."""
+    lines = (data / "tsplib" / "optima.txt").read_text().splitlines()
+    optima = {key.strip(): int(value) for key, _, value in (line.partition(":") for line in lines) if value}
+    names = [name for name in optima if not only or name in only]
+    found = [(read_tsplib(data / "tsplib" / f"{name}.tsp"), optima[name]) for name in names]
+    return sorted(found, key=lambda each: len(each[0].visits))
+
+
+def until(seconds: float) -> Callable[[], bool]:
+    """Whether so much processor time has passed since now."""
+    end = time.process_time() + seconds
+    return lambda: time.process_time() >= end
+
+
+def ours(problem: TourProblem, seconds: float, method: str = "auto") -> tuple[int, float, Tour]:
+    """Cost, processor time, tour."""
+    started = time.process_time()
+    answer = sequence(problem, Limits(work=10**9, interrupted=until(seconds)), method)
+    assert isinstance(answer, Tour)
+    return answer.cost, time.process_time() - started, answer
+
+
+def routing(problem: TourProblem, seconds: float) -> tuple[int, float]:
+    """Cost and processor time of guided local search in OR-Tools' routing library."""
+    from ortools.constraint_solver import pywrapcp, routing_enums_pb2
+
+    manager = pywrapcp.RoutingIndexManager(len(problem.visits), 1, 0)
+    model = pywrapcp.RoutingModel(manager)
+    model.SetArcCostEvaluatorOfAllVehicles(model.RegisterTransitMatrix(problem.travel.tolist()))
+    parameters = pywrapcp.DefaultRoutingSearchParameters()
+    parameters.first_solution_strategy = routing_enums_pb2.FirstSolutionStrategy.PATH_CHEAPEST_ARC
+    parameters.local_search_metaheuristic = routing_enums_pb2.LocalSearchMetaheuristic.GUIDED_LOCAL_SEARCH
+    parameters.time_limit.FromMilliseconds(int(1000 * seconds))
+    started = time.process_time()
+    answer = model.SolveWithParameters(parameters)
+    return int(answer.ObjectiveValue()), time.process_time() - started
+
+
+def proof(problem: TourProblem) -> tuple[bool, float]:
+    """Whether the default proves its tour in time, and how long it took."""
+    started = time.perf_counter()
+    end = started + PROOF_SECONDS
+    answer = sequence(problem, Limits(interrupted=lambda: time.perf_counter() >= end))
+    return isinstance(answer, Tour) and answer.proved, time.perf_counter() - started
+
+
+def row(problem: TourProblem, optimum: int, seconds: list[float], peers: bool) -> dict[str, Any]:
+    """One line of the table: gaps in per cent."""
+
+    def gap(cost: int) -> float:
+        return 100 * (cost - optimum) / optimum
+
+    cost, spent, tour = ours(problem, 60, "chain1987")
+    made: dict[str, Any] = {
+        "instance": problem.name,
+        "n": len(problem.visits),
+        "chain1987 %": gap(cost),
+        "chain1987 s": spent,
+        "bound %": -gap(tour.lower_bound),
+    }
+    for limit in seconds:
+        cost, spent, _ = ours(problem, limit)
+        made |= {f"ours {limit:g} s %": gap(cost), f"ours {limit:g} s took": spent}
+        if peers:
+            made[f"routing {limit:g} s %"] = gap(routing(problem, limit)[0])
+    if len(problem.visits) <= SMALL:
+        made["proved"], made["proof s"] = proof(problem)
+    return made
+
+
+def missed(rows: list[dict[str, Any]]) -> list[str]:
+    """The bars that were not met."""
+    found = [f"{row['instance']}: not proved" for row in rows if not row.get("proved", True)]
+    large = [row for row in rows if row["n"] > SMALL]
+    thousand = [row for row in rows if LARGE[0] <= row["n"] <= LARGE[1]]
+    for key, bar, over in (("ours 10 s %", 0.5, large), ("ours 1 s %", 1.0, thousand)):
+        gaps = [row[key] for row in over if key in row]
+        if gaps and statistics.mean(gaps) > bar:
+            found.append(f"{key}: mean gap {statistics.mean(gaps):.2f}, allowed is {bar}")
+    return found
+
+
+def table(rows: list[dict[str, Any]]) -> Table:
+    """The rows for people."""
+    made = Table(box=None, pad_edge=False)
+    keys = dict.fromkeys(key for row in rows for key in row)
+    for key in keys:
+        made.add_column(key, justify="right")
+    for each in rows:
+        cells = (each.get(key, "-") for key in keys)
+        made.add_row(*(f"{cell:.2f}" if isinstance(cell, float) else str(cell) for cell in cells))
+    return made
+
+
+def main() -> int:
+    """Measure, print, keep."""
+    parser = argparse.ArgumentParser(description="tours on TSPLIB")
+    parser.add_argument(
+        "--data", type=Path, default=Path(os.environ.get("CELLWRIGHT_DATA", "../shared/data"))
+    )
+    parser.add_argument("--seconds", type=float, nargs="+", default=[1.0, 10.0])
+    parser.add_argument("--only", nargs="*", default=[])
+    parser.add_argument("--peers", action="store_true", help="run OR-Tools routing, too")
+    parser.add_argument("--json", type=Path)
+    options = parser.parse_args()
+    found = instances(options.data, options.only)
+    if not found:
+        sys.stderr.write("no instance of that name\n")
+        return 2
+    ours(found[0][0], 0.1)  # loads the kernels
+    rows = [row(problem, optimum, options.seconds, options.peers) for problem, optimum in found]
+    Console(width=200).print(table(rows))
+    wrong = missed(rows)
+    if options.json:
+        options.json.write_text(json.dumps({"rows": rows, "missed": wrong}, indent=1))
+    for each in wrong:
+        sys.stderr.write(f"missed: {each}\n")
+    return 1 if wrong else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
