@@ -31,6 +31,9 @@ FALSE = Or(())
 class Unsupported(Exception):
     """A construct beyond the supported kind."""
 
+    def __str__(self) -> str:
+        return f"not supported: {self.args[0]}"
+
 
 @dataclass
 class Locals:

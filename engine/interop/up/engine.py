@@ -5,6 +5,7 @@ It knows the library and the model; the stages that do the work are given to it 
 
 import warnings
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import IO, Any, ClassVar, Protocol
 
@@ -176,9 +177,7 @@ class UpEngine(
     ) -> PlanGenerationResult:
         late = until(timeout)
         result = self._made(problem, lambda ours: self._proved(ours, self._planned(ours.ours, late), late))
-        if output_stream is not None:
-            output_stream.write(f"{result}\n")
-        return result
+        return _written(result, output_stream)
 
     def _planned(
         self,
@@ -244,18 +243,14 @@ class UpEngine(
             return self._made(problem, made)
 
         for result in streamed(solve, until(timeout)):
-            if output_stream is not None:
-                output_stream.write(f"{result}\n")
-            yield result
+            yield _written(result, output_stream)
 
     def _resolve(
         self, timeout: float | None = None, output_stream: IO[str] | None = None
     ) -> PlanGenerationResult:
         late = until(timeout)
         result = self._made(self._problem, lambda ours: self._proved(ours, self._revised(ours, late), late))
-        if output_stream is not None:
-            output_stream.write(f"{result}\n")
-        return result
+        return _written(result, output_stream)
 
     def _revised(self, problem: Translated, interrupted: Interrupted) -> Outcome:
         """The former plan repaired, if only initial values have changed since; else a new one."""
@@ -270,23 +265,34 @@ class UpEngine(
         return outcome
 
     def _validate(self, problem: up.Problem, plan: UpPlan) -> ValidationResult:
-        try:
+        with _refusing(f"{self.name} cannot validate plans for this problem"):
             ours = translated(problem)
-        except Unsupported as error:
-            raise UPUsageError(f"{self.name} cannot validate plans for this problem: {error}") from None
-        made, instances = read(ours, plan)
-        return judged(ours, instances, self.stages.judge(ours.ours, made), self.name)
+            made, instances = read(ours, plan)
+            return judged(ours, instances, self.stages.judge(ours.ours, made), self.name)
 
     def _compile(self, problem: up.Problem, compilation_kind: CompilationKind) -> CompilerResult:
         """The library's grounder makes the actions that our grounding finds reachable."""
-        try:
-            read = translated(problem)
-        except Unsupported as error:
-            raise UPUsageError(f"{self.name} cannot ground this problem: {error}") from None
         chosen: dict[up.Action, list[tuple[up.FNode, ...]]] = {action: [] for action in problem.actions}
-        for operator in self.stages.instances(read.ours):
-            instance = instance_of(read, operator)
-            chosen[instance.action].append(tuple(instance.actual_parameters))
+        with _refusing(f"{self.name} cannot ground this problem"):
+            ours = translated(problem)
+            for operator in self.stages.instances(ours.ours):
+                instance = instance_of(ours, operator)
+                chosen[instance.action].append(tuple(instance.actual_parameters))
         made = Grounder(grounding_actions_map=chosen).compile(problem, compilation_kind)
         made.engine_name = self.name
         return made
+
+
+@contextmanager
+def _refusing(said: str) -> Iterator[None]:
+    """What cannot be translated or grounded is an error in the use of the library."""
+    try:
+        yield
+    except (Unsupported, InvalidInput) as error:
+        raise UPUsageError(f"{said}: {error}") from None
+
+
+def _written(result: PlanGenerationResult, stream: IO[str] | None) -> PlanGenerationResult:
+    if stream is not None:
+        stream.write(f"{result}\n")
+    return result

@@ -1,5 +1,6 @@
 """The engine for unified-planning beside the library's own validator, grounder and examples."""
 
+import io
 import itertools
 import re
 from fractions import Fraction
@@ -270,7 +271,11 @@ def test_negative_costs_are_not_supported() -> None:
     problem = priced()
     problem.clear_quality_metrics()
     problem.add_quality_metric(MinimizeActionCosts({}, default=Int(-1)))
-    assert solved(problem).status is Status.UNSUPPORTED_PROBLEM
+    result = solved(problem)
+    assert result.status is Status.UNSUPPORTED_PROBLEM
+    assert "not supported: negative costs" in str(result.log_messages[0])
+    with pytest.raises(UPUsageError, match="negative costs"):
+        CellwrightEngine().validate(problem, SequentialPlan([]))
 
 
 def test_universal_goals_over_many_objects_are_solved() -> None:
@@ -296,6 +301,13 @@ def test_an_anytime_planner_may_be_left() -> None:
     with AnytimePlanner(name="cellwright") as planner:
         first = next(planner.get_solutions(corridor(10), timeout=600))
     assert first.status is Status.INTERMEDIATE
+
+
+def test_results_are_written_to_a_stream_and_what_is_not_used_is_said() -> None:
+    stream = io.StringIO()
+    with pytest.warns(UserWarning, match="neither a heuristic nor a plan"):
+        result = CellwrightEngine().solve(corridor(), heuristic=lambda _: 0.0, output_stream=stream)
+    assert stream.getvalue() == f"{result}\n"
 
 
 def test_other_kinds_are_refused() -> None:
