@@ -248,13 +248,19 @@ def planned(problem: "Problem", limits: "Limits", store: str) -> "tuple[Outcome,
     with Library(store) as library, Practice(library, limits, thorough=True) as practice:
         found = practice.plan(problem)
     entry = {"origin": found.origin, "macrop": found.macrop, "name": found.name, "reason": found.reason}
-    return found.outcome, {"source": entry}
+    parts = [
+        {"macrop": part.macrop, "name": part.name, "purpose": part.purpose, "steps": list(part.steps)}
+        for part in found.parts
+    ]
+    return found.outcome, {"source": {**entry, "parts": parts} if parts else entry}
 
 
 def origin_text(content: "Mapping[str, Any]") -> "list[RenderableType]":
-    """A line on where a plan comes from, if a library was asked."""
-    from engine.report.macros import origin
+    """A line on where a plan comes from, if a library was asked, and the parts that it is made of."""
+    from engine.report.macros import folded, origin
 
     found = content.get("source")
-    said = origin(found["origin"], found["macrop"], found["name"], found["reason"]) if found else None
-    return [said] if said else []
+    if not found:
+        return []
+    said = origin(found["origin"], found["macrop"], found["name"], found["reason"])
+    return [each for each in (folded(found.get("parts", ())), said) if each]

@@ -64,13 +64,19 @@ def plan(
     memory_limit: MemoryLimit = None,
     seed: Seed = 0,
     store: Library = "",
+    folded: Annotated[
+        bool,
+        typer.Option("--folded", help="with --store: print the MACROPs in the plan in place of its steps"),
+    ] = False,
 ) -> None:
     """Print a plan for TARGET, or, with --pddl, for the PDDL domain TARGET and the PDDL problem TASK."""
     if pddl != (task is not None):
         raise typer.BadParameter("--pddl takes a domain and a problem; without it there is one target")
     form = Form.JSON if format is PlanForm.JSON else Form.TEXT
     wanted = Wanted(target, goals, command, task)
-    work = Work(time_limit, memory_limit, expansions, seed, "race" if race else strategy, anytime, store)
+    work = Work(
+        time_limit, memory_limit, expansions, seed, "race" if race else strategy, anytime, store, folded
+    )
     give(lambda: _plan(wanted, format, stats, work), form)
 
 
@@ -95,6 +101,7 @@ class Work:
     strategy: str
     anytime: bool = False
     store: str = ""
+    folded: bool = False
 
 
 def _plan(wanted: Wanted, form: PlanForm, stats: bool, work: Work) -> Answer:
@@ -124,7 +131,7 @@ def _plan(wanted: Wanted, form: PlanForm, stats: bool, work: Work) -> Answer:
     return Answer(
         json.status(outcome),
         content,
-        text=lambda: _text(outcome, problem, stats, origin),
+        text=lambda: _text(outcome, problem, stats, origin, work.folded),
         code=INTERRUPTED if interrupted.heard else exit_code(outcome),
         raw=_ipc(outcome, task) if form is PlanForm.IPC else _picture(outcome, problem, form),
     )
@@ -153,7 +160,7 @@ def _ipc(outcome: "Outcome", task: "PddlProblem | None") -> str | None:
 
 
 def _text(
-    outcome: "Outcome", problem: "Problem", stats: bool, origin: "Mapping[str, Any]"
+    outcome: "Outcome", problem: "Problem", stats: bool, origin: "Mapping[str, Any]", folded: bool
 ) -> "RenderableType":
     from rich.console import Group
 
@@ -161,6 +168,8 @@ def _text(
     from engine.report import text
 
     parts = [text.outcome(outcome, problem), *origin_text(origin)]
+    if folded and origin.get("source", {}).get("parts"):
+        parts = parts[1:]
     return Group(*parts, *([text.statistics(outcome.statistics)] if stats else []))
 
 

@@ -1,7 +1,7 @@
 """Lookup: the first MACROP of an index with an instance that serves a query and passes the check."""
 
 import itertools
-from collections.abc import Hashable
+from collections.abc import Callable, Hashable
 from dataclasses import dataclass
 
 from engine.macros.checking import check
@@ -26,16 +26,23 @@ class Hit:
     after: Situation
 
 
-def look_up(index: Index, asked: Query, work: Work | None = None) -> Hit | None:
-    """A checked plan for a query from an index; None if no MACROP serves it, or none is found within `work`."""
+def look_up(
+    index: Index, asked: Query, work: Work | None = None, in_vain: Callable[[Entry], None] = lambda _: None
+) -> Hit | None:
+    """A checked plan for a query from an index; None if no MACROP serves it, or none is found within `work`.
+
+    `in_vain` hears of each MACROP that was tried and did not serve.
+    """
     work = work if work is not None else Work()
-    try:
-        for entry in index.candidates(asked):
+    for entry in index.candidates(asked):
+        try:
             hit = _instance(entry, asked, work)
-            if hit is not None:
-                return hit
-    except OutOfWork:
-        pass
+        except OutOfWork:
+            in_vain(entry)
+            return None
+        if hit is not None:
+            return hit
+        in_vain(entry)
     return None
 
 

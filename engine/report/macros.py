@@ -1,6 +1,7 @@
 """MACROPs for people: one as ITA's figure 4 draws it, a library as a table, and where a plan came from."""
 
 from collections.abc import Iterable, Mapping
+from typing import Any
 
 from rich.console import Group, RenderableType
 from rich.table import Table
@@ -62,6 +63,31 @@ def listing(stored: Iterable[Stored], stale: Mapping[int, tuple[str, ...]]) -> R
     return table if rows else Text("The library is empty.")
 
 
+def folded(parts: Iterable[Mapping[str, Any]]) -> RenderableType | None:
+    """A plan folded: one row for each MACROP in it, with its steps; None without any."""
+    rows = list(parts)
+    if not rows:
+        return None
+    table = Table(box=None, padding=(0, 2, 0, 0))
+    for title in ("MACROP", "for", "steps"):
+        table.add_column(title, overflow="fold")
+    for part in rows:
+        number = f"{part['macrop']} " if part["macrop"] is not None else ""
+        table.add_row(Text(f"{number}{part['name']}"), Text(part["purpose"]), Text(_ranges(part["steps"])))
+    return table
+
+
+def _ranges(numbers: Iterable[int]) -> str:
+    """`1..4, 7`."""
+    runs: list[list[int]] = []
+    for number in numbers:
+        if runs and number == runs[-1][-1] + 1:
+            runs[-1][1:] = [number]
+        else:
+            runs.append([number])
+    return ", ".join("..".join(map(str, run)) for run in runs)
+
+
 def figures(found: Figures) -> RenderableType:
     """A library in numbers."""
     table = Table(box=None, show_header=False, padding=(0, 2, 0, 0))
@@ -78,6 +104,9 @@ def origin(kind: str, number: int | None, name: str, reason: str) -> Text:
     match kind:
         case "library":
             return Text(f"An instance of MACROP {number}, {name}.")
+        case "parts":
+            whole = f" The whole was learned as MACROP {number}, {name}." if number is not None else ""
+            return Text(f"Composed of the parts above.{whole}")
         case "planner" if number is not None:
             return Text(f"Planned, and learned as MACROP {number}, {name}.")
         case "planner" if reason:

@@ -1,29 +1,35 @@
 """Lookup before planning, learning after it."""
 
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import TracebackType
 
 from engine import pipeline
 from engine.macros.checking import check
 from engine.macros.generalise import NotGeneral, generalise
-from engine.macros.lookup import Hit
 from engine.macros.query import Query, Situation, query
 from engine.macros.repertoire import Repertoire
 from engine.macros.world import Worlds
 from engine.model.outcome import Found, Outcome, Statistics
+from engine.model.schedule import makespan
 from engine.planning import Limits
+from engine.reuse.composition import Part, Served, compose, kinds_of, worth_composing
 from engine.validation.semantics import Semantics
 from kb.model.domain import Domain
+from kb.model.macro import MacroPart
 from kb.model.plan import Plan
 from kb.model.problem import Problem
 from kb.store import Library
 from kb.terms import ordered
 
+LARGEST = 100  # steps of a composed plan that is learned as a whole
+DEARER = 1.05  # of what the planner's plan costs, and lasts, a composed one may
+
 
 @dataclass(frozen=True, slots=True)
 class Answered:
-    """An outcome and where it comes from: `library`, `planner`, or `state` when nothing was left to do.
+    """An outcome and where it comes from: `library`, `planner`, `parts` (composed of MACROPs), or `state` when nothing was
+    left to do.
 
     `macrop` is the number of the MACROP that was used, or of the one that was learned. `reason` says why a plan was not
     learned. `after` is the situation that the plan leads to, if it was executed.
@@ -35,6 +41,7 @@ class Answered:
     name: str = ""
     reason: str = ""
     after: Situation | None = None
+    parts: tuple[Part, ...] = ()
 
 
 class Practice:
@@ -81,29 +88,101 @@ class Practice:
         if asked is not None and asked.served:
             return Answered(Found(Plan(())), "state", after=here)
         found = self._looked_up(problem, asked) if asked is not None else None
+        if found is None and asked is not None and worth_composing(asked):
+            found = self._composed_if_it_pays(problem, asked)
         if found is not None:
             return found
         if situation is not None:
             problem = problem.replace(ordered(here.facts))
         return self._planned(problem, here, asked)
 
-    def _looked_up(self, problem: Problem, asked: Query) -> Answered | None:
+    def _composed_if_it_pays(self, problem: Problem, asked: Query) -> Answered | None:
+        """A composed plan, unless composing for such goals failed or did not pay more often than it did.
+
+        The first one has to stand beside the planner's plan for the same problem.
+        """
+        kinds = " + ".join(sorted(kinds_of(asked)))
+        successes, failures = self.library.tried(problem.domain.name, kinds)
+        if failures > successes:
+            return None
+        started = time.perf_counter()
+        found = self._composed(problem, asked)
+        seconds = time.perf_counter() - started
+        if found is not None and successes:
+            return found
+        here = problem.replace(ordered(asked.facts))
+        started = time.perf_counter()
+        rival = pipeline.plan(here, self.limits)
+        planning = time.perf_counter() - started
+        better = found is not None and _pays(found.outcome, seconds, rival, planning)
+        self.library.note_trial(problem.domain.name, kinds, better)
+        if found is None or not better:
+            return self._learned(here, rival, planning, asked.situation, asked)
+        return self._learned_whole(problem, asked, found, planning)
+
+    def _learned_whole(self, problem: Problem, asked: Query, found: Answered, planning: float) -> Answered:
+        """Keep the composed plan as a MACROP that contains others."""
+        assert isinstance(found.outcome, Found)
+        plan, here = found.outcome.plan, asked.situation
+        if len(plan.steps) > LARGEST:
+            return found
+        try:
+            whole = generalise(problem, plan, here.world, here.state).macrop
+        except NotGeneral as error:
+            return replace(found, reason=str(error))
+        parts = tuple(MacroPart(part.name, part.steps) for part in found.parts)
+        number = self.repertoire(problem.domain).learn(replace(whole, parts=parts), planning)
+        return replace(found, macrop=number, name=str(whole.name))
+
+    def _composed(self, problem: Problem, asked: Query) -> Answered | None:
+        started = time.perf_counter()
+        made = compose(problem, asked, self._serve)
+        if made is None or not self._approved(problem, asked.situation, made.plan):
+            return None
+        seconds = {"composing": time.perf_counter() - started}
+        return Answered(
+            Found(made.plan, Statistics({}, seconds)), "parts", after=made.after, parts=made.parts
+        )
+
+    def _serve(self, part: Problem, here: Situation, may_plan: bool) -> Served | None:
+        """One part, looked up or, if need be, planned."""
+        part = _alone(part)
+        asked = query(part, here)
+        if asked is None or asked.served:
+            return None if asked is None else Served(Plan(()), None, here)
+        answered = self._looked_up(part, asked, approve=False)
+        if answered is None and not may_plan:
+            return None
+        planned = answered is None
+        if answered is None:
+            answered = self._planned(part.replace(ordered(here.facts)), here, asked)
+        if not isinstance(answered.outcome, Found) or answered.after is None:
+            return None
+        return Served(answered.outcome.plan, answered.macrop, answered.after, planned, answered.name)
+
+    def _looked_up(self, problem: Problem, asked: Query, approve: bool = True) -> Answered | None:
         started = time.perf_counter()
         hit = self.repertoire(problem.domain).find(asked)
-        if hit is None or not self._approved(problem, asked.situation, hit):
+        if hit is None or (approve and not self._approved(problem, asked.situation, hit.plan)):
             return None
         seconds = {"lookup": time.perf_counter() - started}
         outcome = Found(hit.plan, Statistics({}, seconds))
         assert isinstance(hit.key, int)
-        return Answered(outcome, "library", hit.key, str(hit.macrop.name), after=hit.after)
+        parts = tuple(Part(None, part.name, "", part.steps) for part in hit.macrop.parts)
+        return Answered(outcome, "library", hit.key, str(hit.macrop.name), after=hit.after, parts=parts)
 
-    def _approved(self, problem: Problem, here: Situation, hit: Hit) -> bool:
-        return not self.thorough or not pipeline.check_plan(problem.replace(ordered(here.facts)), hit.plan)
+    def _approved(self, problem: Problem, here: Situation, plan: Plan) -> bool:
+        return not self.thorough or not pipeline.check_plan(problem.replace(ordered(here.facts)), plan)
 
     def _planned(self, problem: Problem, here: Situation, asked: Query | None) -> Answered:
         started = time.perf_counter()
         outcome = pipeline.plan(problem, self.limits)
-        seconds = time.perf_counter() - started
+        return self._learned(problem, outcome, time.perf_counter() - started, here, asked)
+
+    def _learned(
+        self, problem: Problem, outcome: Outcome, seconds: float, here: Situation, asked: Query | None
+    ) -> Answered:
+        """The planner's answer, and what was learned from it."""
         if not isinstance(outcome, Found):
             return Answered(outcome, "planner")
         after = check(outcome.plan, asked) if asked is not None else None
@@ -115,3 +194,17 @@ class Practice:
         number = self.repertoire(problem.domain).learn(learned, seconds)
         reason = "" if number is not None else "the library has it"
         return Answered(outcome, "planner", number, str(learned.name), reason, left)
+
+
+def _alone(part: Problem) -> Problem:
+    """A part whose chains wait for none of another part."""
+    return replace(part, chains=tuple(replace(chain, after=()) for chain in part.chains))
+
+
+def _pays(composed: Outcome, composing: float, rival: Outcome, planning: float) -> bool:
+    """Whether a composed plan was worth it: hardly dearer or longer than the planner's, and cheaper or sooner there."""
+    if not isinstance(rival, Found) or not isinstance(composed, Found):
+        return True
+    cost, other = composed.plan.cost, rival.plan.cost
+    longer = makespan(composed.plan) > DEARER * makespan(rival.plan)
+    return cost <= DEARER * other and not longer and (composing <= planning or cost < other)

@@ -10,8 +10,9 @@ from functools import cached_property
 from engine.grounding import ground
 from engine.macros.query import Situation
 from engine.macros.world import World
+from engine.model.replay import Instances, instances, reached_goals, replayed
 from engine.model.schedule import STAGE, stage_atom
-from engine.model.task import Bits, GroundOperator, Task, indices, progress
+from engine.model.task import Bits, GroundOperator, Task, indices
 from engine.validation.semantics import Semantics
 from kb.model.plan import Plan
 from kb.model.problem import Problem
@@ -39,12 +40,9 @@ class Course:
         return {atom: number for number, atom in enumerate(self.task.atoms)}
 
     @cached_property
-    def instances(self) -> Mapping[Function, list[GroundOperator]]:
-        """The ground operators of each instance: they differ in supports and in stages that they reach."""
-        found: dict[Function, list[GroundOperator]] = {}
-        for operator in self.task.operators:
-            found.setdefault(operator.instance, []).append(operator)
-        return found
+    def instances(self) -> Instances:
+        """The ground operators of each instance."""
+        return instances(self.task)
 
     def bits(self, observed: Iterable[Atom], reached: Mapping[str, int]) -> Bits:
         """A state of the task: what is observed, the stages reached, complements; atoms it does not know are left out."""
@@ -62,19 +60,8 @@ class Course:
         return found
 
     def executed(self, state: Bits, steps: Iterable[Function]) -> list[GroundOperator] | None:
-        """The ground operators of instances taken one after another from a state; None if one cannot be taken.
-
-        Of several for one instance the one that reaches most is meant: to reach a stage early is never worse.
-        """
-        found = []
-        for instance in steps:
-            fitting = [each for each in self.instances.get(instance, ()) if not each.preconditions & ~state]
-            if not fitting:
-                return None
-            best = max(fitting, key=lambda each: (each.adds & ~state).bit_count())
-            found.append(best)
-            state = progress(state, best)
-        return found
+        """The ground operators of instances taken one after another from a state; None if one cannot be taken."""
+        return replayed(self.instances, state, steps)
 
     def kernels(self, steps: Sequence[GroundOperator], goals: Bits) -> list[Bits]:
         """What must hold so that the steps from each position on lead to the goals; the last one is the goals."""
@@ -85,7 +72,7 @@ class Course:
 
     def reached_goals(self, state: Bits) -> Bits | None:
         """The alternative of the goals that holds in a state."""
-        return next((goal for goal in self.task.goals if not goal & ~state), None)
+        return reached_goals(self.task, state)
 
     def named(self, bits: Bits) -> tuple[Atom, ...]:
         """The atoms in a bitset."""

@@ -47,6 +47,14 @@ class MacroChain:
     subject: Term | None = None
 
 
+@dataclass(frozen=True, slots=True)
+class MacroPart:
+    """Steps of a body that are an instance of another MACROP, by that one's name."""
+
+    name: str
+    steps: tuple[StepId, ...]
+
+
 @dataclass(frozen=True)
 class Macrop:
     """A generalised plan.
@@ -70,6 +78,7 @@ class Macrop:
     links: tuple[CausalLink, ...]
     chains: tuple[MacroChain, ...] = ()
     depends: Mapping[str, str] = field(default_factory=dict)
+    parts: tuple[MacroPart, ...] = ()
 
     @property
     def parameters(self) -> tuple[Variable, ...]:

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 from kb.model.conditions import Comparison, Parameter
-from kb.model.macro import MacroChain, Macrop, MacroStep
+from kb.model.macro import MacroChain, Macrop, MacroPart, MacroStep
 from kb.model.plan import CausalLink, StepId
 from kb.store.notation import NotationError, read_atom, read_literal, read_part, read_term
 from kb.terms import Variable
@@ -27,6 +27,7 @@ def document(macrop: Macrop) -> dict[str, Any]:
         "excluded": [_texts(body) for body in macrop.exclusions],
         "resources": _texts(macrop.resources),
         "plan": [_step_document(step) for step in macrop.steps],
+        "parts": [{"macrop": part.name, "steps": list(part.steps)} for part in macrop.parts],
         "links": [[link.producer, str(link.condition), link.consumer] for link in macrop.links],
         "depends": dict(macrop.depends),
     }
@@ -91,6 +92,10 @@ def _read(found: Mapping[str, Any]) -> Macrop:
         tuple(CausalLink(StepId(int(a)), read_atom(c), StepId(int(b))) for a, c, b in found.get("links", ())),
         tuple(map(_chain, found.get("workflow", ()))),
         {str(part): str(digest) for part, digest in found.get("depends", {}).items()},
+        tuple(
+            MacroPart(str(each["macrop"]), tuple(StepId(int(n)) for n in each["steps"]))
+            for each in found.get("parts", ())
+        ),
     )
 
 

@@ -13,7 +13,7 @@ from kb.model.macro import Macrop
 from kb.store.documents import dumps, fingerprint, loads
 from kb.store.engines import connected, lock_schema, refusal, transaction, write_ahead
 from kb.store.notation import NotationError
-from kb.store.schema import CURRENT, NewerSchema, dependencies, macrops, migrate, usage, version_of
+from kb.store.schema import CURRENT, NewerSchema, dependencies, macrops, migrate, trials, usage, version_of
 
 CHUNK = 500  # rows named in one statement
 
@@ -209,6 +209,22 @@ class Library:
             for number, use in sorted(uses.items()):
                 more = {"uses": usage.c.uses + use.times, "lookup_s": usage.c.lookup_s + use.lookup_s}
                 connection.execute(usage.update().where(usage.c.macrop == number).values(more))
+
+    def tried(self, domain: str, signature: str) -> tuple[int, int]:
+        """How often plans for goals of a kind could be composed of MACROPs, and how often not."""
+        own = (trials.c.domain == domain) & (trials.c.signature == signature)
+        with transaction(self._engine, self.target) as connection:
+            row = connection.execute(select(trials.c.successes, trials.c.failures).where(own)).first()
+        return (int(row[0]), int(row[1])) if row else (0, 0)
+
+    def note_trial(self, domain: str, signature: str, success: bool) -> None:
+        """Count one more attempt to compose a plan."""
+        one, other = int(success), int(not success)
+        with transaction(self._engine, self.target, writes=True) as connection:
+            insert = sqlite.insert if connection.dialect.name == "sqlite" else postgresql.insert
+            made = insert(trials).values(domain=domain, signature=signature, successes=one, failures=other)
+            more = {"successes": trials.c.successes + one, "failures": trials.c.failures + other}
+            connection.execute(made.on_conflict_do_update(index_elements=["domain", "signature"], set_=more))
 
     def figures(self) -> Figures:
         """The library in numbers."""

@@ -60,6 +60,15 @@ usage = Table(
     Column("lookup_s", Float, nullable=False, default=0.0),
 )
 
+trials = Table(
+    "trials",
+    metadata,
+    Column("domain", String, primary_key=True),
+    Column("signature", String, primary_key=True),
+    Column("successes", Integer, nullable=False, default=0),
+    Column("failures", Integer, nullable=False, default=0),
+)
+
 
 def _first(connection: Connection) -> None:
     metadata.create_all(connection, [macrops, dependencies])
@@ -71,7 +80,11 @@ def _with_usage(connection: Connection) -> None:
     connection.execute(insert(usage).from_select(["macrop", "uses", "planning_s", "lookup_s"], nothing))
 
 
-MIGRATIONS: tuple[Callable[[Connection], None], ...] = (_first, _with_usage)
+def _with_trials(connection: Connection) -> None:
+    metadata.create_all(connection, [trials])
+
+
+MIGRATIONS: tuple[Callable[[Connection], None], ...] = (_first, _with_usage, _with_trials)
 CURRENT = len(MIGRATIONS)
 
 

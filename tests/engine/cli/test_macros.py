@@ -80,7 +80,11 @@ def test_a_library_goes_through_a_file_into_another(store: str, tmp_path: Path) 
     answer("prepare", "bulkhead", "--store", store, "--jobs", "1")
     file, other = str(tmp_path / "macros.json"), str(tmp_path / "other.db")
     _, written = answer("macros", "export", file, "--store", store)
-    assert answer("macros", "import", file, "--store", other)[1] == {"macrops": written["macrops"], "new": 3}
+    assert written["macrops"] >= 3
+    assert answer("macros", "import", file, "--store", other)[1] == {
+        "macrops": written["macrops"],
+        "new": written["macrops"],
+    }
     assert answer("macros", "import", file, "--store", other)[1]["new"] == 0
     documents = [answer("macros", "show", "1", "--store", each)[1]["document"] for each in (store, other)]
     assert documents[0] == documents[1]

@@ -1,8 +1,11 @@
 """Libraries to test: a SQLite file, and a PostgreSQL server where one is installed."""
 
+import contextlib
 import os
 import shutil
+import signal
 import subprocess
+import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -12,34 +15,33 @@ PROGRAMS = sorted(Path("/usr/lib/postgresql").glob("*/bin"), key=lambda p: int(p
 
 
 @pytest.fixture(scope="session")
-def postgres(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
+def postgres() -> Iterator[str]:
     """The URL of a server of our own, on a socket in a folder of our own."""
     pytest.importorskip("pg8000", reason="the extra 'postgres' is not installed")
     if not PROGRAMS:
         pytest.skip("PostgreSQL is not installed")
     programs = PROGRAMS[-1]
     account = "postgres" if os.getuid() == 0 else None  # the server refuses to run as root
-    folder = tmp_path_factory.mktemp("postgres")
-    for each in (folder, *folder.parents[:3]):
-        if account and each.owner() == "root" and each != Path("/tmp"):
-            each.chmod(each.stat().st_mode | 0o011)
-    if account:
-        shutil.chown(folder, account)
 
     def run(program: str, *arguments: str) -> None:
         subprocess.run(
             [programs / program, *arguments], check=True, user=account, cwd="/", capture_output=True
         )
 
-    data = folder / "data"
-    run("initdb", "-D", str(data), "-A", "trust", "-U", "cell", "--no-sync")
-    options = f"-c listen_addresses='' -k {folder} -c fsync=off"
-    log = folder / "log"
-    run("pg_ctl", "-D", str(data), "-o", options, "-l", str(log), "-w", "start")
-    try:
-        yield f"postgresql://cell@/postgres?unix_sock={folder}/.s.PGSQL.5432"
-    finally:
-        run("pg_ctl", "-D", str(data), "-m", "immediate", "stop")
+    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as name:
+        folder = Path(name)
+        if account:
+            shutil.chown(folder, account)
+        data = folder / "data"
+        run("initdb", "-D", str(data), "-A", "trust", "-U", "cell", "--no-sync")
+        options = f"-c listen_addresses='' -k {folder} -c fsync=off"
+        run("pg_ctl", "-D", str(data), "-o", options, "-l", str(folder / "log"), "-w", "start")
+        process = int((data / "postmaster.pid").read_text().split()[0])
+        try:
+            yield f"postgresql://cell@/postgres?unix_sock={folder}/.s.PGSQL.5432"
+        finally:
+            with contextlib.suppress(ProcessLookupError):
+                os.kill(process, signal.SIGQUIT)  # immediate shutdown
 
 
 @pytest.fixture(params=["sqlite", "postgres"])

@@ -3,7 +3,7 @@
 from hypothesis import strategies as st
 
 from kb.model.conditions import Comparison, Literal, Parameter
-from kb.model.macro import MacroChain, Macrop, MacroStep
+from kb.model.macro import MacroChain, Macrop, MacroPart, MacroStep
 from kb.model.plan import CausalLink, StepId
 from kb.terms import Function, Number, Operation, Term, Text, Variable
 
@@ -57,6 +57,7 @@ macrops = st.builds(
     ).map(tuple),
     links=tuples(st.builds(CausalLink, ids, atoms, ids)),
     chains=tuples(st.builds(MacroChain, terms, tuples(atoms), tuples(terms), st.none() | terms)),
+    parts=tuples(st.builds(MacroPart, st.sampled_from(["heated", "measured"]), tuples(ids))),
     depends=st.dictionaries(st.sampled_from(["operator move", "type arm"]), st.sampled_from(["a1", "b2"])),
 )
 
