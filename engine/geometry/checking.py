@@ -8,7 +8,7 @@ from engine.geometry.parts import check_polyhedron, cores
 from engine.geometry.reach import unreached
 from engine.geometry.world import World
 from engine.ports import GeometryBackend
-from kb.diagnostics import Diagnostic, InvalidInput, errors, nearest
+from kb.diagnostics import Diagnostic, InvalidInput, errors, nearest, unknown_name
 from kb.loader.cell import read_cell
 from kb.loader.reader import Findings
 from kb.model.cell import Cell, PlacedShape, Polyhedron
@@ -32,6 +32,7 @@ def check_cell(
         return sorted(set(found))
     found += [
         *_strangers(cell, domain),
+        *_strange_facts(cell, domain),
         *(wrong for each in _shapes(cell) for wrong in _shape_problems(each)),
     ]
     if not errors(found):
@@ -50,6 +51,17 @@ def _strangers(cell: Cell, domain: Domain) -> Iterator[Diagnostic]:
             hint = nearest(functor, known) or "places are called as the domain's terms are"
             message = f"the domain knows no '{functor}'"
             yield Diagnostic(place.placement.where, "K101", message, hint, warning=True)
+
+
+def _strange_facts(cell: Cell, domain: Domain) -> Iterator[Diagnostic]:
+    """Locations whose fact no atom of the domain can be."""
+    for location in cell.locations:
+        fact, signatures = location.fact, domain.predicates
+        if fact.name not in signatures:
+            yield unknown_name("predicate", fact.name, signatures, location.where)
+        elif len(fact.arguments) != (arity := len(signatures[fact.name].arguments)):
+            message = f"{fact.name} has {arity} arguments, not {len(fact.arguments)}"
+            yield Diagnostic(location.where, "K102", message, "write it as the domain declares it")
 
 
 def _shapes(cell: Cell) -> Iterator[PlacedShape]:

@@ -73,7 +73,8 @@ class Reachability:
         """T_flange_end (4, 4): the tool point, or the tip of the tool held there."""
         T = transforms.of_pose(self._world.cell.arms[place.arm].tool)
         if place.tool:
-            T = T @ transforms.of_pose(self._world.cell.bodies[place.tool].features["tip"])
+            tip = transforms.of_pose(self._world.cell.bodies[place.tool].features["tip"])
+            T = T @ transforms.inverse(self._world.grip(place.tool)) @ tip
         return T
 
     def _answer(self, place: Place, back_m: float) -> Reached | Unreached:
@@ -113,7 +114,7 @@ class Reachability:
         if key not in self._checkers:
             world = self._world
             if place.tool:
-                world = world.put(place.tool, f"{place.arm}.tool", np.eye(4))
+                world = world.held(place.tool, place.arm)
             carried = [body for body in world.cell.bodies if f"{place.arm}.base" in world.supports(body)[1:]]
             ends = [
                 *carried,

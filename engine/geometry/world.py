@@ -175,6 +175,15 @@ class World:
             raise ValueError(f"'{on}' stands on '{body}'")
         return replace(self, placed={**self.placed, body: Fixed(on, np.array(T_on_body, dtype=float))})
 
+    def grip(self, body: str) -> Floats:
+        """T_body_grip (4, 4): where a hand takes a body; its own frame when it has no feature `grip`."""
+        features = self.cell.bodies[body].features
+        return transforms.of_pose(features["grip"]) if "grip" in features else np.eye(4)
+
+    def held(self, body: str, arm: str) -> "World":
+        """The world with a body in an arm's hand, its grip at the tool point. Raises as `affix` does."""
+        return self.put(body, f"{arm}.tool", transforms.inverse(self.grip(body)))
+
     def supports(self, frame: str) -> tuple[str, ...]:
         """The frame and what it stands on, one after the other, down to the world."""
         chain = [frame]

@@ -7,6 +7,7 @@ from pathlib import Path
 from kb.diagnostics import unknown_name
 from kb.files import is_file
 from kb.loader.arm import bundled_arms, pairs, quantities_of, read_arm
+from kb.loader.cell_locations import Known, read_locations
 from kb.loader.quantities import ANGLE, Quantities, child, members
 from kb.loader.reader import Findings, Reader, require, validate_shape
 from kb.loader.tree import Node, read_file
@@ -70,7 +71,10 @@ class _CellReader:
         for _, key, node in self.reader.entries("places"):
             place = self._place(key, node, arms, bodies)
             places[place.name] = place
-        return Cell(self.reader.text("cell"), arms, frames, bodies, regions, allowed, places, path)
+        known = Known(bodies, places, self._known())
+        locations = read_locations(self.reader, self.read.findings, known)
+        name = self.reader.text("cell")
+        return Cell(name, arms, frames, bodies, regions, allowed, places, locations, path)
 
     def _section(self, section: str) -> list[tuple[str, Node]]:
         """The named entries of a section; a name that another section has already is noted."""

@@ -10,6 +10,7 @@ from enum import Enum
 
 from kb.diagnostics import Source
 from kb.model.domain import NOWHERE
+from kb.terms import Atom, Term
 
 Vector = tuple[float, float, float]
 WORLD = "world"
@@ -238,6 +239,20 @@ class Place:
 
 
 @dataclass(frozen=True, slots=True)
+class Location:
+    """Where a fact puts a body: its feature `grip` (else its own frame) takes the pose of a place, or that of a frame.
+
+    `body` and `place` are terms, `frame` the name of a frame, in which variables of the fact may stand.
+    """
+
+    fact: Atom
+    body: Term
+    place: Term | None = None
+    frame: str = ""
+    where: Source = field(default=NOWHERE, compare=False)
+
+
+@dataclass(frozen=True, slots=True)
 class Cell:
     """A cell. Mappings keep the order of declaration."""
 
@@ -248,4 +263,5 @@ class Cell:
     regions: Mapping[str, Region] = field(default_factory=dict)
     allowed: frozenset[frozenset[str]] = frozenset()
     places: Mapping[str, Place] = field(default_factory=dict)
+    locations: tuple[Location, ...] = ()
     path: str = ""

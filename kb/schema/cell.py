@@ -180,6 +180,16 @@ class PlaceEntry(PlacedEntry):
     touches: list[str] = Field(default_factory=list, description="bodies that may be in contact there")
 
 
+class LocationEntry(Strict):
+    """Where a fact of the domain puts a body: give `place` or `in`."""
+
+    body: str = Field(description="the body, or a variable of the fact")
+    place: Expression | None = Field(None, description="the place whose pose its feature `grip` takes")
+    in_: str | None = Field(
+        None, alias="in", description="the frame that its feature `grip` coincides with, such as Arm.tool"
+    )
+
+
 class CellFile(Strict):
     """A `cell.yaml`: the geometry of a cell."""
 
@@ -201,4 +211,7 @@ class CellFile(Strict):
     places: dict[Expression, PlaceEntry] = Field(
         default_factory=dict,
         description="a place of the domain, such as slot(drawer, 1): where the tool goes",
+    )
+    locations: dict[Expression, LocationEntry] = Field(
+        default_factory=dict, description="a fact, such as at(Item, Place): where it puts a body"
     )

@@ -77,7 +77,7 @@ def _at(world: World, backend: GeometryBackend, name: str) -> World:
     arm, tool = places[name].arm, places[name].tool
     away = np.abs(answer.q - world.configurations[arm]).max(axis=1)
     moved = world.moved(arm, answer.q[int(np.argmin(away))])
-    return moved.put(tool, f"{arm}.tool", np.eye(4)) if tool else moved
+    return moved.held(tool, arm) if tool else moved
 
 
 def as_png(view: View, azimuth_rad: float, elevation_rad: float) -> bytes:

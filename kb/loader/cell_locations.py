@@ -1,0 +1,79 @@
+"""The `locations` of a `cell.yaml`: which facts of the domain put a body where."""
+
+from collections.abc import Collection
+from dataclasses import dataclass
+
+from kb.diagnostics import unknown_name
+from kb.loader.quantities import child, required
+from kb.loader.reader import Findings, Reader
+from kb.loader.tree import Node
+from kb.model.cell import Location
+from kb.terms import Function, Term, Variable, is_ground, variables
+
+
+@dataclass(frozen=True, slots=True)
+class Known:
+    """The names that an entry may use."""
+
+    bodies: Collection[str]
+    places: Collection[str]
+    frames: Collection[str]
+
+
+def read_locations(reader: Reader, findings: Findings, known: Known) -> tuple[Location, ...]:
+    """The entries in their order; what is wrong is noted."""
+    found = []
+    for _, key, node in reader.entries("locations"):
+        fact = reader.parse("atom", key)
+        if fact is not None:
+            entry = _Entry(reader, findings, known, fact.value)
+            location = entry.location(key, node)
+            found += [location] if location else []
+    return tuple(found)
+
+
+@dataclass(frozen=True, slots=True)
+class _Entry:
+    """One entry being read."""
+
+    reader: Reader
+    findings: Findings
+    known: Known
+    fact: Function
+
+    def location(self, key: Node, node: Node) -> Location | None:
+        place, frame = child(node, "place"), child(node, "in")
+        if (place is None) == (frame is None):
+            self.findings.add(node.where, "K005", "where does it put the body?", "give `place` or `in`")
+            return None
+        body = self._term(required(node, "body"), "body", self.known.bodies)
+        where = self._term(place, "place", self.known.places) if place else None
+        if frame is not None:
+            self._check_frame(frame)
+        if body is None or (place is not None and where is None):
+            return None
+        return Location(self.fact, body, where, frame.value if frame else "", key.where)
+
+    def _term(self, node: Node, kind: str, known: Collection[str]) -> Term | None:
+        """A term whose variables the fact has, and which is known if it has none."""
+        parsed = self.reader.parse("term", node)
+        if parsed is None:
+            return None
+        term: Term = parsed.value
+        for variable in variables(term):
+            self._check_variable(variable.name, node)
+        if is_ground(term) and str(term) not in known:
+            self.findings.note(unknown_name(kind, str(term), known, node.where))
+        return term
+
+    def _check_frame(self, node: Node) -> None:
+        first = node.value.partition(".")[0]
+        if first[:1].isupper():
+            self._check_variable(first, node)
+        elif node.value not in self.known.frames:
+            self.findings.note(unknown_name("frame", node.value, self.known.frames, node.where))
+
+    def _check_variable(self, name: str, node: Node) -> None:
+        if Variable(name) not in set(variables(self.fact)):
+            hint = f"a variable stands in the fact, {self.fact}"
+            self.findings.add(node.where, "K105", f"the fact has no variable '{name}'", hint)
