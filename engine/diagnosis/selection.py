@@ -18,7 +18,7 @@ from engine.diagnosis.kernels.memo import FULL, RUNNING, STATUS, Memo, memo
 from engine.model.diagnosis import Advice, Conclude, Standing, Tree, Troubleshooting, Try
 
 EXPANSIONS = 200_000
-STEPS = 2
+LEAVES = 10_000  # up to as many a third step is looked ahead
 RULES = {"gain": rollout.GAIN, "pairs": rollout.PAIRS, "p/c": rollout.CURES}
 TIE = 1e-9
 
@@ -34,7 +34,7 @@ class Selector:
     def __post_init__(self) -> None:
         self.exact = searcher(self.problem, self.expansions)
         self.groups = arrays.groups(self.problem)
-        self._bases = (memo(1 << 12, 0), memo(1 << 12, 0))
+        self._bases = (memo(1 << 12, 0), memo(1 << 12, 0), memo(1 << 12, 0))
         self._followed: dict[int, Memo] = {}
 
     def start(self, situation: int = 0) -> Standing:
@@ -127,18 +127,19 @@ class Selector:
                     return action
         raise AssertionError("a value that no action reaches")
 
-    def _rollout(self, weights: Floats, rest: int, steps: int = STEPS) -> tuple[int | None, float]:
+    def _rollout(self, weights: Floats, rest: int) -> tuple[int | None, float]:
         while True:
-            gains, pairs = self._bases
             for base in self._bases:
                 base.counts[STATUS] = RUNNING
+            problem = self.exact.beliefs
+            steps = 3 if problem.masks.size**3 <= LEAVES else 2
             action, cost = rollout.look_ahead(
-                self.exact.beliefs, self.groups, gains, pairs, weights, rest, steps, math.inf
+                problem, self.groups, self._bases, weights, rest, steps, math.inf
             )
-            full = [base.counts[STATUS] == FULL for base in self._bases]
-            if not any(full):
+            if all(base.counts[STATUS] != FULL for base in self._bases):
                 return (None if action < 0 else int(action)), float(cost)
-            self._bases = (_longer(gains), _longer(pairs))
+            one, two, three = self._bases
+            self._bases = (_longer(one), _longer(two), _longer(three))
 
     def _follow(self, weights: Floats, rest: int, rule: int) -> float:
         """The weighted cost of a one-step rule."""

@@ -1,7 +1,7 @@
 """One-step rules, what following them costs, and rollout of two steps with such a rule as base policy.
 
 Bertsekas, Tsitsiklis & Wu 1997: choosing by lookahead over the cost of a base policy never does worse than the policy.
-Here the leaves take the cheaper of two base policies, which keeps that property.
+Here the leaves take the cheapest of several base policies, which keeps that property.
 """
 
 import numpy as np
@@ -18,7 +18,9 @@ from engine.diagnosis.kernels.belief import (
 )
 from engine.diagnosis.kernels.memo import FULL, STATUS, Floats, Longs, Memo, enter, slot
 
-GAIN, PAIRS, CURES = 0, 1, 2
+Bases = tuple[Memo, Memo, Memo]
+
+GAIN, PAIRS, CURES, UNPREPARED = 0, 1, 2, 3
 
 
 @compiled
@@ -40,8 +42,10 @@ def uncertainty(weights: Floats, groups: Longs, rule: int) -> float:
 
 @compiled
 def index(problem: Beliefs, groups: Longs, action: int, weights: Floats, rest: int, rule: int) -> float:
-    """What a rule thinks of an action, per unit of cost, set-up included; larger is better."""
+    """What a rule thinks of an action, per unit of cost; larger is better. `UNPREPARED` alone leaves set-up out."""
     cost = problem.costs[situation_of(problem, rest), action]
+    if rule == UNPREPARED:
+        cost = problem.costs[:, action].min()
     left, ended = 0.0, 0.0
     for outcome in range(problem.masks.shape[1]):
         after = weights_after(problem, action, outcome, weights)
@@ -98,22 +102,18 @@ def follow(problem: Beliefs, groups: Longs, table: Memo, weights: Floats, rest: 
 
 
 @compiled
-def base_cost(problem: Beliefs, groups: Longs, gains: Memo, pairs: Memo, weights: Floats, rest: int) -> float:
-    """The cost of the cheaper of both base policies."""
-    one = follow(problem, groups, gains, weights, rest, GAIN)
-    return float(min(one, follow(problem, groups, pairs, weights, rest, PAIRS)))
+def base_cost(problem: Beliefs, groups: Longs, bases: Bases, weights: Floats, rest: int) -> float:
+    """The cost of the cheapest of the base policies; that without set-up is of use only where there is some."""
+    least = follow(problem, groups, bases[0], weights, rest, GAIN)
+    least = min(least, follow(problem, groups, bases[1], weights, rest, PAIRS))
+    if problem.costs.shape[0] > 1:
+        least = min(least, follow(problem, groups, bases[2], weights, rest, UNPREPARED))
+    return float(least)
 
 
 @compiled
 def look_ahead(
-    problem: Beliefs,
-    groups: Longs,
-    gains: Memo,
-    pairs: Memo,
-    weights: Floats,
-    rest: int,
-    steps: int,
-    limit: float,
+    problem: Beliefs, groups: Longs, bases: Bases, weights: Floats, rest: int, steps: int, limit: float
 ) -> tuple[int, float]:
     """The best first action and its cost by a lookahead of `steps` over the base policies; -1 to stop.
 
@@ -121,7 +121,7 @@ def look_ahead(
     """
     best, value = -1, stop(problem, weights)
     if steps == 0 or value <= 0.0:
-        return best, min(value, base_cost(problem, groups, gains, pairs, weights, rest))
+        return best, min(value, base_cost(problem, groups, bases, weights, rest))
     causes, situation, total = possible(weights), situation_of(problem, rest), weights.sum()
     for action in range(problem.masks.shape[0]):
         if not tells(problem, action, weights, rest):
@@ -133,7 +133,7 @@ def look_ahead(
                 after = weights_after(problem, action, outcome, weights)
                 then = rest_after(problem, action, outcome, rest)
                 left = min(value, limit) - going
-                going += look_ahead(problem, groups, gains, pairs, after, then, steps - 1, left)[1]
+                going += look_ahead(problem, groups, bases, after, then, steps - 1, left)[1]
         if going < value * (1.0 - 1e-12):
             best, value = action, going
     return best, value

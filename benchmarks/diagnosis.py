@@ -1,0 +1,291 @@
+"""Test selection, several faults, fault bases and learning, measured against the bars that they have to meet.
+
+    python benchmarks/diagnosis.py [--data FOLDER] [--problems N] [--part NAME ...] [--json FILE]
+
+FOLDER (or the environment variable CELLWRIGHT_DATA) has `iscas85/*.bench`. Parts: exact, sparse, noisy, setup, circuits,
+bases, learning. Times are of one process with compiled kernels warmed up. Exits with 1 when a bar is missed: exact under 1 s at
+20 x 20 and 10 s at 30 x 30; rollout within 0.5 % of the optimum in the mean and 5 % at worst, no bound violated; circuits
+under 5 s each; every cause isolated at a mean cost within 5 % of the optimum; learned trees within 2 % after 500 cases.
+"""
+
+import argparse
+import json
+import os
+import random
+import statistics
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.table import Table
+from troubles import isolation, uncertain, with_setup
+
+from engine.diagnosis.bench import read_bench
+from engine.diagnosis.circuits import diagnose
+from engine.diagnosis.knowledge import open_case
+from engine.diagnosis.selection import Selector
+from engine.diagnosis.session import Session, run
+from engine.diagnosis.trees import cost_under
+from engine.diagnosis.world import HiddenWorld, draw_cause
+from engine.model.circuit import Circuit
+from engine.model.diagnosis import Troubleshooting, expected_cost
+from engine.model.faults import Hypothesis
+from kb.loader import bundled
+from kb.loader.faults import load_faults
+from kb.model.faults import FaultModel
+
+Row = dict[str, Any]
+PLENTY = 10_000_000
+CIRCUITS = ("c17", "c432", "c499", "c880", "c1355", "c2670", "c7552")
+
+
+def exact(problems: int, _: Path) -> tuple[list[Row], list[str]]:
+    """Time to the proven optimum and the whole tree, deterministic outcomes."""
+    rows, missed = [], []
+    for size, bar in ((20, 1.0), (30, 10.0)):
+        for density in (0.5, 0.3, 0.12):
+            for skewed in (False, True):
+                times = [
+                    _solved(isolation(size, size, density, skewed, seed)) for seed in range(problems // 10)
+                ]
+                rows.append(
+                    {
+                        "causes x tests": f"{size} x {size}",
+                        "density": density,
+                        "priors": "skewed" if skewed else "flat",
+                        "mean (s)": statistics.mean(times),
+                        "worst (s)": max(times),
+                    }
+                )
+                missed += [f"exact at {size} x {size}: {max(times):.2f} s"] if max(times) > bar else []
+    return rows, missed
+
+
+def _solved(problem: Troubleshooting) -> float:
+    started = time.perf_counter()
+    selector = Selector(problem, PLENTY)
+    advice = selector.advise(selector.start())
+    cost = expected_cost(selector.tree())
+    assert advice.optimal
+    assert abs(cost - advice.expected_cost) < 1e-6
+    return time.perf_counter() - started
+
+
+def sparse(problems: int, _: Path) -> tuple[list[Row], list[str]]:
+    """Rollout and rules against the optimum where each cause shows in few tests."""
+    return _against("30 x 30 sparse", lambda seed: isolation(30, 30, 0.12, bool(seed % 2), seed), problems)
+
+
+def noisy(problems: int, _: Path) -> tuple[list[Row], list[str]]:
+    """Rollout and rules against the optimum where every outcome is uncertain."""
+    return _against("12 x 12 uncertain", lambda seed: uncertain(12, 12, seed), problems)
+
+
+def _against(name: str, make: Callable[[int], Troubleshooting], problems: int) -> tuple[list[Row], list[str]]:
+    losses: dict[str, list[float]] = {"rollout": [], "gain per cost": [], "pairs per cost": []}
+    violated = 0
+    for seed in range(problems):
+        optimum, costs, bounds = _compared(make(seed))
+        violated += any(bound > optimum * (1 + 1e-9) for bound in bounds)
+        for rule, cost in costs.items():
+            losses[rule].append(100 * (cost / optimum - 1))
+    rows = [
+        {"problems": name, "rule": rule, "mean loss (%)": statistics.mean(lost), "worst (%)": max(lost)}
+        for rule, lost in losses.items()
+    ]
+    mean, worst = statistics.mean(losses["rollout"]), max(losses["rollout"])
+    missed = [f"{name}: rollout loses {mean:.2f} %, {worst:.2f} %"] if mean > 0.5 or worst > 5 else []
+    return rows, missed + ([f"{name}: {violated} bounds violated"] if violated else [])
+
+
+def _compared(problem: Troubleshooting) -> tuple[float, dict[str, float], list[float]]:
+    """The optimum, the costs of rollout and rules, and the bounds that were printed with small budgets."""
+    selector = Selector(problem, PLENTY)
+    best = selector.advise(selector.start())
+    assert best.optimal
+    hasty = Selector(problem, 1)
+    costs = {
+        "rollout": expected_cost(hasty.tree()),
+        "gain per cost": expected_cost(selector.tree(choose=selector.rule("gain"))),
+        "pairs per cost": expected_cost(selector.tree(choose=selector.rule("pairs"))),
+    }
+    thrifty = Selector(problem, 100)
+    bounds = [each.advise(each.start()).bound for each in (hasty, thrifty)]
+    return best.expected_cost, costs, bounds
+
+
+def setup(problems: int, _: Path) -> tuple[list[Row], list[str]]:
+    """With set-up costs: rollout and rules, and choosing tests as if their preconditions cost nothing."""
+    lost = []
+    for seed in range(problems):
+        problem = with_setup(10, 10, 3, seed)
+        blind = Troubleshooting(problem.causes, problem.priors, problem.actions, problem.conclusions)
+        selector = Selector(problem, PLENTY)
+        optimum = selector.advise(selector.start()).expected_cost
+        lost.append(100 * (cost_under(problem, Selector(blind, PLENTY).tree()) / optimum - 1))
+    rows, missed = _against("10 x 10 with set-up", lambda seed: with_setup(10, 10, 3, seed), problems)
+    ignored = {"problems": rows[0]["problems"], "rule": "optimal without set-up"}
+    return [*rows, {**ignored, "mean loss (%)": statistics.mean(lost), "worst (%)": max(lost)}], missed
+
+
+def circuits(problems: int, data: Path) -> tuple[list[Row], list[str]]:
+    """Minimum-cardinality diagnoses of circuits with one to five inverted gates, grounding included."""
+    rows, missed = [], []
+    for name in CIRCUITS:
+        file = data / "iscas85" / f"{name}.bench"
+        if not file.exists():
+            missed.append(f"{file} is not there")
+            continue
+        circuit = read_bench(file.read_text(), name)
+        found = [
+            _inverted(circuit, count, seed) for seed in range(max(1, problems // 50)) for count in range(1, 6)
+        ]
+        times = [seconds for seconds, _ in found]
+        rows.append(
+            {
+                "circuit": name,
+                "gates": len(circuit.gates),
+                "mean (s)": statistics.mean(times),
+                "worst (s)": max(times),
+                "largest diagnosis": max(size for _, size in found),
+            }
+        )
+        missed += [f"{name}: {max(times):.2f} s"] if max(times) > 5 else []
+    return rows, missed
+
+
+def _inverted(circuit: Circuit, count: int, seed: int) -> tuple[float, int]:
+    """Seconds and size of the diagnosis of a circuit with so many inverted gates that show at the outputs."""
+    chance, shows = random.Random(100 * seed + count), False
+    while not shows:
+        given = {wire: chance.random() < 0.5 for wire in circuit.inputs}
+        inverted = frozenset(chance.sample(list(circuit.gates), count))
+        values, nominal = circuit.values(given, inverted), circuit.values(given)
+        shows = any(values[output] != nominal[output] for output in circuit.outputs)
+    started = time.perf_counter()
+    made = diagnose(circuit, given, {output: values[output] for output in circuit.outputs})
+    taken = time.perf_counter() - started
+    assert made is not None
+    assert len(made.gates) <= count
+    explained = circuit.values(given, frozenset(made.gates))
+    assert all(explained[output] == values[output] for output in circuit.outputs)
+    return taken, len(made.gates)
+
+
+def models() -> dict[str, FaultModel]:
+    """The bundled fault bases."""
+    return {name: load_faults(folder / "domain.yaml")[0] for name, folder in bundled().items()}
+
+
+def bases(problems: int, _: Path) -> tuple[list[Row], list[str]]:
+    """Every cause of every exception hidden in turn: is it isolated, and at which mean cost."""
+    rows, missed = [], []
+    for domain, model in models().items():
+        for exception in model.exceptions:
+            problem = open_case(model, exception).problem
+            optimum = expected_cost(Selector(problem).tree())
+            mean, wrong = 0.0, []
+            for cause, prior in model.priors(exception).items():
+                costs = []
+                for seed in range(max(200, problems)):
+                    world = HiddenWorld(model, Hypothesis((cause,)), random.Random(f"{cause} {seed}"))
+                    made = run(Session(model, exception), lambda action, _, w=world: w.answer(action.name))
+                    costs.append(made.cost)
+                    wrong += [cause] if made.hypotheses[0][0].causes != (cause,) or not made.isolated else []
+                mean += prior * statistics.mean(costs)
+            rows.append(
+                {
+                    "exception": f"{domain}: {exception}",
+                    "causes": len(problem.causes),
+                    "tests": len(problem.actions),
+                    "mean cost": mean,
+                    "optimum": optimum,
+                }
+            )
+            missed += [f"{exception}: {cause} is not isolated" for cause in dict.fromkeys(wrong)]
+            missed += (
+                [f"{exception}: mean {mean:.2f}, optimum {optimum:.2f}"] if mean > 1.05 * optimum else []
+            )
+    return rows, missed
+
+
+def learning(problems: int, _: Path, cases: int = 500) -> tuple[list[Row], list[str]]:
+    """Counts learned from nothing in 500 cases: the tree they give, priced with the true frequencies."""
+    rows, missed = [], []
+    for domain, model in models().items():
+        before, after = [], []
+        for exception in model.exceptions:
+            true = open_case(model, exception).problem
+            optimum = expected_cost(Selector(true).tree())
+            flat = Selector(open_case(model, exception, counts={}).problem).tree()
+            before.append(100 * (cost_under(true, flat) / optimum - 1))
+            after += [
+                100 * (cost_under(true, _learned(model, exception, cases, seed)) / optimum - 1)
+                for seed in range(max(5, problems // 4))
+            ]
+        mean = statistics.mean(after)
+        rows.append(
+            {"domain": domain, "loss at first (%)": statistics.mean(before), f"after {cases} cases (%)": mean}
+        )
+        missed += [f"{domain}: learned trees lose {mean:.2f} %"] if mean > 2 else []
+    return rows, missed
+
+
+def _learned(model: FaultModel, exception: str, cases: int, seed: int) -> Any:
+    chance, counts = random.Random(seed), dict.fromkeys(model.exceptions[exception].counts, 0.0)
+    for _ in range(cases):
+        counts[draw_cause(model, exception, chance).causes[0]] += 1
+    return Selector(open_case(model, exception, counts=counts).problem).tree()
+
+
+PARTS = {
+    "exact": exact,
+    "sparse": sparse,
+    "noisy": noisy,
+    "setup": setup,
+    "circuits": circuits,
+    "bases": bases,
+    "learning": learning,
+}
+
+
+def table(name: str, rows: list[Row]) -> Table:
+    """The rows for people."""
+    made = Table(title=name, box=None, pad_edge=False, title_justify="left")
+    for key in rows[0] if rows else ():
+        made.add_column(key, justify="right")
+    for row in rows:
+        made.add_row(*(f"{value:.3f}" if isinstance(value, float) else str(value) for value in row.values()))
+    return made
+
+
+def main() -> int:
+    """Measure, print, keep."""
+    parser = argparse.ArgumentParser(description="measure diagnosis")
+    parser.add_argument(
+        "--data", type=Path, default=Path(os.environ.get("CELLWRIGHT_DATA", "../shared/data"))
+    )
+    parser.add_argument("--problems", type=int, default=200)
+    parser.add_argument("--part", nargs="+", choices=PARTS, default=list(PARTS))
+    parser.add_argument("--json", type=Path)
+    arguments = parser.parse_args()
+    console = Console(width=None if sys.stdout.isatty() else 120)
+    for make in (isolation(4, 4, 0.5, False, 0), uncertain(4, 4, 0), uncertain(8, 2, 1)):
+        _compared(make)  # compile
+    kept, missed = {}, []
+    for part in arguments.part:
+        rows, found = PARTS[part](arguments.problems, arguments.data)
+        kept[part], missed = rows, missed + found
+        console.print(table(part, rows), "")
+    for line in missed:
+        console.print(f"missed: {line}")
+    if arguments.json:
+        arguments.json.write_text(json.dumps({**kept, "missed": missed}, indent=1) + "\n")
+    return 1 if missed else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
