@@ -163,11 +163,13 @@ def _ticks(makespan: int, scale: float, width: int, unit: str) -> str:
     step = 1
     while step * scale < 8:
         step *= 5 if str(step)[0] == "1" else 2
-    line = [" "] * (width + 12)
+    line = [" "] * width
+    last = width - len(unit) - 1
     for time in range(0, makespan + 1, step):
-        place = round(time * scale)
-        line[place : place + len(str(time)) + 1] = f"|{time}"
-    return f"{''.join(line)[:width].rstrip()} {unit}".rstrip()
+        place, said = round(time * scale), f"|{time}"
+        if place + len(said) <= last:
+            line[place : place + len(said)] = said
+    return f"{''.join(line).rstrip()} {unit}".rstrip()
 
 
 def summary(schedule: Schedule, unit: str = "") -> str:

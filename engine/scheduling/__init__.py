@@ -5,6 +5,7 @@ from dataclasses import replace
 
 from engine.model.jobs import Schedule, Scheduled, Shop, Timing
 from engine.model.outcome import GaveUp, Infeasible, Statistics
+from engine.scheduling.batches import batch_bound
 from engine.scheduling.bounds import lower_bound
 from engine.scheduling.checker import check_schedule
 from engine.scheduling.construct import construct
@@ -23,7 +24,7 @@ def schedule(shop: Shop, limits: ScheduleLimits = ScheduleLimits()) -> Timing:
     started = time.perf_counter()
     lags = Lags(shop)
     try:
-        bound = lower_bound(lags)
+        bound = max(lower_bound(lags), batch_bound(lags))
     except Contradiction as error:
         return Infeasible(
             f"no stage can be so early and so late: the windows around {error} contradict each other"

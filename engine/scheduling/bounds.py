@@ -30,7 +30,8 @@ class Occupation:
 def lower_bound(lags: Lags) -> int:
     """No schedule of the shop ends before this. Raises `Contradiction` if there is none at all."""
     paths = [lags.heads[name] + lags.tails[name] for name in lags.shop.stages]
-    return max([0, *paths, *(resource_bound(lags, resource) for resource in lags.shop.resources)])
+    served = [resource_bound(lags, resource) for resource in lags.shop.resources]
+    return max([0, *paths, *served])
 
 
 def resource_bound(lags: Lags, resource: Resource) -> int:

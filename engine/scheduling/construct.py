@@ -9,6 +9,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from engine.model.jobs import Adjustment, Change, Need, Schedule, Stage
+from engine.scheduling.batches import Batches, batches
 from engine.scheduling.bounds import Occupation, least_travel, occupations
 from engine.scheduling.lags import Lags, first_needs
 from engine.scheduling.symmetry import alike
@@ -79,6 +80,7 @@ class Builder:
         self.kinds = len(self.shop.jobs) - sum(len(queue) - 1 for queue in self.queue)
         single = [resource for resource in self.shop.resources if resource.capacity == 1]
         self.served = {resource.name: list(occupations(lags, resource)) for resource in single}
+        self.batches = batches(lags)
         self.least = {name: least_travel(lags, served) for name, served in self.served.items()}
 
     def beam(self, width: int) -> Schedule | None:
@@ -215,6 +217,8 @@ class Builder:
         estimate = max(partial.estimate, start + self.lags.tails[stage.name])
         for name, served in self.served.items():
             estimate = max(estimate, self._remaining(partial, name, served))
+        for each in self.batches:
+            estimate = max(estimate, self._batched(partial, each))
         job = self.shop.owners[stage.name]
         done = all(each.name in partial.starts for each in job.stages)
         late = 0
@@ -236,6 +240,23 @@ class Builder:
         now = max(now, min(self._free(partial, each.first) for each in waiting))
         work = sum(each.size + least for each in waiting) - least
         return now + work + min(each.tail for each in waiting)
+
+    def _batched(self, partial: Partial, served: Batches) -> int:
+        """When all batches can have been served, with what follows the last; who is inside may join a period under way."""
+        pairs = zip(served.stages, served.entries, strict=True)
+        waiting = [
+            (stage, entry in partial.starts) for stage, entry in pairs if stage.name not in partial.starts
+        ]
+        standing = partial.devices[served.device]
+        joining = standing.setting == served.setting and standing.until > standing.since
+        left = [(stage, inside) for stage, inside in waiting if not (joining and inside)]
+        if not left:
+            return 0
+        tail = min(self.lags.tails[stage.name] - stage.duration for stage, _ in left)
+        now = max(standing.until, min(self.lags.heads[stage.name] for stage, _ in left))
+        come = sum(inside for _, inside in left)
+        gap = served.away + (served.entry if come == 0 else 0) if joining else 0
+        return now + gap + served.least([stage.duration for stage, _ in left], come) + tail
 
     def _free(self, partial: Partial, stage: Stage) -> int:
         """When the resources of a stage are free and where it starts; 0 for one that is taken for an unknown time."""

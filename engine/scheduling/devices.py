@@ -11,6 +11,7 @@ from itertools import pairwise
 from ortools.sat.python.cp_model import IntVar
 
 from engine.model.jobs import Change, Device, Need
+from engine.scheduling.batches import batches
 from engine.scheduling.model import Model, Work
 
 
@@ -54,6 +55,7 @@ def _add(model: Model, device: Device) -> Periods:
         model.cp.add_implication(second.present, first.present)
     needs = tuple((stage, need, _place(model, stage, need, periods)) for stage, need in wanted)
     _add_use(model, device, periods, [found for _, _, found in needs])
+    _add_batches(model, device, len(periods), needs)
     return Periods(device, tuple(periods), needs)
 
 
@@ -139,3 +141,18 @@ def _add_use(model: Model, device: Device, periods: list[Period], needs: list[di
         if device.final:
             following = [each.present for each in periods[number + 1 : number + 2]]
             model.cp.add_bool_or([*final, *following, *absent])
+
+
+def _add_batches(
+    model: Model, device: Device, periods: int, needs: tuple[tuple[str, Need, dict[int, IntVar]], ...]
+) -> None:
+    """No more stages in one period than there is room for (implied, but not seen by the solver)."""
+    for served in (each for each in batches(model.lags) if each.device == device.name):
+        members = {stage.name for stage in served.stages}
+        for number in range(periods):
+            inside = [
+                places[number]
+                for stage, need, places in needs
+                if stage in members and need.setting == served.setting and number in places
+            ]
+            model.cp.add(sum(inside) <= served.most)
