@@ -43,7 +43,7 @@ class Batches:
         served = sum(longest[:: self.most])
         for periods in range(fewest, number + 1):
             together = max(0, number - inside - periods) * self.apart
-            times.append(served + (periods - 1) * (self.away + self.entry) + together)
+            times.append(served + max(0, periods - 1) * (self.away + self.entry) + together)
             served += min(longest, default=0)
         return min(times, default=0)
 
