@@ -23,7 +23,7 @@ from kb.store import Library
 from kb.terms import ordered
 
 LARGEST = 100  # steps of a composed plan that is learned as a whole
-DEARER = 1.05  # of what the planner's plan costs, and lasts, a composed one may
+DEARER, LONGER = 1.05, 1.1  # of what the planner's plan costs, and lasts, a composed one may
 
 
 @dataclass(frozen=True, slots=True)
@@ -206,5 +206,5 @@ def _pays(composed: Outcome, composing: float, rival: Outcome, planning: float) 
     if not isinstance(rival, Found) or not isinstance(composed, Found):
         return True
     cost, other = composed.plan.cost, rival.plan.cost
-    longer = makespan(composed.plan) > DEARER * makespan(rival.plan)
+    longer = makespan(composed.plan) > LONGER * makespan(rival.plan)
     return cost <= DEARER * other and not longer and (composing <= planning or cost < other)
