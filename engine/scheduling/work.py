@@ -10,7 +10,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
-from engine.model.jobs import Hold, Job, Moment, Resource, Shop, Stage, Window, in_order
+from engine.model.jobs import Hold, Job, Resource, Shop, Stage, Window, in_order
 from engine.model.task import Bits, GroundOperator, Task, bitset, indices
 from engine.scheduling.blocks import Block, arm_of, atoms_about, cut, mentions
 from engine.scheduling.detours import straightened
@@ -249,6 +249,3 @@ def _named(blocks: Sequence[Block]) -> dict[str, Block]:
 
 def _resources(holds: Sequence[Hold]) -> list[str]:
     return list(dict.fromkeys(hold.resource for hold in holds))
-
-
-__all__ = ["CellWork", "Moment", "Visit", "Wishes", "cell_work"]
