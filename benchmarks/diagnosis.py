@@ -192,7 +192,7 @@ def bases(problems: int, _: Path) -> tuple[list[Row], list[str]]:
                 costs = []
                 for seed in range(max(200, problems)):
                     world = HiddenWorld(model, Hypothesis((cause,)), random.Random(f"{cause} {seed}"))
-                    made = run(Session(model, exception), lambda action, _, w=world: w.answer(action.name))
+                    made = run(Session(model, exception), lambda action, _, w=world: w.respond(action))
                     costs.append(made.cost)
                     wrong += [cause] if made.hypotheses[0][0].causes != (cause,) or not made.isolated else []
                 mean += prior * statistics.mean(costs)

@@ -10,10 +10,11 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from engine import pipeline
+from engine.diagnosis.exact import Interrupted, never
 from engine.diagnosis.knowledge import CURED, NOT_CURED, Objective, no_setup
 from engine.diagnosis.revision import Binding, binding_of, bound, certainties, revised, revision
 from engine.diagnosis.selection import EXPANSIONS
-from engine.diagnosis.session import Answer, Session
+from engine.diagnosis.session import QUESTION, Answer, Session
 from engine.model.diagnosis import Setup
 from engine.model.faults import Diagnosis, Hypothesis, Revision
 from engine.model.outcome import Found, Outcome
@@ -169,8 +170,8 @@ class Desk:
 
     def says(self, name: str) -> str:
         """What people call a test or a repair."""
-        test = self.model.tests.get(name)
-        return test.say if test else self.model.repairs[name].say
+        found = self.model.tests.get(name) or self.model.repairs.get(name)
+        return found.say if found else ""
 
     def certainties(self, made: Diagnosis) -> dict[Atom, float]:
         """How certain the assertions are that some cause puts in doubt."""
@@ -178,7 +179,8 @@ class Desk:
 
     def revision(self, made: Diagnosis) -> Revision:
         """What the case changes in the world model."""
-        return revision(self.model, made, self.binding, made.cured)
+        repaired = made.cured if made.cured in self.model.repairs else None
+        return revision(self.model, made, self.binding, repaired)
 
     def recover(self, change: Revision) -> Recovery:
         """Plan on. Raises `InvalidInput` when the case has no problem."""
@@ -203,6 +205,7 @@ def desk(
     objective: str = "isolate",
     store: str = "",
     expansions: int = EXPANSIONS,
+    interrupted: Interrupted = never,
 ) -> Desk:
     """Open a case. With a problem as target, set-up is planned in it; a domain alone has none. Raises `InvalidInput`."""
     loaded = load(find(target))
@@ -215,7 +218,7 @@ def desk(
     if store:
         with Cases(store) as cases:
             counted = counts(counted, cases.history(model.domain, exception))
-    session = Session(model, exception, Objective(objective), counted, setup, expansions)
+    session = Session(model, exception, Objective(objective), counted, setup, expansions, interrupted)
     return Desk(model, session, binding, loaded.problem)
 
 
@@ -246,6 +249,9 @@ def scripted(found: Desk, text: str) -> Answer:
     given: dict[str, str] = {}
     for part in filter(None, (each.strip() for each in text.split(","))):
         name, _, outcome = (each.strip() for each in part.partition("="))
+        if name == QUESTION:
+            given[name] = outcome
+            continue
         if name not in known:
             raise InvalidInput([unknown_name("test or repair", name, known, Source("--outcomes"))])
         possible = found.model.tests[name].outcomes if name in found.model.tests else (CURED, NOT_CURED)

@@ -8,7 +8,7 @@ import typer
 
 from engine.cli.answers import Answer, Form, give
 from engine.cli.exits import GAVE_UP
-from engine.cli.options import Expansions, Seed, Target
+from engine.cli.options import Expansions, Seed, Target, TimeLimit
 
 if TYPE_CHECKING:
     from engine.diagnosis.session import Answer as Answerer
@@ -63,6 +63,7 @@ def diagnose(
         DiagnosisForm.TEXT
     ),
     expansions: Expansions = 200_000,
+    time_limit: TimeLimit = None,
     seed: Seed = 0,
 ) -> None:
     """Find what is behind an exception of TARGET: ask for outcomes, take them from a list, or print the whole tree."""
@@ -73,14 +74,16 @@ def diagnose(
         raise typer.BadParameter("--exception names what happened")
 
     def make() -> Answer:
+        from engine.cli.interruption import Interruption
         from engine.troubleshooting import desk
 
-        found = desk(target, exception, step, objective.value, store, expansions)
-        if tree:
-            return _tree(found, format is DiagnosisForm.SVG)
-        if explain and not (outcomes or hidden):
-            return _explained(found.session)
-        return _case(found, _answerer(found, outcomes, hidden, seed, explain), recover, store)
+        with Interruption(time_limit) as interrupted:
+            found = desk(target, exception, step, objective.value, store, expansions, interrupted)
+            if tree:
+                return _tree(found, format is DiagnosisForm.SVG)
+            if explain and not (outcomes or hidden):
+                return _explained(found.session)
+            return _case(found, _answerer(found, outcomes, hidden, seed, explain), recover, store)
 
     give(make, form)
 
@@ -135,7 +138,7 @@ def _answerer(found: "Desk", outcomes: str, hidden: str, seed: int, explain: boo
         import random
 
         world = HiddenWorld(found.model, hidden_hypothesis(found, hidden), random.Random(seed))
-        return lambda action, _advice: world.answer(action.name)
+        return lambda action, _advice: world.respond(action)
     return _asking(found, explain)
 
 
@@ -151,7 +154,9 @@ def _asking(found: "Desk", explain: bool) -> "Answerer":
 
     def ask(action: "Action", advice: "Advice") -> str | None:
         session = found.session
-        if explain:
+        if advice.action is None:
+            console.print(found.session.diagnosis().question_text, markup=False)
+        elif explain:
             console.print(report.reasons(session.case.problem, advice, _compared(session, advice)))
         else:
             console.print(report.belief([(str(h), p) for h, p in session.belief()]))

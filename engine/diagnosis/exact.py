@@ -4,6 +4,7 @@ Values are weighted with the probability of what was seen so far.
 """
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Protocol
 
@@ -13,13 +14,22 @@ from engine.diagnosis import arrays
 from engine.diagnosis.arrays import Floats
 from engine.diagnosis.kernels import belief, dense, partition
 from engine.diagnosis.kernels.belief import Beliefs
-from engine.diagnosis.kernels.memo import BUDGET, EXPANSIONS, FULL, RUNNING, SPENT, STATUS, Memo, grown, memo
+from engine.diagnosis.kernels.memo import BUDGET, EXPANSIONS, FULL, RUNNING, STATUS, Memo, grown, memo
 from engine.diagnosis.kernels.partition import Partition
 from engine.model.diagnosis import Troubleshooting
 
 FIRST_LENGTH = 1 << 14
 CHEAPER = 8  # a state met in passing costs about as much as an eighth of an expansion
 MOST_STATES = 8_000_000
+
+
+SLICE = 20_000  # expansions between two questions whether to stop
+Interrupted = Callable[[], bool]
+
+
+def never() -> bool:
+    """Nobody interrupts."""
+    return False
 
 
 class Searcher(Protocol):
@@ -68,17 +78,22 @@ class BranchAndBound:
 
     beliefs: Beliefs
     partition: Partition | None
+    interrupted: Interrupted = never
     table: Memo = field(default_factory=lambda: memo(FIRST_LENGTH, 0))
 
     def value(self, weights: Floats, rest: int, limit: float, expansions: int) -> tuple[float, bool]:
         """As the protocol says."""
-        self.table.counts[BUDGET] = self.spent + expansions
+        last = self.spent + expansions
         while True:
+            self.table.counts[BUDGET] = min(last, self.spent + SLICE)
             self.table.counts[STATUS] = RUNNING
             found = self._solve(weights, rest, limit)
-            if self.table.counts[STATUS] != FULL:
-                return found, bool(self.table.counts[STATUS] != SPENT and found < limit)
-            self.table = grown(self.table)
+            if self.table.counts[STATUS] == RUNNING:
+                return found, found < limit
+            if self.table.counts[STATUS] == FULL:
+                self.table = grown(self.table)
+            elif self.spent >= last or self.interrupted():
+                return found, False
 
     def estimate(self, action: int, weights: Floats, rest: int) -> float:
         """As the protocol says."""
@@ -147,11 +162,11 @@ class Table:
         return int(np.argmax(sure)) + 1 if sure.any() else 0
 
 
-def searcher(problem: Troubleshooting, expansions: int) -> Searcher:
+def searcher(problem: Troubleshooting, expansions: int, interrupted: Interrupted = never) -> Searcher:
     """The search that suits a problem, knowing nothing yet."""
     beliefs, sets = arrays.beliefs(problem), arrays.partition(problem)
     states = math.prod(len(action.outcomes) + 1 for action in problem.actions) * len(beliefs.costs)
     open_ended = 2 * sum(not action.certain for action in problem.actions) >= len(problem.actions)
     if sets is None and open_ended and states <= min(MOST_STATES, CHEAPER * expansions):
         return Table(beliefs, problem)
-    return BranchAndBound(beliefs, sets)
+    return BranchAndBound(beliefs, sets, interrupted)

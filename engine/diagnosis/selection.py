@@ -12,7 +12,7 @@ import numpy as np
 
 from engine.diagnosis import arrays
 from engine.diagnosis.arrays import Floats
-from engine.diagnosis.exact import Searcher, begun, searcher
+from engine.diagnosis.exact import Interrupted, Searcher, begun, never, searcher
 from engine.diagnosis.kernels import belief, rollout
 from engine.diagnosis.kernels.memo import FULL, RUNNING, STATUS, Memo, memo
 from engine.model.diagnosis import Advice, Conclude, Standing, Tree, Troubleshooting, Try
@@ -29,10 +29,11 @@ class Selector:
 
     problem: Troubleshooting
     expansions: int = EXPANSIONS
+    interrupted: Interrupted = never
     exact: Searcher = field(init=False)
 
     def __post_init__(self) -> None:
-        self.exact = searcher(self.problem, self.expansions)
+        self.exact = searcher(self.problem, self.expansions, self.interrupted)
         self.groups = arrays.groups(self.problem)
         self._bases = (memo(1 << 12, 0), memo(1 << 12, 0), memo(1 << 12, 0))
         self._followed: dict[int, Memo] = {}

@@ -6,7 +6,10 @@ A session decides nothing by itself about the world: who answers is passed in, b
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 
+import numpy as np
+
 from engine.diagnosis.arrays import Floats
+from engine.diagnosis.exact import Interrupted, never
 from engine.diagnosis.knowledge import Objective, PlanSetup, case_of, no_setup, open_case
 from engine.diagnosis.multiple import explanations
 from engine.diagnosis.selection import EXPANSIONS, Selector
@@ -17,6 +20,7 @@ from kb.model.faults import FaultModel
 Answer = Callable[[Action, Advice], str | None]
 """The outcome of an action; None to end the session."""
 MOST_ANSWERS = 4
+QUESTION, PUT_RIGHT, A_PERSON = "question", "yes", "a person"
 
 
 @dataclass
@@ -29,6 +33,7 @@ class Session:
     counts: Mapping[str, float] | None = None
     setup: PlanSetup = no_setup
     expansions: int = EXPANSIONS
+    interrupted: Interrupted = never
     stages: list[Stage] = field(default_factory=list)
     cured: str | None = None
     ended: Floats | None = None
@@ -38,7 +43,7 @@ class Session:
 
     def _take(self, case: Case, situation: int = 0) -> None:
         self.case = case
-        self.selector = Selector(case.problem, self.expansions)
+        self.selector = Selector(case.problem, self.expansions, self.interrupted)
         self.standing: Standing = self.selector.start(situation)
 
     def belief(self) -> tuple[tuple[Hypothesis, float], ...]:
@@ -79,13 +84,26 @@ class Session:
         case = case_of(self.model, self.exception, hypotheses, weights, self.objective, self.setup, done)
         self._take(case, situation if case.problem.setup else 0)
 
+    def reply(self, answer: str) -> None:
+        """Take in what a person answered to the question of `diagnosis`: an observation like any other."""
+        belief = self.belief()
+        before = tuple((str(h), p) for h, p in belief)
+        cost = float(self.model.stop)
+        advice = Advice(None, None, cost, cost, True)
+        self.stages.append(Stage(before, advice, Observation(QUESTION, answer), cost))
+        if answer == PUT_RIGHT:
+            self.cured = A_PERSON
+        named = np.array([str(hypothesis) == answer for hypothesis in self.case.hypotheses])
+        if named.any():
+            self.ended = self.selector.weights(self.standing) * named
+
     def diagnosis(self) -> Diagnosis:
         """How the case stands."""
         belief = self.belief()
         cost = sum(stage.cost for stage in self.stages)
         isolated = len({h.causes for h, _ in belief}) == 1
         repairs = () if self.cured else self._repairs(belief)
-        question = None if self.cured or repairs else self._question(belief)
+        question = None if self.cured or repairs or self._answered(belief) else self._question(belief)
         stages = tuple(self.stages)
         return Diagnosis(self.exception, stages, belief, cost, isolated, self.cured, repairs, question)
 
@@ -103,7 +121,15 @@ class Session:
             sorted(serving, key=lambda name: (-round(served[name], 9), self.model.repairs[name].cost))
         )
 
+    def _answered(self, belief: tuple[tuple[Hypothesis, float], ...]) -> bool:
+        """Whether a person was asked this before: what is the matter, or whether it has been put right."""
+        last = self.stages[-1].observed if self.stages else Observation("", "")
+        return last.action == QUESTION and (len(belief) > 1 or last.outcome == "no")
+
     def _question(self, belief: tuple[tuple[Hypothesis, float], ...]) -> Question:
+        if len(belief) == 1:
+            said = "; ".join(self.model.causes[cause].say or cause for cause in belief[0][0].causes)
+            return Question(f"{said}: has it been put right?", (PUT_RIGHT, "no"))
         likely = [str(h) for h, _ in belief[: MOST_ANSWERS - 1]]
         said = self.model.exceptions[self.exception].say or self.exception
         return Question(f"{said}: what is the matter?", (*likely, "something else"))
@@ -113,7 +139,21 @@ def run(session: Session, answer: Answer) -> Diagnosis:
     """Ask until the case is decided, nothing is left to ask, or nobody answers."""
     for _ in steps(session, answer):
         pass
-    return session.diagnosis()
+    made = session.diagnosis()
+    while made.question is not None:
+        said = answer(_asked(session, made.question), Advice(None, None, 0.0, 0.0, True))
+        if said not in made.question.answers:
+            break
+        session.reply(str(said))
+        made = session.diagnosis()
+    return made
+
+
+def _asked(session: Session, question: Question) -> Action:
+    """The question as an action of which only the answers matter."""
+    share = 1.0 / len(question.answers)
+    rows = tuple((share,) * len(session.case.hypotheses) for _ in question.answers)
+    return Action(QUESTION, float(session.model.stop), question.answers, rows)
 
 
 def steps(session: Session, answer: Answer) -> Iterator[Stage]:

@@ -5,6 +5,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from engine.diagnosis.knowledge import CURED, NOT_CURED, cure_chance, likelihood
+from engine.model.diagnosis import Action
 from engine.model.faults import Hypothesis
 from kb.model.faults import FaultModel
 
@@ -24,6 +25,12 @@ class HiddenWorld:
             distribution = self._distribution(name)
             self.answered[name] = self.chance.choices(list(distribution), list(distribution.values()))[0]
         return self.answered[name]
+
+    def respond(self, action: Action) -> str:
+        """The outcome of an action of a case; to the question of a safe stop, the truth."""
+        if action.name in self.model.tests or action.name in self.model.repairs:
+            return self.answer(action.name)
+        return str(self.hidden) if str(self.hidden) in action.outcomes else action.outcomes[-1]
 
     def _distribution(self, name: str) -> Mapping[str, float]:
         if name in self.model.repairs:

@@ -63,6 +63,11 @@ class Diagnosis:
     question: "Question | None" = None
 
     @property
+    def question_text(self) -> str:
+        """What a person is asked, or nothing."""
+        return self.question.text if self.question else ""
+
+    @property
     def observations(self) -> tuple[Observation, ...]:
         """Everything observed, in order."""
         return tuple(stage.observed for stage in self.stages)

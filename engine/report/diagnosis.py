@@ -108,7 +108,8 @@ def case(
 def _ending(model: FaultModel, made: Diagnosis) -> list[str]:
     lines = []
     if made.cured:
-        lines.append(f"cured by {made.cured}: {model.repairs[made.cured].say}")
+        says = f": {model.repairs[made.cured].say}" if made.cured in model.repairs else ""
+        lines.append(f"cured by {made.cured}{says}")
     if made.isolated:
         lines.append(f"cause: {made.hypotheses[0][0]} ({_says(model, made)})")
     else:

@@ -20,7 +20,7 @@ from engine.diagnosis.kernels.memo import FULL, STATUS, Floats, Longs, Memo, ent
 
 Bases = tuple[Memo, Memo, Memo]
 
-GAIN, PAIRS, CURES, UNPREPARED = 0, 1, 2, 3
+GAIN, PAIRS, CURES, MILD = 0, 1, 2, 3
 
 
 @compiled
@@ -42,10 +42,13 @@ def uncertainty(weights: Floats, groups: Longs, rule: int) -> float:
 
 @compiled
 def index(problem: Beliefs, groups: Longs, action: int, weights: Floats, rest: int, rule: int) -> float:
-    """What a rule thinks of an action, per unit of cost; larger is better. `UNPREPARED` alone leaves set-up out."""
+    """What a rule thinks of an action, per unit of cost; larger is better.
+
+    `MILD` is gain that minds costs less: the square root of a cost or, where there is set-up, the cost without it.
+    """
     cost = problem.costs[situation_of(problem, rest), action]
-    if rule == UNPREPARED:
-        cost = problem.costs[:, action].min()
+    if rule == MILD:
+        cost = problem.costs[:, action].min() if problem.costs.shape[0] > 1 else np.sqrt(cost)
     left, ended = 0.0, 0.0
     for outcome in range(problem.masks.shape[1]):
         after = weights_after(problem, action, outcome, weights)
@@ -103,12 +106,10 @@ def follow(problem: Beliefs, groups: Longs, table: Memo, weights: Floats, rest: 
 
 @compiled
 def base_cost(problem: Beliefs, groups: Longs, bases: Bases, weights: Floats, rest: int) -> float:
-    """The cost of the cheapest of the base policies; that without set-up is of use only where there is some."""
+    """The cost of the cheapest of the base policies."""
     least = follow(problem, groups, bases[0], weights, rest, GAIN)
     least = min(least, follow(problem, groups, bases[1], weights, rest, PAIRS))
-    if problem.costs.shape[0] > 1:
-        least = min(least, follow(problem, groups, bases[2], weights, rest, UNPREPARED))
-    return float(least)
+    return float(min(least, follow(problem, groups, bases[2], weights, rest, MILD)))
 
 
 @compiled

@@ -9,7 +9,7 @@ from engine.diagnosis.knowledge import Objective, likelihood, open_case
 from engine.diagnosis.multiple import explanations
 from engine.diagnosis.revision import binding_of, certainties, revised, revision
 from engine.diagnosis.selection import Selector
-from engine.diagnosis.session import Session, run
+from engine.diagnosis.session import QUESTION, Session, run
 from engine.diagnosis.trees import simulated_cost
 from engine.diagnosis.world import HiddenWorld, draw_cause
 from engine.model.diagnosis import expected_cost
@@ -37,7 +37,7 @@ def step(text: str) -> Function:
 
 def diagnosed(model: FaultModel, exception: str, *hidden: str, seed: int = 0) -> Diagnosis:
     world = HiddenWorld(model, Hypothesis(hidden), random.Random(seed))
-    return run(Session(model, exception), lambda action, _: world.answer(action.name))
+    return run(Session(model, exception), lambda action, _: world.respond(action))
 
 
 @pytest.mark.parametrize(("domain", "exception", "cause"), RAISED)
@@ -48,7 +48,6 @@ def test_every_cause_is_isolated_from_every_exception_that_it_raises(
     assert made.isolated
     assert made.hypotheses == ((Hypothesis((cause,)), pytest.approx(1.0)),)
     assert bool(made.repairs) != MODELS[domain].causes[cause].stops
-    assert (made.question is None) == bool(made.repairs)
 
 
 @pytest.mark.parametrize("domain", MODELS)
@@ -128,7 +127,7 @@ def test_outcomes_of_several_causes_are_a_distribution() -> None:
 def test_a_repair_that_cures_ends_the_case() -> None:
     model = MODELS["themse"]
     world = HiddenWorld(model, Hypothesis(("arm_offset",)))
-    made = run(Session(model, "grip_failed", Objective.REPAIR), lambda a, _: world.answer(a.name))
+    made = run(Session(model, "grip_failed", Objective.REPAIR), lambda a, _: world.respond(a))
     assert made.cured == "reference_arm"
     assert made.hypotheses[0][0] == Hypothesis(("arm_offset",))
 
@@ -152,6 +151,42 @@ def test_the_isolated_cause_withdraws_and_the_others_restore() -> None:
     moved = revision(model, diagnosed(model, "implausible_value", "loose_cable"), binding)
     assert wet in dict(moved.restored)
     assert revised((wet,), moved) == (wet,)
+
+
+def stopped(*answers: str) -> Diagnosis:
+    """A case of a cause that nobody in the cell can repair, and what the person answers who is asked."""
+    model, replies = MODELS["bulkhead"], iter(answers)
+    world = HiddenWorld(model, Hypothesis(("rough_surface",)))
+    session = Session(model, "implausible_value")
+    return run(session, lambda a, _: next(replies, None) if a.name == QUESTION else world.respond(a))
+
+
+def test_where_nothing_helps_a_person_is_asked_one_question() -> None:
+    made = stopped()
+    assert made.repairs == ()
+    assert made.question is not None
+    assert 2 <= len(made.question.answers) <= 4
+
+
+def test_the_answer_of_a_person_is_an_observation_like_any_other() -> None:
+    assert stopped("yes").cured
+    assert stopped("yes").observations[-1] == Observation(QUESTION, "yes")
+    assert stopped("no").cured is None
+    assert stopped("no").question is None
+
+
+def test_an_answer_among_several_causes_settles_which() -> None:
+    session = Session(MODELS["themse"], "drawer_does_not_close")
+    session.reply("probe_fallen")
+    made = session.diagnosis()
+    assert made.hypotheses == ((Hypothesis(("probe_fallen",)), pytest.approx(1.0)),)
+
+
+def test_the_repair_that_serves_most_of_what_is_possible_comes_first() -> None:
+    model = MODELS["bulkhead"]
+    made = run(Session(model, "tool_not_held"), lambda a, _: "normal" if a.name == "read_pressure" else None)
+    assert not made.isolated
+    assert made.repairs[0] == "set_rack_right"
 
 
 def test_a_hidden_world_repeats_itself() -> None:
