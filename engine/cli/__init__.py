@@ -10,6 +10,7 @@ from engine.cli.diagnose import diagnose
 from engine.cli.explain import explain
 from engine.cli.export import export
 from engine.cli.golden import golden_plans
+from engine.cli.import_ import app as import_
 from engine.cli.init import init
 from engine.cli.macros import app as macros
 from engine.cli.plan import plan, validate
@@ -33,6 +34,7 @@ for command in (check, diagnose, explain, export, init, plan, prepare, revise, s
 app.command()(sequence)
 app.command("test")(golden_plans)
 app.add_typer(macros, name="macros")
+app.add_typer(import_, name="import")
 app.add_typer(cell, name="cell")
 
 

@@ -11,6 +11,7 @@ from engine.cli.exits import GAVE_UP, INFEASIBLE, INTERRUPTED
 from engine.cli.options import Seed, TimeLimit
 
 if TYPE_CHECKING:
+    from engine.inspection import Partition
     from engine.model.outcome import GaveUp, Infeasible
     from engine.model.tour import Tour, TourProblem
     from engine.sequencing import Limits
@@ -61,19 +62,18 @@ def _sequence(
         raise InvalidInput([Diagnostic(Source("--method"), "K401", f"no method '{method}'", hint)])
     with Interruption(effort[0]) as interrupted:
         limits = Limits(effort[1], effort[2], interrupted)
-        problem, answer = _solve(target, method, ends, limits)
-    return _answer(problem, answer, form, interrupted.heard)
+        problem, parts, answer = _solve(target, method, ends, limits)
+    return _answer(problem, parts, answer, form, interrupted.heard)
 
 
 def _solve(
     target: str, method: str, ends: tuple[bool | None, str, str], limits: "Limits"
-) -> "tuple[TourProblem, Tour | Infeasible | GaveUp]":
+) -> "tuple[TourProblem, Partition | None, Tour | Infeasible | GaveUp]":
     from dataclasses import replace
 
-    from engine.interop.tsplib import read_tsplib
     from engine.sequencing import sequence
 
-    problem = read_tsplib(Path(target))
+    problem, parts = _read(target)
     closed, start, end = ends
     problem = replace(
         problem,
@@ -81,7 +81,26 @@ def _solve(
         start=_named(problem, start, "--start"),
         end=_named(problem, end, "--end"),
     )
-    return problem, sequence(problem, limits, method)
+    return problem, parts, sequence(problem, limits, method)
+
+
+def _read(target: str) -> "tuple[TourProblem, Partition | None]":
+    """A TSPLIB instance, or the measurements of a problem with how tools part them."""
+    from engine.inspection import partition, tour_problem
+    from engine.interop.tsplib import read_tsplib
+    from kb.diagnostics import Diagnostic, InvalidInput, Source
+    from kb.files import is_file
+    from kb.loader import find, load
+
+    if is_file(Path(target)) and Path(target).suffix not in (".yaml", ".yml"):
+        return read_tsplib(Path(target)), None
+    problem = load(find(target)).problem
+    if problem is None:
+        raise InvalidInput(
+            [Diagnostic(Source(target), "K401", "this is a domain, not a problem", "name a problem")]
+        )
+    parts = partition(problem)
+    return tour_problem(problem, parts), parts
 
 
 def _named(problem: "TourProblem", name: str, option: str) -> int | None:
@@ -95,21 +114,30 @@ def _named(problem: "TourProblem", name: str, option: str) -> int | None:
 
 
 def _answer(
-    problem: "TourProblem", answer: "Tour | Infeasible | GaveUp", form: TourForm, heard: bool
+    problem: "TourProblem",
+    parts: "Partition | None",
+    answer: "Tour | Infeasible | GaveUp",
+    form: TourForm,
+    heard: bool,
 ) -> Answer:
+    from rich.console import Group
     from rich.text import Text
 
     from engine.model.tour import Tour
-    from engine.report import json, tour
+    from engine.report import inspection, json, tour
 
     if not isinstance(answer, Tour):
         code = INTERRUPTED if heard else INFEASIBLE if json.status(answer) == "infeasible" else GAVE_UP
         reason = answer.reason
         return Answer(json.status(answer), {"reason": reason}, lambda: Text(f"No tour: {reason}."), code)
+    content, shown = tour.entry(answer, problem), [tour.text(answer, problem)]
+    if parts is not None:
+        content["partition"] = inspection.entry(parts)
+        shown.insert(0, inspection.parts(parts))
     return Answer(
         "optimal" if answer.proved else "found",
-        tour.entry(answer, problem),
-        lambda: tour.text(answer, problem),
+        content,
+        lambda: Group(*shown),
         INTERRUPTED if heard else 0,
         raw=tour.svg(answer, problem) if form is TourForm.SVG else None,
     )

@@ -162,7 +162,7 @@ def _bounded(problem: TourProblem, made: Tour, cost: Longs, extra: int, limits: 
 
     upper = made.cost - extra
     provable = len(problem.visits) <= PROVABLE or made.method == "exact"
-    lower, penalties = symmetric.bound(_narrow(cost), upper, 2000 if provable else symmetric.STEPS)
+    lower, penalties = symmetric.bound(_narrow(cost), upper, 2000 if provable else 0)
     made = replace(made, lower_bound=max(0, min(lower + extra, made.cost)))
     if made.proved or not provable or made.method == "chain1987" or limits.interrupted() or not limits.proof:
         return made

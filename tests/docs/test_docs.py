@@ -22,6 +22,7 @@ DOMAIN = """(define (domain shelf) (:predicates (at ?x) (on ?x))
   (:action lift :parameters (?x) :precondition (at ?x) :effect (and (on ?x) (not (at ?x)))))
 """
 PROBLEM = "(define (problem one) (:domain shelf) (:objects box) (:init (at box)) (:goal (on box)))\n"
+POINTS = "name,x,y,z,nx,ny,nz\na,0,0,0,0,0,1\nb,9,0,0,0,0,1\n"
 SQUARE = """NAME: square
 TYPE: TSP
 DIMENSION: 4
@@ -42,6 +43,7 @@ PLACEHOLDERS = {
     "DOMAIN": "shelf.pddl",
     "PROBLEM": "box.pddl",
     "INSTANCE": "square.tsp",
+    "POINTS": "points.csv",
 }
 ANSWERS = {0, exits.INFEASIBLE}
 
@@ -71,6 +73,7 @@ def desk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     (tmp_path / "box.pddl").write_text(PROBLEM)
     (tmp_path / "plan.ipc").write_text("(lift box)\n")
     (tmp_path / "square.tsp").write_text(SQUARE)
+    (tmp_path / "points.csv").write_text(POINTS)
     run(f"cellwright export pddl {PLACEHOLDERS['TARGET']} --output exported")
     planned = run("cellwright plan --pddl exported/domain.pddl exported/problem.pddl --format ipc")
     (tmp_path / "exported.ipc").write_text(planned.stdout)

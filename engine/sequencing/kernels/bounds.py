@@ -81,7 +81,7 @@ def ascend(cost: Ints, penalty: Floats, upper: float, steps: int, size: float) -
     degree, parent = np.zeros(n, np.int32), np.zeros(n, np.int32)
     last = np.zeros(n)
     best, kept = -np.inf, penalty.copy()
-    patience, waited = max(10, n // 10), 0
+    patience, waited = max(5, steps // 20), 0
     for step in range(steps):
         bound = one_tree(cost, penalty, degree, parent)
         waited += 1

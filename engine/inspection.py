@@ -1,0 +1,123 @@
+"""From features to tours: files become problems, rules part the measurements by tool, the sequencer orders them.
+
+A domain of this kind derives `chosen(Tool, Measurement)`, and `refused(Tool, Measurement, Why)` for what a tool that
+would fit cannot do; `position(Measurement, X, Y, Z)` is given in micrometres, `change(Tool, Other, Way)` as a way.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from engine.interop.measurements import all_facts, names, problem_text, read_table
+from engine.interop.qif import inspection_of
+from engine.model.measurement import Inspection
+from engine.model.tour import TourProblem, Visit
+from kb.asp import Grounder, ground_term
+from kb.asp.vocabulary import static_program
+from kb.diagnostics import Diagnostic, InvalidInput, Source
+from kb.loader import find, load
+from kb.model.domain import Domain
+from kb.model.problem import Problem
+from kb.terms import Function, Number, Term, Text
+
+MEASUREMENT = "measurement"
+NO_TOOL = "no tool takes a measurement of this kind"
+NO_POSITION = "its position is not known"
+
+
+@dataclass(frozen=True, slots=True)
+class Partition:
+    """The measurements of a problem: by tool what is to be done, what is done, and what is impossible, with the reason."""
+
+    groups: Mapping[str, tuple[str, ...]]
+    done: tuple[str, ...]
+    impossible: Mapping[str, str]
+
+
+def partition(problem: Problem) -> Partition:
+    """Which tool takes which measurement, by the rules of the domain. Raises `InvalidInput`."""
+    if "chosen" not in problem.domain.predicates:
+        hint = "declare the statics chosen(tool, measurement) and refused(tool, measurement, text), as bulkhead does"
+        raise InvalidInput([Diagnostic(Source(problem.path), "K401", "the domain chooses no tools", hint)])
+    grounder = _grounded(problem)
+    objects = {**problem.domain.objects, **problem.objects}
+    measurements = [name for name, type_ in objects.items() if type_ == MEASUREMENT]
+    chosen = {
+        str(name): str(tool) for tool, name in sorted(grounder.atoms("chosen", 2), key=str, reverse=True)
+    }
+    reasons = _reasons(grounder)
+    measured = {str(fact.arguments[-1]) for fact in problem.initial if fact.name == "measured"}
+    done = tuple(name for name in measurements if f"meas({name})" in measured)
+    left = [name for name in measurements if name not in set(done)]
+    located = {str(name) for name, *_ in grounder.atoms("position", 4)}
+    tools = sorted({chosen[name] for name in left if name in chosen})
+    groups = {tool: tuple(n for n in left if chosen.get(n) == tool and n in located) for tool in tools}
+    impossible = {
+        name: NO_POSITION if name in chosen else "; ".join(reasons.get(name, [NO_TOOL]))
+        for name in left
+        if name not in chosen or name not in located
+    }
+    return Partition({tool: names for tool, names in groups.items() if names}, done, impossible)
+
+
+def _grounded(problem: Problem) -> Grounder:
+    grounder = Grounder()
+    grounder.ground(static_program(problem))
+    return grounder
+
+
+def _reasons(grounder: Grounder) -> dict[str, list[str]]:
+    """For each measurement why it cannot be made: what its file says, else what each tool that would fit says."""
+    found = {str(name): [_plain(why)] for name, why in grounder.atoms("impossible", 2)}
+    told: dict[str, list[str]] = {}
+    for name, tool, why in sorted((str(m), str(t), _plain(w)) for t, m, w in grounder.atoms("refused", 3)):
+        told.setdefault(name, []).append(f"{tool} is {why}")
+    return told | found
+
+
+def _plain(term: Term) -> str:
+    return term.value if isinstance(term, Text) else str(term)
+
+
+def tour_problem(problem: Problem, parts: Partition) -> TourProblem:
+    """All measurements that a tool takes, by straight lines in micrometres, changes of tools as the domain says."""
+    grounder = _grounded(problem)
+    where = {
+        str(name): tuple(_number(each) * 1e-6 for each in at) for name, *at in grounder.atoms("position", 4)
+    }
+    changes = {(str(a), str(b)): int(_number(way)) for a, b, way in grounder.atoms("change", 3)}
+    visits = tuple(Visit(name, where[name], tool) for tool, names in parts.groups.items() for name in names)
+    places = np.array([visit.position for visit in visits], float).reshape(-1, 3)
+    travel = (
+        np.stack([np.linalg.norm(places - place, axis=1) for place in places]) if visits else np.zeros((0, 0))
+    )
+    return TourProblem(
+        problem.name, visits, np.rint(travel * 1e6).astype(np.int64), closed=False, changes=changes, unit="µm"
+    )
+
+
+def _number(term: Term) -> float:
+    return term.value if isinstance(term, Number) else 0.0
+
+
+def import_file(path: Path, domain: str, unit: str = "mm") -> tuple[Inspection, Partition, str]:
+    """What a QIF document or a CSV table asks to measure, how it is parted, and the text of a problem.
+
+    The goals are the measurements that some tool can make. Raises `InvalidInput`.
+    """
+    inspection = read_table(path, unit) if path.suffix.lower() == ".csv" else inspection_of(path)
+    parts = partition(_problem(inspection, load(find(domain)).domain))
+    possible = (name for names in parts.groups.values() for name in names)
+    return inspection, parts, problem_text(inspection, domain, sorted(possible))
+
+
+def _problem(inspection: Inspection, domain: Domain) -> Problem:
+    facts = (ground_term(fact) for fact in all_facts(inspection))
+    return Problem(
+        inspection.name,
+        domain,
+        dict.fromkeys(names(inspection), MEASUREMENT),
+        tuple(fact for fact in facts if isinstance(fact, Function)),
+    )

@@ -1,0 +1,60 @@
+"""Features of a part, and the points at which they are measured. Metres and radians, in the frame of the part."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+Triple = tuple[float, float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class Feature:
+    """A feature as it is drawn: its kind, sizes by name, and where it is.
+
+    `tolerances` has the width of the narrowest tolerance zone for each kind of characteristic. `along` is the axis, the
+    normal or the line's direction; `across` a direction at right angles to it, from which `sweep` (rad) counts.
+    """
+
+    name: str
+    kind: str
+    position: Triple
+    along: Triple
+    across: Triple | None = None
+    sweep: tuple[float, float] | None = None
+    sizes: Mapping[str, float] = field(default_factory=dict)
+    outline: tuple[Triple, ...] = ()
+    internal: bool = False
+    tolerances: Mapping[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class MeasurementPoint:
+    """Where a tool measures: `normal` points away from the material; `bore_m` is the width of the hole it lies in.
+
+    `kind` is what is needed of the tool (thickness, profile); `tolerance_m` is the width of the zone to be shown.
+    """
+
+    name: str
+    feature: str
+    kind: str
+    position: Triple
+    normal: Triple
+    tolerance_m: float | None = None
+    bore_m: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Excluded:
+    """A feature that gets no points, and why."""
+
+    feature: str
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
+class Inspection:
+    """What is to be measured of a part."""
+
+    name: str
+    points: tuple[MeasurementPoint, ...]
+    excluded: tuple[Excluded, ...] = ()
+    features: int = 0

@@ -1,0 +1,111 @@
+"""From files to tours: tables, the partition by tool, and the commands."""
+
+import json
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from engine.cli import app
+from engine.inspection import import_file, partition, tour_problem
+from engine.interop.measurements import read_table
+from kb.diagnostics import InvalidInput
+from kb.loader import load
+
+TABLE = """name,x,y,z,nx,ny,nz,kind,tolerance,bore
+a,0,0,0,0,0,1,profile,0.5,
+b,10,0,0,0,0,2,profile,,
+c,20,0,0,0,0,1,thickness,0.5,
+d,30,0,0,0,0,1,profile,0.001,
+e,40,0,0,0,0,1,profile,,1
+g,50,0,0,0,0,1,thickness,,
+"""
+
+
+@pytest.fixture
+def table(tmp_path: Path) -> Path:
+    file = tmp_path / "points.csv"
+    file.write_text(TABLE)
+    return file
+
+
+def run(*arguments: str) -> tuple[int, str]:
+    result = CliRunner().invoke(app, arguments)
+    return result.exit_code, result.stdout
+
+
+def imported(table: Path) -> Path:
+    file = table.with_suffix(".yaml")
+    assert run("import", "qif", str(table), "--output", str(file))[0] == 0
+    return file
+
+
+def test_rules_say_which_tool_measures_what_and_why_the_rest_cannot_be_measured(table: Path) -> None:
+    _, parts, _ = import_file(table, "bulkhead")
+    assert dict(parts.groups) == {"slra": ("a", "b"), "us_probe": ("c", "g")}
+    assert dict(parts.impossible) == {
+        "d": "slra is too coarse for the tolerance",
+        "e": "slra is too broad for the bore",
+    }
+
+
+def test_what_is_imported_is_read_again_as_it_was_parted(table: Path) -> None:
+    _, parts, _ = import_file(table, "bulkhead")
+    problem = load(imported(table)).problem
+    assert problem is not None
+    assert partition(problem) == parts
+
+
+def test_a_tool_that_is_not_available_and_what_is_done_stand_apart(table: Path) -> None:
+    file = imported(table)
+    text = file.read_text().replace("statics:\n", "statics:\n  - unavailable(us_probe)\n")
+    file.write_text(text + "initial:\n  - measured(slra, t3_746, meas(a))\n")
+    problem = load(file).problem
+    assert problem is not None
+    parts = partition(problem)
+    assert (dict(parts.groups), parts.done) == ({"slra": ("b",)}, ("a",))
+    assert parts.impossible["c"] == "us_probe is not available"
+
+
+def test_changes_of_tools_cost_what_the_domain_says(table: Path) -> None:
+    problem = load(imported(table)).problem
+    assert problem is not None
+    tours = tour_problem(problem, partition(problem))
+    names = [visit.name for visit in tours.visits]
+    assert tours.travel[names.index("a"), names.index("b")] == 10_000
+    assert tours.arcs[names.index("a"), names.index("c")] == 20_000 + 2_000_000
+
+
+def test_a_problem_is_sequenced_tool_by_tool(table: Path) -> None:
+    code, out = run("sequence", str(imported(table)), "--format", "json")
+    answer = json.loads(out)["data"]
+    assert (code, answer["cost"]) == (0, 2_000_000 + 30_000 + 30_000 - 10_000)
+    assert sorted(answer["tools"]) in (answer["tools"], answer["tools"][::-1])
+    assert set(answer["partition"]["impossible"]) == {"d", "e"}
+
+
+def test_inches_of_a_table_are_inches(table: Path) -> None:
+    assert read_table(table, "in").points[1].position[0] == pytest.approx(0.254)
+    assert read_table(table, "mm").points[1].normal == (0, 0, 1)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("b,10", "b,ten", "'ten' is no number"),
+        ("b,10", "a,10", "'a' is there twice"),
+        ("b,10", "B 1,10", "is no name"),
+        ("b,10", "b,nan", "not finite"),
+        ("0,0,2,profile", "0,0,0,profile", "no length"),
+        ("name,x", "name,u", "no column 'x'"),
+    ],
+)
+def test_what_is_wrong_in_a_table_is_said(table: Path, old: str, new: str, said: str) -> None:
+    table.write_text(TABLE.replace(old, new))
+    with pytest.raises(InvalidInput) as caught:
+        read_table(table)
+    assert said in str(caught.value)
+
+
+def test_a_domain_that_chooses_no_tools_is_refused(table: Path) -> None:
+    assert run("import", "qif", str(table), "--domain", "themse")[0] == 2
