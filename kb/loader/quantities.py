@@ -88,7 +88,7 @@ class Quantities:
 
     def shape(self, node: Node) -> Shape | None:
         """The one shape among the keys of a mapping; None when there is none or more than one, which is noted."""
-        given = [key for key in node.value if key in _SHAPES]
+        given = [key for key in node.value if key in _SHAPES and child(node, key) is not None]
         if len(given) != 1:
             said = "two shapes in one entry" if given else "an entry without a shape"
             self.findings.add(node.where, "K005", said, f"give exactly one of: {', '.join(_SHAPES)}")

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from engine.geometry import transforms
@@ -71,6 +71,7 @@ def test_shapes_hold_what_their_definition_does(a: float, b: float, c: float) ->
     assert not held[(round_ > 1.02 * a) | (z > b / 2 + 1e-9)].any()
 
 
+@settings(max_examples=30, deadline=None)
 @given(st.lists(st.lists(st.floats(0.1, 1.0), min_size=3, max_size=3), min_size=3, max_size=3))
 def test_a_height_field_holds_what_is_below_its_surface(heights: list[list[float]]) -> None:
     field = HeightField((0.5, 0.25), tuple(map(tuple, heights)), -0.2)
