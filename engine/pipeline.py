@@ -83,9 +83,12 @@ def plan(problem: Problem, limits: Limits = Limits()) -> Outcome:
 
 
 def accepted(problem: Problem, made: Plan) -> Plan:
-    """The plan, if the checker accepts it; as a sequence, if only the independence of its steps cannot be shown."""
+    """The plan, if the checker accepts it; as a sequence, if all that it cannot show is that some steps need no order.
+
+    Such steps may interfere, or reach the stages of a chain in another order than the plan means.
+    """
     wrong = validate(problem, made)
-    if wrong and all(each.code == "K503" for each in wrong):
+    if wrong and all(each.code in ("K503", "K506") for each in wrong):
         made = in_sequence(made)
         wrong = validate(problem, made)
     if wrong:

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 from engine.interop.pddl.export.conditions import Conditions, conjunction, disjunction
 from engine.interop.pddl.export.operators import FlatOperator, Operators
+from engine.interop.pddl.export.simplification import Simplifier
 from engine.interop.pddl.export.stages import Stages
-from engine.interop.pddl.export.types import TypedScopes
 from engine.interop.pddl.export.world import CHAIN, NUMERAL, WORDS, World
 from engine.model.task import Task
 from kb.model.conditions import (
@@ -61,10 +61,10 @@ def flattened(problem: Problem, task: Task) -> Flat:
     stages = Stages(world, conditions.fresh)
     operators = Operators(conditions, stages)
     origins = tuple(operators.flat(operator) for operator in problem.domain.operators)
-    scopes = TypedScopes(world)
-    made = (*(scopes.operator(each.operator) for each in origins), *stages.beginnings())
-    axioms = tuple(_axioms(conditions, scopes))
-    goal = scopes.condition(conjunction([conditions.flat(problem.goal), *stages.goals()]), {})
+    simplifier = Simplifier(world)
+    made = (*(simplifier.operator(each.operator) for each in origins), *stages.beginnings())
+    axioms = tuple(_axioms(conditions, simplifier))
+    goal = simplifier.condition(conjunction([conditions.flat(problem.goal), *stages.goals()]), {})
     names = frozenset(_predicates([*_conditions(made), *(axiom.condition for axiom in axioms), goal]))
     facts = dict.fromkeys((*operators.facts, *stages.facts(), *stages.initial(), *stages.waiting()))
     facts |= dict.fromkeys(_relations(conditions, world))
@@ -97,7 +97,7 @@ def _types(world: World) -> dict[str, str]:
     return found | {NUMERAL: OBJECT, WORDS: OBJECT, CHAIN: OBJECT}
 
 
-def _axioms(conditions: Conditions, scopes: TypedScopes) -> Iterator[Axiom]:
+def _axioms(conditions: Conditions, simplifier: Simplifier) -> Iterator[Axiom]:
     for name in sorted(conditions.recursive):
         types = conditions.world.signature(name)
         parameters = tuple(Parameter(conditions.fresh.variable("x"), type_) for type_ in types)
@@ -106,7 +106,7 @@ def _axioms(conditions: Conditions, scopes: TypedScopes) -> Iterator[Axiom]:
         condition = disjunction(conditions.body(rule, arguments) for rule in rules)
         declared = tuple(map(conditions.declared, parameters))
         known = {parameter.variable: parameter.type for parameter in declared}
-        yield Axiom(name, declared, scopes.condition(condition, known))
+        yield Axiom(name, declared, simplifier.condition(condition, known))
 
 
 def _relations(conditions: Conditions, world: World) -> Iterator[Atom]:

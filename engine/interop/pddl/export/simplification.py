@@ -1,18 +1,33 @@
-"""Conditions that a declared type says already are left out."""
+"""What need not be said is left out: types that are declared, and exceptions from deletes of what is added at once.
 
-from collections.abc import Iterable, Mapping
+The fewer conditional effects, the more planners and heuristics there are that take the export.
+"""
+
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import replace
 
 from engine.interop.pddl.export.conditions import FALSE, conjunction, disjunction, negation
 from engine.interop.pddl.export.world import World
-from kb.model.conditions import TRUE, And, Condition, Exists, ForAll, Literal, Not, Or, Parameter
+from kb.model.conditions import (
+    TRUE,
+    And,
+    Comparison,
+    Condition,
+    Exists,
+    ForAll,
+    Literal,
+    Not,
+    Or,
+    Parameter,
+    goal_parts,
+)
 from kb.model.domain import Effect, Operator
-from kb.terms import Function, Variable
+from kb.terms import Atom, Function, Variable, substitute_atom
 
 Scope = Mapping[Variable, str]
 
 
-class TypedScopes:
+class Simplifier:
     """Simplifies what is flat, given the types of the variables around it."""
 
     def __init__(self, world: World) -> None:
@@ -21,7 +36,8 @@ class TypedScopes:
     def operator(self, operator: Operator) -> Operator:
         """The operator with simpler conditions; effects that cannot happen are dropped."""
         scope = _inside({}, operator.parameters)
-        effects = (self._effect(effect, scope) for effect in operator.effects)
+        added = {e.atom for e in operator.effects if e.adds and not e.parameters and e.condition == TRUE}
+        effects = (self._effect(_without_exceptions(e, added), scope) for e in operator.effects)
         return replace(
             operator,
             precondition=self.condition(operator.precondition, scope),
@@ -54,6 +70,30 @@ class TypedScopes:
     def _known(self, name: str, variable: Variable, scope: Scope) -> bool:
         known = scope.get(variable)
         return name in self.world.domain.types and known is not None and self.world.is_subtype(known, name)
+
+
+def _without_exceptions(effect: Effect, added: Collection[Atom]) -> Effect:
+    """The same delete for all values: where it meets what is added in any case, adding comes last in PDDL."""
+    if effect.adds:
+        return effect
+    own = {parameter.variable for parameter in effect.parameters}
+    kept = (p for p in goal_parts(effect.condition) if not _is_exception(p, effect.atom, own, added))
+    return replace(effect, condition=conjunction(kept))
+
+
+def _is_exception(part: Condition, atom: Atom, own: Collection[Variable], added: Collection[Atom]) -> bool:
+    """Whether a condition leaves out a value with which the atom is one of those added."""
+    match part:
+        case Not(Comparison(left, "=", right)):
+            pairs = ((left, right), (right, left))
+            return any(
+                isinstance(variable, Variable)
+                and variable in own
+                and substitute_atom(atom, {variable: value}) in added
+                for variable, value in pairs
+            )
+        case _:
+            return False
 
 
 def _inside(scope: Scope, parameters: Iterable[Parameter]) -> dict[Variable, str]:
