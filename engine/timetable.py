@@ -96,16 +96,18 @@ def timed(
 
     Where longest stays are asked for, the plan's own order is no answer: then there may be none.
     """
+    wishes = wishes_of(problem)
     try:
         steps, goals = operators_of(task, plan)
         subjects = tuple(dict.fromkeys(c.subject for c in problem.chains if c.subject is not None))
-        work = cell_work(task, steps, goals, subjects, wishes_of(problem))
+        work = cell_work(task, steps, goals, subjects, wishes)
         found = schedule(work.shop, limits)
         if isinstance(found, Scheduled):
             return _as_plan(problem, task, goals, work, found)
         return found if _dwells(work.shop) else in_its_order(plan, found.reason)
     except (Unstructured, Mislaid) as error:
-        return in_its_order(plan, str(error))
+        unwatched = "; nobody watches longest stays" if wishes.longest_stay else ""
+        return in_its_order(plan, f"{error}{unwatched}")
 
 
 def _dwells(shop: Shop) -> bool:
