@@ -16,6 +16,9 @@ def cores() -> int:
 
 def in_stretches(count: int, work: Callable[[int, int], None]) -> None:
     """Call `work(first, after)` for stretches of `count` rows; each writes to its own rows, so that their order means nothing."""
+    if count <= STRETCH:
+        work(0, count)
+        return
     stretches = [(first, min(first + STRETCH, count)) for first in range(0, count, STRETCH)]
     threads = min(len(stretches), cores())
     if threads < 2:
