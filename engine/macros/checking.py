@@ -5,7 +5,7 @@ operator schemas with generalisation, so `engine.validation` still has the last 
 """
 
 import itertools
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 
 from engine.macros.bodies import Bindings, satisfiable
@@ -91,6 +91,26 @@ def check(plan: Plan, asked: Query) -> Situation | Refused:
         return Refused(f"{missed} does not hold at the end", missed in asked.kept)
     refusal = _unfinished(plan, asked, run, end) or _disturbed(plan, run)
     return Refused(refusal) if refusal else end
+
+
+def changes_of(start: Situation, steps: Iterable[Step]) -> list[Change]:
+    """What the steps of a valid plan do when they are executed one after another."""
+    world, facts, found = start.world, start.facts, list[Change]()
+    for step in steps:
+        schema, _ = world.binding(step.operator)
+        asks = any(map(world.schemas.rests_on_rules, _needs(schema)))
+        change = world.change(step.operator, with_derived(world, facts) if asks else facts)
+        facts = change.applied(facts)
+        found.append(change)
+    return found
+
+
+def executed(plan: Plan, start: Situation) -> Situation:
+    """The situation that a valid plan leads to."""
+    facts = start.facts
+    for change in changes_of(start, plan.steps):
+        facts = change.applied(facts)
+    return Situation(start.world, facts)
 
 
 def _unfinished(plan: Plan, asked: Query, run: _Execution, end: Situation) -> str:

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 from types import TracebackType
 
 from engine import pipeline
-from engine.macros.checking import check
+from engine.macros.checking import executed
 from engine.macros.generalise import NotGeneral, generalise
 from engine.macros.query import Query, Situation, query
 from engine.macros.repertoire import Repertoire
@@ -22,7 +22,7 @@ from kb.model.problem import Problem
 from kb.store import Library
 from kb.terms import ordered
 
-LARGEST = 100  # steps of a composed plan that is learned as a whole
+LARGEST = 100  # steps of a plan that is learned: to generalise takes time that grows with their square
 DEARER, LONGER = 1.05, 1.1  # of what the planner's plan costs, and lasts, a composed one may
 
 
@@ -47,9 +47,14 @@ class Answered:
 class Practice:
     """A library at work. Problems of one cell share its statics; situations move on from plan to plan."""
 
-    def __init__(self, library: Library, limits: Limits = Limits(), thorough: bool = False) -> None:
-        """`thorough`: the independent checker looks at what lookup finds, too, not at what is planned alone."""
-        self.library, self.limits, self.thorough = library, limits, thorough
+    def __init__(
+        self, library: Library, limits: Limits = Limits(), thorough: bool = False, learns: bool = True
+    ) -> None:
+        """`thorough`: the independent checker looks at what lookup finds, too, not at what is planned alone.
+
+        Without `learns` the library is used and stays as it is.
+        """
+        self.library, self.limits, self.thorough, self.learns = library, limits, thorough, learns
         self._worlds = Worlds()
         self._repertoires: list[Repertoire] = []
 
@@ -94,7 +99,7 @@ class Practice:
             return found
         if situation is not None:
             problem = problem.replace(ordered(here.facts))
-        return self._planned(problem, here, asked)
+        return self._planned(problem, here)
 
     def _composed_if_it_pays(self, problem: Problem, asked: Query) -> Answered | None:
         """A composed plan, unless composing for such goals failed or did not pay more often than it did.
@@ -117,14 +122,14 @@ class Practice:
         better = found is not None and _pays(found.outcome, seconds, rival, planning)
         self.library.note_trial(problem.domain.name, kinds, better)
         if found is None or not better:
-            return self._learned(here, rival, planning, asked.situation, asked)
+            return self._learned(here, rival, planning, asked.situation)
         return self._learned_whole(problem, asked, found, planning)
 
     def _learned_whole(self, problem: Problem, asked: Query, found: Answered, planning: float) -> Answered:
         """Keep the composed plan as a MACROP that contains others."""
         assert isinstance(found.outcome, Found)
         plan, here = found.outcome.plan, asked.situation
-        if len(plan.steps) > LARGEST:
+        if len(plan.steps) > LARGEST or not self.learns:
             return found
         try:
             whole = generalise(problem, plan, here.world, here.state).macrop
@@ -155,7 +160,7 @@ class Practice:
             return None
         planned = answered is None
         if answered is None:
-            answered = self._planned(part.replace(ordered(here.facts)), here, asked)
+            answered = self._planned(part.replace(ordered(here.facts)), here)
         if not isinstance(answered.outcome, Found) or answered.after is None:
             return None
         return Served(answered.outcome.plan, answered.macrop, answered.after, planned, answered.name)
@@ -174,19 +179,21 @@ class Practice:
     def _approved(self, problem: Problem, here: Situation, plan: Plan) -> bool:
         return not self.thorough or not pipeline.check_plan(problem.replace(ordered(here.facts)), plan)
 
-    def _planned(self, problem: Problem, here: Situation, asked: Query | None) -> Answered:
+    def _planned(self, problem: Problem, here: Situation) -> Answered:
         started = time.perf_counter()
         outcome = pipeline.plan(problem, self.limits)
-        return self._learned(problem, outcome, time.perf_counter() - started, here, asked)
+        return self._learned(problem, outcome, time.perf_counter() - started, here)
 
-    def _learned(
-        self, problem: Problem, outcome: Outcome, seconds: float, here: Situation, asked: Query | None
-    ) -> Answered:
+    def _learned(self, problem: Problem, outcome: Outcome, seconds: float, here: Situation) -> Answered:
         """The planner's answer, and what was learned from it."""
         if not isinstance(outcome, Found):
             return Answered(outcome, "planner")
-        after = check(outcome.plan, asked) if asked is not None else None
-        left = after if isinstance(after, Situation) else None
+        left = executed(outcome.plan, here)
+        if not self.learns or len(outcome.plan.steps) > LARGEST:
+            why = (
+                f"{len(outcome.plan.steps)} steps are too many" if self.learns else "nothing is to be learned"
+            )
+            return Answered(outcome, "planner", reason=why, after=left)
         try:
             learned = generalise(problem, outcome.plan, here.world, here.state).macrop
         except NotGeneral as error:

@@ -2,9 +2,9 @@
 
 from collections.abc import Iterable, Sequence
 
+from engine.macros.checking import changes_of
 from engine.macros.query import Situation
 from engine.revision.course import Course
-from engine.revision.remaining import changes_of
 from engine.validation.semantics import Denial, Semantics
 from kb.asp import AspError, ground_term
 from kb.diagnostics import Diagnostic, InvalidInput, Source, nearest

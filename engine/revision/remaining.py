@@ -3,11 +3,9 @@
 import dataclasses
 from collections.abc import Iterable, Mapping, Sequence
 
-from engine.macros.query import Situation
 from engine.macros.world import Change
 from kb.model.conditions import And, Condition, Literal, goal_parts
 from kb.model.domain import Kind
-from kb.model.plan import Step
 from kb.model.problem import Chain, Problem, superseded
 from kb.terms import Atom, is_ground, match, ordered
 
@@ -32,16 +30,6 @@ def stages_reached(chains: Sequence[Chain], changes: Iterable[Change]) -> dict[s
 def _may_advance(chain: Chain, reached: Mapping[str, int], lengths: Mapping[str, int]) -> bool:
     done = reached[chain.name]
     return done < lengths[chain.name] and (done > 0 or all(reached[n] == lengths[n] for n in chain.after))
-
-
-def changes_of(start: Situation, steps: Iterable[Step]) -> list[Change]:
-    """What steps do when they are executed one after another as planned."""
-    facts, found = start.facts, []
-    for step in steps:
-        change = start.world.change(step.operator, facts)
-        facts = change.applied(facts)
-        found.append(change)
-    return found
 
 
 def remaining(problem: Problem, reached: Mapping[str, int], observed: Iterable[Atom]) -> Problem:

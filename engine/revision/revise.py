@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from engine import pipeline
-from engine.macros.checking import check
+from engine.macros.checking import changes_of, check
 from engine.macros.query import Situation, query
 from engine.model.outcome import Found, Outcome
 from engine.model.schedule import STAGE
@@ -22,7 +22,7 @@ from engine.planning.deorder import deorder
 from engine.planning.elimination import eliminate
 from engine.planning.variants import plainly
 from engine.revision.course import Course
-from engine.revision.remaining import changes_of, remaining, stages_reached
+from engine.revision.remaining import remaining, stages_reached
 from kb.model.plan import CausalLink, Plan, Step, StepId
 from kb.model.problem import Problem
 from kb.terms import Atom, Function, Number, Text

@@ -6,10 +6,11 @@ from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
+from engine.macros.checking import changes_of
 from engine.model.task import progress
 from engine.revision import Course
 from engine.revision.observing import expected
-from engine.revision.remaining import changes_of, stages_reached
+from engine.revision.remaining import stages_reached
 from kb.loader.plan import load_plan
 from kb.model.plan import StepId
 from kb.terms import Atom
