@@ -10,13 +10,15 @@ from pathlib import Path
 
 import numpy as np
 
+from engine.interop import editing
 from engine.interop.measurements import all_facts, names, problem_text, read_table
 from engine.interop.qif import inspection_of
-from engine.model.measurement import Inspection
+from engine.model.measurement import Inspection, MeasurementPoint
 from engine.model.tour import TourProblem, Visit
 from kb.asp import Grounder, ground_term
 from kb.asp.vocabulary import static_program
 from kb.diagnostics import Diagnostic, InvalidInput, Source
+from kb.files import read_file
 from kb.loader import find, load
 from kb.model.domain import Domain
 from kb.model.problem import Problem
@@ -121,3 +123,28 @@ def _problem(inspection: Inspection, domain: Domain) -> Problem:
         dict.fromkeys(names(inspection), MEASUREMENT),
         tuple(fact for fact in facts if isinstance(fact, Function)),
     )
+
+
+def rewrite(path: Path, how: str, what: MeasurementPoint | str) -> None:
+    """Add (`added`), change (`replaced`) or remove (`removed`) a measurement in a problem file.
+
+    The new text is read before it takes the place of the old one. Raises `InvalidInput`.
+    """
+    name = what if isinstance(what, str) else what.name
+    problem = load(path).problem
+    there = problem is not None and problem.objects.get(name) == MEASUREMENT
+    if problem is None or there == (how == "added"):
+        said = "is there already" if there else "is no measurement of this problem"
+        raise InvalidInput([Diagnostic(Source(str(path)), "K401", f"'{name}' {said}")])
+    lines = read_file(path).text.splitlines()
+    if isinstance(what, str):
+        lines = editing.removed(lines, what, str(path))
+    else:
+        lines = (editing.added if how == "added" else editing.replaced)(lines, what, str(path))
+    trial = path.with_name(f".{path.stem}.trial{path.suffix}")
+    try:
+        trial.write_text("\n".join(lines) + "\n", "utf-8")
+        load(trial)
+        trial.replace(path)
+    finally:
+        trial.unlink(missing_ok=True)

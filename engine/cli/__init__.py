@@ -13,6 +13,7 @@ from engine.cli.golden import golden_plans
 from engine.cli.import_ import app as import_
 from engine.cli.init import init
 from engine.cli.macros import app as macros
+from engine.cli.measurement import app as measurement
 from engine.cli.plan import plan, validate
 from engine.cli.prepare import prepare
 from engine.cli.revise import revise
@@ -35,6 +36,7 @@ app.command()(sequence)
 app.command("test")(golden_plans)
 app.add_typer(macros, name="macros")
 app.add_typer(import_, name="import")
+app.add_typer(measurement, name="measurement")
 app.add_typer(cell, name="cell")
 
 

@@ -29,9 +29,9 @@ def sequence(
     target: Annotated[str, typer.Argument(help="a TSPLIB file, or a problem with points to be measured")],
     method: Annotated[str, typer.Option(help="auto, chain1987 or exact")] = "auto",
     closed: Annotated[
-        bool | None,
-        typer.Option("--closed/--open", help="back to the first visit, or not; TSPLIB files: closed"),
-    ] = None,
+        bool, typer.Option("--closed", help="back to the first visit, as in TSPLIB files")
+    ] = False,
+    open_: Annotated[bool, typer.Option("--open", help="end at the last visit, as measurements do")] = False,
     start: Annotated[str, typer.Option(help="the visit to begin with")] = "",
     end: Annotated[str, typer.Option(help="the visit to end with")] = "",
     time_limit: TimeLimit = None,
@@ -42,8 +42,10 @@ def sequence(
     format: Annotated[TourForm, typer.Option("--format", help="how the tour is written")] = TourForm.TEXT,
 ) -> None:
     """Print the best order found for the visits of TARGET, with a lower bound on the cost of any."""
-    form = Form.JSON if format is TourForm.JSON else Form.TEXT
-    give(lambda: _sequence(target, method, (closed, start, end), (time_limit, work, seed), format), form)
+    if closed and open_:
+        raise typer.BadParameter("a tour is closed or open")
+    form, back = Form.JSON if format is TourForm.JSON else Form.TEXT, closed if closed or open_ else None
+    give(lambda: _sequence(target, method, (back, start, end), (time_limit, work, seed), format), form)
 
 
 def _sequence(

@@ -109,3 +109,29 @@ def test_what_is_wrong_in_a_table_is_said(table: Path, old: str, new: str, said:
 
 def test_a_domain_that_chooses_no_tools_is_refused(table: Path) -> None:
     assert run("import", "qif", str(table), "--domain", "themse")[0] == 2
+
+
+def test_measurements_are_added_changed_and_removed_and_the_rest_of_the_file_stays(table: Path) -> None:
+    file = imported(table)
+    before = file.read_text()
+    file.write_text(before.replace("statics:\n", "statics:  # kept\n  # kept, too\n"))
+    assert run("measurement", "add", str(file), "h", "--at", "60", "0", "0", "--tolerance", "0.2")[0] == 2
+    file.write_text(before.replace("statics:\n", "statics:\n  # kept\n"))
+    assert run("measurement", "add", str(file), "h", "--at", "60", "0", "0", "--tolerance", "0.2")[0] == 0
+    groups = json.loads(run("measurement", "list", str(file), "--format", "json")[1])["data"]["groups"]
+    assert groups["slra"] == ["a", "b", "h"]
+    assert run("measurement", "edit", str(file), "h", "--at", "60", "0", "0", "--kind", "thickness")[0] == 0
+    groups = json.loads(run("measurement", "list", str(file), "--format", "json")[1])["data"]["groups"]
+    assert groups["us_probe"] == ["c", "g", "h"]
+    assert run("measurement", "remove", str(file), "h")[0] == 0
+    assert file.read_text().replace("  # kept\n", "") == before
+
+
+@pytest.mark.parametrize("wrong", [("add", "a"), ("edit", "z"), ("add", "Z z"), ("remove", "z")])
+def test_a_change_that_does_not_fit_changes_nothing(table: Path, wrong: tuple[str, str]) -> None:
+    file = imported(table)
+    before = file.read_text()
+    place = () if wrong[0] == "remove" else ("--at", "1", "2", "3")
+    assert run("measurement", wrong[0], str(file), wrong[1], *place)[0] == 2
+    assert file.read_text() == before
+    assert list(file.parent.glob(".*")) == []
