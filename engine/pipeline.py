@@ -4,6 +4,7 @@ What reads files of our own language is imported by the functions that read them
 """
 
 import time
+from collections.abc import Collection
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -20,6 +21,7 @@ from kb.diagnostics import Diagnostic, InvalidInput, Source
 from kb.model.domain import Domain
 from kb.model.plan import Plan, in_sequence
 from kb.model.problem import Problem
+from kb.terms import Atom
 
 if TYPE_CHECKING:
     from kb.loader import Loaded
@@ -136,19 +138,20 @@ def check(target: str, reach: bool = True) -> CheckReport:
         found += unreachable(loaded.domain, reached)
     if loaded is not None and (cell := Path(loaded.domain.path).with_name(CELL_FILE)).is_file():
         paths.append(cell)
-        found += _checked_cell(cell, loaded.domain, reach)
+        atoms = {atom for task in tasks for atom in task.atoms}
+        found += _checked_cell(cell, loaded.domain, reach, atoms)
     if loaded is not None and (faults := Path(loaded.domain.path).with_name(FAULTS_FILE)).is_file():
         paths.append(faults)
         found += _checked_faults(Path(loaded.domain.path))
     return CheckReport(tuple(map(str, paths)), tuple(sorted(set(found))))
 
 
-def _checked_cell(cell: Path, domain: Domain, reach: bool) -> list[Diagnostic]:
+def _checked_cell(cell: Path, domain: Domain, reach: bool, atoms: Collection[Atom]) -> list[Diagnostic]:
     """What is wrong with a cell; geometry is imported for domains that have one."""
     from engine.geometry.checking import check_cell
     from engine.plugins import geometry_backend
 
-    return check_cell(cell, domain, geometry_backend if reach else None)
+    return check_cell(cell, domain, geometry_backend if reach else None, atoms)
 
 
 def _checked_faults(domain: Path) -> list[Diagnostic]:

@@ -1,6 +1,6 @@
 """What is wrong with a `cell.yaml`: its shapes, and the places that no configuration of an arm reaches."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from pathlib import Path
 
 from engine.geometry.hierarchies import declared_tree
@@ -13,14 +13,18 @@ from kb.loader.cell import read_cell
 from kb.loader.reader import Findings
 from kb.model.cell import Cell, PlacedShape, Polyhedron
 from kb.model.domain import Domain
+from kb.terms import Atom, Function, Term
 
 
 def check_cell(
-    path: Path, domain: Domain, backend: Callable[[], GeometryBackend] | None = None
+    path: Path,
+    domain: Domain,
+    backend: Callable[[], GeometryBackend] | None = None,
+    atoms: Collection[Atom] = (),
 ) -> list[Diagnostic]:
     """Everything that is wrong with a cell file, in order of place.
 
-    Without a backend nobody asks what the arms reach. What depends on a sound file is asked of sound files alone.
+    `atoms` are those that can become true: the places that they speak of must have a pose. Without a backend nobody asks what the arms reach. What depends on a sound file is asked of sound files alone.
     """
     findings = Findings()
     try:
@@ -33,6 +37,7 @@ def check_cell(
     found += [
         *_strangers(cell, domain),
         *_strange_facts(cell, domain),
+        *_placeless(cell, atoms),
         *(wrong for each in _shapes(cell) for wrong in _shape_problems(each)),
     ]
     if not errors(found):
@@ -62,6 +67,27 @@ def _strange_facts(cell: Cell, domain: Domain) -> Iterator[Diagnostic]:
         elif len(fact.arguments) != (arity := len(signatures[fact.name].arguments)):
             message = f"{fact.name} has {arity} arguments, not {len(fact.arguments)}"
             yield Diagnostic(location.where, "K102", message, "write it as the domain declares it")
+
+
+def _placeless(cell: Cell, atoms: Collection[Atom]) -> Iterator[Diagnostic]:
+    """Terms such as slot(drawer, 5) that the cell has no pose for, though it has one for others of their kind."""
+    kin = {name.partition("(")[0]: place for name, place in cell.places.items() if "(" in name}
+    terms = {str(term): term.name for atom in atoms for term in _compound(atom) if term.name in kin}
+    for name in sorted(terms.keys() - cell.places.keys()):
+        where = kin[terms[name]].placement.where
+        hint = "say where the tool goes there, or make no problem need it"
+        yield Diagnostic(
+            where, "K705", f"no configuration reaches {name}: it has no place", hint, warning=True
+        )
+
+
+def _compound(term: Term) -> Iterator[Function]:
+    """The compound terms within a term."""
+    if isinstance(term, Function):
+        for argument in term.arguments:
+            if isinstance(argument, Function) and argument.arguments:
+                yield argument
+            yield from _compound(argument)
 
 
 def _shapes(cell: Cell) -> Iterator[PlacedShape]:

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from engine import pipeline
 from engine.geometry import transforms
 from engine.geometry.builtin import BuiltinBackend
 from engine.geometry.checking import check_cell
@@ -140,6 +141,24 @@ def test_a_place_that_the_domain_does_not_know_is_told(tmp_path: Path) -> None:
     (tmp_path / "cell.yaml").write_text(text)
     (found,) = check_cell(tmp_path / "cell.yaml", load_domain("bulkhead"))
     assert (found.code, found.warning, found.hint) == ("K101", True, "did you mean 'meas'?")
+
+
+def test_a_depot_of_some_problem_without_a_pose_is_told(tmp_path: Path) -> None:
+    for file in ("domain.yaml", "rules.lp", "sensors.lp", "cell.yaml", "problems/furnace_of_two.yaml"):
+        (tmp_path / file).parent.mkdir(exist_ok=True)
+        (tmp_path / file).write_text((bundled()["themse"] / file).read_text("utf-8"), "utf-8")
+    assert codes(tmp_path) == set()
+    text = (tmp_path / "cell.yaml").read_text("utf-8")
+    (tmp_path / "cell.yaml").write_text(text.replace("slot(furnace, 2)", "slot(furnace, 3)"), "utf-8")
+    (found,) = [each for each in pipeline.check(str(tmp_path)).diagnostics if each.code == "K705"]
+    assert found.message == "no configuration reaches slot(furnace, 2): it has no place"
+    assert found.warning
+
+
+def codes(folder: Path) -> set[str]:
+    """What is wrong with the cell of a domain folder."""
+    found = pipeline.check(str(folder)).diagnostics
+    return {each.code for each in found if each.where.path.endswith("cell.yaml")}
 
 
 def test_a_shape_that_encloses_nothing_is_told_before_anything_is_computed(tmp_path: Path) -> None:
