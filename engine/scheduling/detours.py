@@ -6,7 +6,7 @@ reorders blocks has no need to park it. Two such blocks become one, without the 
 
 from collections.abc import Sequence
 
-from engine.model.task import Bits, indices
+from engine.model.task import Bits, Task, indices, progress
 from engine.scheduling.blocks import Block
 
 
@@ -20,6 +20,29 @@ def straightened(blocks: Sequence[Block], loose: Bits) -> list[Block]:
             kept = _joined(kept, place, following, ~loose) or kept
         place += 1
     return [block for block in kept if not block.serves or changes(block)]
+
+
+def necessary(task: Task, blocks: Sequence[Block], goals: Bits) -> list[Block]:
+    """The blocks without those that serve no object of the workflow and that nothing after them needs."""
+    kept = list(blocks)
+    if not _executes(
+        task, kept, goals
+    ):  # a process began within a block: their order is not that of the plan
+        return kept
+    for block in [each for each in blocks if not each.serves]:
+        fewer = [each for each in kept if each is not block]
+        if _executes(task, fewer, goals):
+            kept = fewer
+    return kept
+
+
+def _executes(task: Task, blocks: Sequence[Block], goals: Bits) -> bool:
+    state = task.initial
+    for step in (step for block in blocks for step in block.steps):
+        if step.preconditions & ~state:
+            return False
+        state = progress(state, step)
+    return goals & ~state == 0
 
 
 def changes(block: Block) -> bool:

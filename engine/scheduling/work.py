@@ -13,7 +13,7 @@ from functools import cached_property
 from engine.model.jobs import Hold, Job, Resource, Shop, Stage, Window, in_order
 from engine.model.task import Bits, GroundOperator, Task, bitset, indices
 from engine.scheduling.blocks import Block, arm_of, atoms_about, cut, mentions
-from engine.scheduling.detours import straightened
+from engine.scheduling.detours import necessary, straightened
 from engine.scheduling.places import Exchange, Touch, holds_of
 from engine.scheduling.settings import Mechanism, mechanisms
 from kb.terms import Function, Term
@@ -98,8 +98,9 @@ class _Assembly:
 
     @cached_property
     def cut(self) -> tuple[Block, ...]:
-        """The blocks of the plan as it stands."""
-        return tuple(cut(self.task, self.steps, self.arm, self.subjects))
+        """The blocks of the plan as it stands, but for what it does to no purpose."""
+        blocks = cut(self.task, self.steps, self.arm, self.subjects)
+        return tuple(necessary(self.task, blocks, self.goals))
 
     @cached_property
     def named(self) -> dict[str, Block]:

@@ -14,7 +14,9 @@ from engine.scheduling import check_schedule
 from engine.timetable import timetable
 from engine.validation import validate
 from kb.loader import bundled, load_problem
+from kb.model.plan import Plan, Step, StepId, in_sequence
 from kb.model.problem import Problem
+from kb.terms import Function, Number
 
 
 def timed(problem: Problem) -> Timetable:
@@ -148,3 +150,19 @@ def test_release_and_due_times_are_kept_in_mind(laboratory: Path) -> None:
     first = min(made.starts, key=lambda name: made.starts[name])
     assert first.startswith("probe_1")
     assert made.tardiness == 0
+
+
+def test_what_a_plan_does_to_no_purpose_is_left_out() -> None:
+    problem = pipeline.problem_of("themse/two")
+    plan = timed(problem).plan
+    place = 1 + next(n for n, step in enumerate(plan.steps) if step.operator.name == "open_drawer")
+    where = Function("slot", (Function("drawer"), Number(4)))
+    bystander = [
+        Step(StepId(900 + n), Function(name, (Function("probe_4"), where)), duration=8)
+        for n, name in enumerate(("pick", "put"))
+    ]
+    longer = in_sequence(Plan((*plan.steps[:place], *bystander, *plan.steps[place:])))
+    made = timetable(problem, longer)
+    assert isinstance(made, Timetable)
+    assert made.schedule.makespan == 2243
+    assert not any("probe_4" in str(step.operator) for step in made.plan.steps)
