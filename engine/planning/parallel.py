@@ -32,9 +32,15 @@ PATHS = 200_000  # atoms by pairs of states up to which paths of different state
 
 
 class Parallel:
-    """A search by horizons that can be resumed; `single` allows one operator a step."""
+    """A search by horizons that can be resumed; `single` allows one operator a step.
 
-    def __init__(self, task: Task, operators: Sequence[GroundOperator], single: bool = False) -> None:
+    No more than `room` conditions and effects by steps are grounded; further horizons are left undecided.
+    """
+
+    def __init__(
+        self, task: Task, operators: Sequence[GroundOperator], single: bool = False, room: int = 1 << 60
+    ) -> None:
+        self._longest = room // max(sum(map(_size, operators)), 1)
         self.operators, self.single, self.size = operators, single, len(task.atoms)
         reached, first = levels(task.initial, operators, self.size)
         nearest = [far for goal in task.goals if (far := _farthest(goal, reached)) is not None]
@@ -57,7 +63,7 @@ class Parallel:
         if not self.possible:
             return NO_PLAN
         horizon = self._decided + 1
-        while not effort.over():
+        while not effort.over() and self._decided < self._longest:
             found = self._ask(horizon, effort)
             if isinstance(found, frozenset):
                 return Answer(sequence(self.operators, found))
@@ -66,10 +72,10 @@ class Parallel:
                 if self._exhausted(horizon, effort):
                     return NO_PLAN
                 horizon += 1
-            elif self.single or horizon > 4 * (self._decided + 4):
+            elif self.single or horizon > 4 * (self._decided + 4) or horizon >= self._longest:
                 horizon, self._trial = self._decided + 1, 2 * self._trial
             else:
-                horizon += max(1, horizon // STRIDE)
+                horizon = min(horizon + max(1, horizon // STRIDE), self._longest)
         return None
 
     def _ask(self, horizon: int, effort: Effort) -> Shown:
@@ -95,6 +101,10 @@ class Parallel:
         found = self._solver.solve(assumed, min(self._trial, left), effort.interrupted)
         effort.expanded += min(1 + self._solver.conflicts - before, left)
         return found
+
+
+def _size(operator: GroundOperator) -> int:
+    return sum(bits.bit_count() for bits in (operator.preconditions, operator.adds, operator.deletes))
 
 
 def _farthest(goal: Bits, reached: Sequence[int]) -> int | None:

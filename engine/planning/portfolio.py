@@ -17,6 +17,8 @@ FORWARD = 4000  # expansions in the first turn forward; every turn is twice as l
 REGRESSION = 500
 RESTART = 200
 LANDMARKS = 1000
+MODELS = 250
+ROOM = 1_500_000  # conditions and effects by steps that the portfolio grounds for stable models
 GREED = 5
 
 
@@ -63,11 +65,16 @@ class Setting:
 
         return forward(self.task, self.seed, landmarks=True)
 
-    def parallel(self, single: bool = False) -> Search:
-        """The search for stable models. Raises `TooManyVariants`."""
+    @cached_property
+    def models(self) -> Search:
+        """The search for stable models, within bounds. Raises `TooManyVariants`."""
+        return self.parallel(room=ROOM)
+
+    def parallel(self, single: bool = False, room: int = 1 << 60) -> Search:
+        """A search for stable models. Raises `TooManyVariants`."""
         from engine.planning.parallel import Parallel
 
-        return Parallel(self.task, unconditional(self.task), single)
+        return Parallel(self.task, unconditional(self.task), single, room)
 
 
 class Chaining:
@@ -129,7 +136,7 @@ def shortest(setting: Setting, effort: Effort) -> Answer | None:
 
 
 def auto(setting: Setting, effort: Effort) -> Answer | None:
-    """Regression while it is quick; then forward, with landmarks and best first backward in turns that double."""
+    """Regression while it is quick; then forward, backward, by landmarks and stable models in turns that double."""
     if setting.regression is None:
         return _in_turns(
             [(_later(setting, forward), FORWARD), (_later(setting, landmarks), LANDMARKS)], effort
@@ -141,6 +148,7 @@ def auto(setting: Setting, effort: Effort) -> Answer | None:
             (_later(setting, forward), FORWARD),
             (chaining.best_first, REGRESSION),
             (_later(setting, landmarks), LANDMARKS),
+            (lambda part: setting.models.run(part), MODELS),
         ],
         effort,
     )
