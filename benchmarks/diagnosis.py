@@ -5,11 +5,12 @@
 FOLDER (or the environment variable CELLWRIGHT_DATA) has `iscas85/*.bench`. Parts: exact, sparse, noisy, setup, circuits,
 bases, learning. Times are of one process with compiled kernels warmed up. Exits with 1 when a bar is missed: exact under 1 s at
 20 x 20 and 10 s at 30 x 30; rollout within 0.5 % of the optimum in the mean and 5 % at worst, no bound violated; circuits
-under 5 s each; every cause isolated at a mean cost within 5 % of the optimum; learned trees within 2 % after 500 cases.
+under 5 s each; every cause isolated, at a mean cost that is the optimum but for chance; learned trees within 2 % after 500 cases.
 """
 
 import argparse
 import json
+import math
 import os
 import random
 import statistics
@@ -27,11 +28,11 @@ from engine.diagnosis.bench import read_bench
 from engine.diagnosis.circuits import diagnose
 from engine.diagnosis.knowledge import open_case
 from engine.diagnosis.selection import Selector
-from engine.diagnosis.session import Session, run
+from engine.diagnosis.session import QUESTION, Session, run
 from engine.diagnosis.trees import cost_under
 from engine.diagnosis.world import HiddenWorld, draw_cause
 from engine.model.circuit import Circuit
-from engine.model.diagnosis import Troubleshooting, expected_cost
+from engine.model.diagnosis import Action, Advice, Troubleshooting, expected_cost
 from engine.model.faults import Hypothesis
 from kb.loader import bundled
 from kb.loader.faults import load_faults
@@ -187,29 +188,35 @@ def bases(problems: int, _: Path) -> tuple[list[Row], list[str]]:
         for exception in model.exceptions:
             problem = open_case(model, exception).problem
             optimum = expected_cost(Selector(problem).tree())
-            mean, wrong = 0.0, []
+            mean, variance, wrong = 0.0, 0.0, []
             for cause, prior in model.priors(exception).items():
                 costs = []
-                for seed in range(max(200, problems)):
+                for seed in range(max(20, problems // 5)):
                     world = HiddenWorld(model, Hypothesis((cause,)), random.Random(f"{cause} {seed}"))
-                    made = run(Session(model, exception), lambda action, _, w=world: w.respond(action))
+                    made = run(Session(model, exception), _tests_of(world))
                     costs.append(made.cost)
                     wrong += [cause] if made.hypotheses[0][0].causes != (cause,) or not made.isolated else []
                 mean += prior * statistics.mean(costs)
+                variance += prior**2 * statistics.variance(costs) / len(costs)
             rows.append(
                 {
                     "exception": f"{domain}: {exception}",
                     "causes": len(problem.causes),
                     "tests": len(problem.actions),
                     "mean cost": mean,
+                    "error": math.sqrt(variance),
                     "optimum": optimum,
                 }
             )
             missed += [f"{exception}: {cause} is not isolated" for cause in dict.fromkeys(wrong)]
-            missed += (
-                [f"{exception}: mean {mean:.2f}, optimum {optimum:.2f}"] if mean > 1.05 * optimum else []
-            )
+            off = abs(mean - optimum) > 0.01 * optimum + 3 * math.sqrt(variance)
+            missed += [f"{exception}: mean {mean:.2f}, optimum {optimum:.2f}"] if off else []
     return rows, missed
+
+
+def _tests_of(world: HiddenWorld) -> Callable[[Action, Advice], str | None]:
+    """The answers of a world; nobody answers the question of a safe stop, which no test plan pays for."""
+    return lambda action, _: None if action.name == QUESTION else world.respond(action)
 
 
 def learning(problems: int, _: Path, cases: int = 500) -> tuple[list[Row], list[str]]:

@@ -195,11 +195,7 @@ def _case(found: "Desk", answer: "Answerer", recover: bool, store: str) -> Answe
             **json.outcome(went_on.outcome, went_on.problem),
         }
         shown.append(text.outcome(went_on.outcome, went_on.problem))
-    return Answer(_status(made), content, lambda: Group(*shown), 0 if _decided(made) else GAVE_UP)
-
-
-def _decided(made: "Diagnosis") -> bool:
-    return bool(made.cured) or made.isolated or bool(made.repairs)
+    return Answer(_status(made), content, lambda: Group(*shown), 0 if made.finished else GAVE_UP)
 
 
 def _status(made: "Diagnosis") -> str:

@@ -105,7 +105,10 @@ class Session:
         repairs = () if self.cured else self._repairs(belief)
         question = None if self.cured or repairs or self._answered(belief) else self._question(belief)
         stages = tuple(self.stages)
-        return Diagnosis(self.exception, stages, belief, cost, isolated, self.cured, repairs, question)
+        finished = isolated or self.ended is not None or self.advice().action is None
+        return Diagnosis(
+            self.exception, stages, belief, cost, isolated, finished, self.cured, repairs, question
+        )
 
     def _repairs(self, belief: tuple[tuple[Hypothesis, float], ...]) -> tuple[str, ...]:
         """Repairs that may help, those first that serve most of what is possible; then the cheapest."""

@@ -49,7 +49,7 @@ class Stage:
 class Diagnosis:
     """How a case ended. `hypotheses` are those still possible with their probabilities, most probable first.
 
-    `cured` names the repair that ended it; `repairs` may be tried next, in order; `question` is put to a person where
+    `finished` says that nothing is left to ask; `cured` names the repair that ended it; `repairs` may be tried next, in order; `question` is put to a person where
     nothing helps.
     """
 
@@ -58,6 +58,7 @@ class Diagnosis:
     hypotheses: tuple[tuple[Hypothesis, float], ...]
     cost: float
     isolated: bool
+    finished: bool = True
     cured: str | None = None
     repairs: tuple[str, ...] = ()
     question: "Question | None" = None

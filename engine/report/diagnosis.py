@@ -120,6 +120,8 @@ def _ending(model: FaultModel, made: Diagnosis) -> list[str]:
         ]
     if made.repairs and not made.cured:
         lines.append(f"repair: {made.repairs[0]}: {model.repairs[made.repairs[0]].say}")
+    if not (made.cured or made.repairs or made.question):
+        lines.append("stopped safely: nobody has put it right")
     if made.question:
         lines.append(f"stop safely and ask: {made.question.text} ({', '.join(made.question.answers)})")
     return [*lines, f"cost {number(made.cost)}"]
@@ -150,6 +152,7 @@ def case_entry(made: Diagnosis, certain: Mapping[Atom, float], change: Revision)
             for h, p in made.hypotheses
         ],
         "isolated": made.isolated,
+        "finished": made.finished,
         "cured": made.cured,
         "repairs": list(made.repairs),
         "cost": round(made.cost, 6),

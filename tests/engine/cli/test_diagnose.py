@@ -51,7 +51,9 @@ def test_scripted_outcomes_lead_to_the_cause() -> None:
 
 
 def test_a_case_that_stays_open_says_so() -> None:
-    found = data("themse", "--exception", "bayonet_stuck", "--outcomes", "look_into_drawer=as_modelled")
+    found = data(
+        "themse", "--exception", "bayonet_stuck", "--outcomes", "look_into_drawer=as_modelled", code=12
+    )
     assert not found["isolated"]
     assert len(found["hypotheses"]) == 5
 
