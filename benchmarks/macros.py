@@ -57,13 +57,16 @@ def lessons(days: list[Day]) -> list[str]:
     return found
 
 
-def fill(target: Path, days: list[Day]) -> None:
-    """Learn every day into a library, in two processes."""
+def fill(target: Path, days: list[Day], wanted: int) -> None:
+    """Learn days into a library until it holds as many MACROPs as are wanted, in two processes."""
     batches = [days[start : start + BATCH] for start in range(0, len(days), BATCH)]
     with Library(str(target)) as library, ProcessPoolExecutor(2) as pool:
         for documents in track(pool.map(lessons, batches), "learning", len(batches), transient=True):
             macrops = [loads(text) for text in documents]
             library.add([Record(each, signature_of(each), 1.0) for each in macrops])
+            if library.figures().macrops >= wanted:
+                pool.shutdown(cancel_futures=True)
+                break
 
 
 def figures(times: Iterable[float]) -> dict[str, float]:
@@ -108,14 +111,14 @@ def timed(repertoire: Repertoire, problem: Problem, here: Situation) -> tuple[fl
     return time.perf_counter() - started, hit
 
 
-def lookup(bench: Bench, library: Path, days: list[Day]) -> None:
+def lookup(bench: Bench, library: Path, days: list[Day], most: int) -> None:
     """Latencies for the same hundred kinds of day in libraries of growing size."""
     draw = random.Random(SEED + 1)
     points = len(bench.problem.objects)
-    asked = [bench.posed(again(day, draw, points)) for day in days[:100] for _ in range(10)]
+    asked = [bench.posed(again(day, draw, points)) for day in days[:90] for _ in range(11)]
     one = [bench.posed(again(_figure_4(), draw, points)) for _ in range(1000)]
     with Library(str(library)) as whole:
-        stored = whole.all()
+        stored = whole.all()[:most]
     for size in sorted({100, min(1000, len(stored)), len(stored)}):
         with tempfile.TemporaryDirectory() as folder, Library(f"{folder}/part.db") as part:
             first = [
@@ -249,10 +252,10 @@ def main() -> None:
         if "planning" in parts:
             found["planning"] = planning(bench)
         if "lookup" in parts:
-            days = different_days(options.macrops * 11 // 10, SMALL, SEED)
+            days = [_figure_4(), *different_days(options.macrops * 3 // 2, SMALL, SEED)]
             if not library.exists():
-                fill(library, days)
-            lookup(bench, library, days)
+                fill(library, days, options.macrops)
+            lookup(bench, library, days, options.macrops)
             found["lookup"] = bench.rows
         if "sequence" in parts:
             found["sequence"] = sequence(bench, options.cold)

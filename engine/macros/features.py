@@ -29,48 +29,54 @@ class Feature:
 Requirement = tuple[Feature, int]
 
 
-def requirements(macrop: Macrop) -> frozenset[Requirement]:
-    """Features with the number of goals that must have them."""
+@dataclass(frozen=True, slots=True)
+class _Part:
+    """A literal that a MACROP demands, of a state or of statics, with its variables in order."""
+
+    kind: str
+    literal: Literal
+    variables: tuple[Variable, ...]
+
+
+def requirements(macrop: Macrop) -> tuple[Requirement, ...]:
+    """Features with the number of goals that must have them, each once, in an order that repeats."""
     found: Counter[Feature] = Counter()
     asked = [*macrop.goals, *(Literal(stage) for chain in macrop.chains for stage in chain.stages)]
-    literals = list(_literals(macrop))
+    parts = list(_parts(macrop))
+    types: dict[Variable, list[str]] = {}
+    for each in macrop.types:
+        types.setdefault(each.variable, []).append(each.type)
     for goal in asked:
-        own = _numbered([goal.atom], "V")
+        own = _numbered(dict.fromkeys(variables(goal.atom)), "V")
         shape = Literal(substitute_atom(goal.atom, own), goal.positive)
-        found.update({Feature("goal", shape)})
-        found.update(
-            {_feature(kind, shape, each, own, macrop) for kind, each in literals if _touches(each, own)}
-        )
-    for kind, each in literals:
-        if kind == "state":
-            found[_feature(kind, None, each, {}, macrop)] = 1
-    return frozenset(found.items())
+        touching = [part for part in parts if not own.keys().isdisjoint(part.variables)]
+        features = (_feature(shape, part, own, types) for part in touching)
+        found.update(list(dict.fromkeys((Feature("goal", shape), *features))))
+    for part in parts:
+        if part.kind == "state":
+            found[_feature(None, part, {}, types)] = 1
+    return tuple(found.items())
 
 
-def _literals(macrop: Macrop) -> Iterator[tuple[str, Literal]]:
-    yield from (("state", each) for each in macrop.preconditions if each.positive)
-    yield from (("static", p) for p in macrop.constraints if isinstance(p, Literal) and p.positive)
-    yield from (("static", Literal(Function(p.type, (p.variable,)))) for p in macrop.types)
+def _parts(macrop: Macrop) -> Iterator[_Part]:
+    demanded = [("state", each) for each in macrop.preconditions if each.positive]
+    demanded += [("static", p) for p in macrop.constraints if isinstance(p, Literal) and p.positive]
+    demanded += [("static", Literal(Function(p.type, (p.variable,)))) for p in macrop.types]
+    for kind, literal in demanded:
+        yield _Part(kind, literal, tuple(dict.fromkeys(variables(literal.atom))))
 
 
-def _touches(literal: Literal, own: dict[Variable, Variable]) -> bool:
-    return any(variable in own for variable in variables(literal.atom))
-
-
-def _numbered(terms: Iterable[Term], letter: str) -> dict[Variable, Variable]:
-    found = dict.fromkeys(variable for term in terms for variable in variables(term))
+def _numbered(found: Iterable[Variable], letter: str) -> dict[Variable, Variable]:
     return {variable: Variable(f"{letter}{number}") for number, variable in enumerate(found)}
 
 
 def _feature(
-    kind: str, goal: Literal | None, literal: Literal, own: dict[Variable, Variable], macrop: Macrop
+    goal: Literal | None, part: _Part, own: dict[Variable, Variable], types: dict[Variable, list[str]]
 ) -> Feature:
-    open_ = [v for v in dict.fromkeys(variables(literal.atom)) if v not in own]
+    open_ = [variable for variable in part.variables if variable not in own]
     names = {**own, **_numbered(open_, "W")}
-    types = tuple(
-        Parameter(names[p.variable], p.type) for v in open_ for p in macrop.types if p.variable == v
-    )
-    return Feature(kind, goal, Literal(substitute_atom(literal.atom, names)), types)
+    kept = tuple(Parameter(names[v], type_) for v in open_ for type_ in types.get(v, ()))
+    return Feature(part.kind, goal, Literal(substitute_atom(part.literal.atom, names)), kept)
 
 
 class Observed:

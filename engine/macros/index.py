@@ -7,6 +7,7 @@ whatever number of MACROPs lies behind it.
 
 from collections.abc import Hashable, Iterator
 from dataclasses import dataclass, field
+from functools import cached_property
 
 from engine.macros.features import Observed, Requirement, requirements
 from engine.macros.matching import Program
@@ -22,13 +23,17 @@ class Entry:
 
     key: Hashable
     macrop: Macrop
-    program: Program
 
-    @property
-    def rank(self) -> tuple[int, int, str]:
-        """Cheap ones are tried first; the header decides between equals, so that the order repeats."""
-        cost = self.macrop.cost
-        return UNKNOWN_COST if cost is None else cost, len(self.macrop.steps), str(self.macrop.name)
+    @cached_property
+    def program(self) -> Program:
+        """The order in which its parts are matched."""
+        return Program(self.macrop)
+
+    @cached_property
+    def rank(self) -> tuple[int, int, str, str]:
+        """Cheap ones are tried first; header and key decide between equals, so that the order repeats."""
+        cost = UNKNOWN_COST if self.macrop.cost is None else self.macrop.cost
+        return cost, len(self.macrop.steps), str(self.macrop.name), str(self.key)
 
 
 @dataclass
@@ -56,9 +61,9 @@ class Index:
         """Put a MACROP in; one under the same key is replaced."""
         self.remove(key)
         node = self._roots.setdefault(signature_of(macrop), _Node())
-        for number in sorted(self._number(each) for each in sorted(requirements(macrop), key=str)):
+        for number in sorted(map(self._number, requirements(macrop))):
             node = node.children.setdefault(number, _Node())
-        node.entries[key] = Entry(key, macrop, Program(macrop))
+        node.entries[key] = Entry(key, macrop)
         self._places[key] = node
 
     def remove(self, key: Hashable) -> None:

@@ -16,7 +16,7 @@ from kb.model.problem import Chain
 from kb.terms import ANYTHING, Function, Term, Text, Variable, is_ground, match, substitute, substitute_atom
 from kb.terms import variables as variables_of
 
-MAX_WORK = 20_000
+MAX_WORK = 5_000
 
 
 class OutOfWork(Exception):
