@@ -124,7 +124,11 @@ def _ending(model: FaultModel, made: Diagnosis) -> list[str]:
         lines.append("stopped safely: nobody has put it right")
     if made.question:
         lines.append(f"stop safely and ask: {made.question.text} ({', '.join(made.question.answers)})")
-    return [*lines, f"cost {number(made.cost)}"]
+    return [*lines, f"cost {number(made.cost)}; tests and repairs took {_duration(model, made)}"]
+
+
+def _duration(model: FaultModel, made: Diagnosis) -> int:
+    return sum(model.duration(each.action) for each in made.observations)
 
 
 def _says(model: FaultModel, made: Diagnosis) -> str:

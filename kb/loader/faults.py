@@ -120,6 +120,7 @@ class _FaultReader:
             self._atoms(node, "preconditions"),
             self._operator(node, "by"),
             _text(node, "asks") == "true",
+            int(_text(node, "duration") or _text(node, "cost")),
             key.where,
         )
 
@@ -152,6 +153,7 @@ class _FaultReader:
             self._atoms(node, "denies"),
             self._operator(node, "by"),
             _text(node, "asks") == "true",
+            int(_text(node, "duration") or _text(node, "cost")),
             key.where,
         )
 

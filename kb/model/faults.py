@@ -49,7 +49,8 @@ class Cause:
 class FaultTest:
     """A test: `gives[cause][outcome]` is the probability of an outcome under a cause; others give `otherwise`.
 
-    `by` is the step that carries it out, `asks` whether it is a question to a person. Costs count the domain's time.
+    `by` is the step that carries it out, `asks` whether it is a question to a person. Costs and
+    durations count the domain's time.
     """
 
     name: str
@@ -61,6 +62,7 @@ class FaultTest:
     preconditions: tuple[Atom, ...] = ()
     by: Function | None = None
     asks: bool = False
+    duration: int = 0
     where: Source = field(default=NOWHERE, compare=False)
 
     def likelihood(self, outcome: str, cause: str) -> float:
@@ -84,6 +86,7 @@ class Repair:
     denies: tuple[Atom, ...] = ()
     by: Function | None = None
     asks: bool = False
+    duration: int = 0
     where: Source = field(default=NOWHERE, compare=False)
 
 
@@ -104,6 +107,11 @@ class FaultModel:
     stop: int = 600
     lies: float = 0.01
     path: str = ""
+
+    def duration(self, name: str) -> int:
+        """How long a test or repair takes; what is none takes no time."""
+        found = self.tests.get(name) or self.repairs.get(name)
+        return found.duration if found else 0
 
     def repairs_of(self, cause: str) -> tuple[Repair, ...]:
         """The repairs that may put a cause right, the surest first, then the cheapest."""

@@ -9,6 +9,10 @@ from kb.schema.shapes import Expression, Strict, Truth, WholeNumber
 Cost = Annotated[WholeNumber, Field(ge=0, description="what it costs, in units of the domain's time")]
 Say = Annotated[str, Field(description="what people call it, in a few words")]
 Chance = Annotated[str, Field(pattern=r"^[0-9](\.[0-9]{1,6})?$", description="a probability, such as 0.95")]
+Duration = Annotated[
+    WholeNumber | None,
+    Field(description="how long it takes, in units of the domain's time; its cost if left out"),
+]
 Needs = Annotated[Expression | None, Field(description="what must hold before; the planner brings it about")]
 Step = Annotated[Expression | None, Field(description="the step of the domain that carries it out")]
 Asks = Annotated[Truth, Field(description="a person is asked to do it")]
@@ -43,6 +47,7 @@ class TestEntry(Strict):
 
     say: Say = ""
     cost: Cost
+    duration: Duration = None
     preconditions: Needs = None
     by: Step = None
     asks: Asks = False
@@ -58,6 +63,7 @@ class RepairEntry(Strict):
 
     say: Say = ""
     cost: Cost
+    duration: Duration = None
     preconditions: Needs = None
     by: Step = None
     asks: Asks = False

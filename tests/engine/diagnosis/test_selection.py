@@ -7,7 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from engine.diagnosis import arrays
 from engine.diagnosis.exact import BranchAndBound
+from engine.diagnosis.kernels.memo import memo
 from engine.diagnosis.selection import RULES, Selector
 from engine.diagnosis.trees import simulated_cost
 from engine.model.diagnosis import Conclude, Conclusion, Tree, Troubleshooting, Try, expected_cost
@@ -153,3 +155,28 @@ def _leaves(tree: Tree) -> list[Conclude]:
     if isinstance(tree, Conclude):
         return [tree]
     return [leaf for _, branch in tree.branches for leaf in _leaves(branch)]
+
+
+@settings(max_examples=40, deadline=None)
+@given(isolations(6) | troubles())
+def test_neither_a_small_table_nor_short_slices_change_the_optimum(problem: Troubleshooting) -> None:
+    arrays_of = Selector(problem).exact.beliefs
+    cramped = Selector(problem)
+    cramped.exact = BranchAndBound(arrays_of, arrays.partition(problem), table=memo(1 << 6, 0))
+    weights, rest = arrays.priors(problem), 0
+    value, proved = cramped.exact.value(weights, rest, math.inf, 100_000)
+    assert proved
+    assert value == pytest.approx(brute_force(problem))
+    assert cramped.exact.table.possible.shape[0] >= 1 << 6
+
+
+@settings(max_examples=40, deadline=None)
+@given(isolations(6))
+def test_a_search_that_is_interrupted_leaves_a_true_bound(problem: Troubleshooting) -> None:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("engine.diagnosis.exact.SLICE", 1)
+        stopped = Selector(problem, interrupted=lambda: True)
+        advice = stopped.advise(stopped.start())
+        patient = Selector(problem)
+        assert patient.advise(patient.start()).expected_cost == pytest.approx(brute_force(problem))
+    assert advice.bound <= brute_force(problem) + 1e-9

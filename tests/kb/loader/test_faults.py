@@ -34,7 +34,7 @@ causes:
 tests:
   look: {cost: 5, outcomes: [plate, none], otherwise: plate, gives: {empty: none 0.75}}
 repairs:
-  shake: {cost: 9, cures: {stuck: 0.5}, by: place(plate_1)}
+  shake: {cost: 9, duration: 4, cures: {stuck: 0.5}, by: place(plate_1)}
   refill: {cost: 60, cures: [empty, stuck], asks: true}
 """
 
@@ -52,6 +52,11 @@ def test_a_fault_base_is_read(tmp_path: Path) -> None:
     assert exception.reply == "timeout"
     assert model.causes["stuck"].doubts == (Function("placed", (Variable("Plate"),)),)
     assert [repair.name for repair in model.repairs_of("stuck")] == ["refill", "shake"]
+
+
+def test_what_has_no_duration_takes_what_it_costs(tmp_path: Path) -> None:
+    model = load(tmp_path, FAULTS)
+    assert [model.duration(name) for name in ("look", "shake", "refill", "question")] == [5, 4, 60, 0]
 
 
 def test_what_probabilities_leave_goes_to_the_usual_outcome(tmp_path: Path) -> None:
