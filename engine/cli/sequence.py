@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from engine.model.outcome import GaveUp, Infeasible
     from engine.model.tour import Tour, TourProblem
     from engine.sequencing import Limits
+    from kb.model.problem import Problem
 
 
 class TourForm(StrEnum):
@@ -34,6 +35,9 @@ def sequence(
     open_: Annotated[bool, typer.Option("--open", help="end at the last visit, as measurements do")] = False,
     start: Annotated[str, typer.Option(help="the visit to begin with")] = "",
     end: Annotated[str, typer.Option(help="the visit to end with")] = "",
+    cost: Annotated[
+        str, typer.Option(help="of measurements: straight lines, or joints: the time that the arm needs")
+    ] = "straight",
     time_limit: TimeLimit = None,
     work: Annotated[
         int, typer.Option(min=0, help="kicks of the search; 0: as suits the number of visits")
@@ -44,7 +48,13 @@ def sequence(
     """Print the best order found for the visits of TARGET, with a lower bound on the cost of any."""
     if closed and open_:
         raise typer.BadParameter("a tour is closed or open")
+    if cost not in ("straight", "joints") or (
+        cost == "joints" and (closed or open_ or start or end or method != "auto")
+    ):
+        raise typer.BadParameter("--cost is straight or joints; joints goes with neither ends nor methods")
     form, back = Form.JSON if format is TourForm.JSON else Form.TEXT, closed if closed or open_ else None
+    if cost == "joints":
+        give(lambda: _posed(target, (time_limit, work, seed)), form)
     give(lambda: _sequence(target, method, (back, start, end), (time_limit, work, seed), format), form)
 
 
@@ -66,6 +76,27 @@ def _sequence(
         limits = Limits(effort[1], effort[2], interrupted)
         problem, parts, answer = _solve(target, method, ends, limits)
     return _answer(problem, parts, answer, form, interrupted.heard)
+
+
+def _posed(target: str, effort: tuple[float | None, int, int]) -> Answer:
+    """Measurements whose places the cell describes, each in one of the arm's configurations."""
+    from engine.cli.interruption import Interruption
+    from engine.geometry.pictures.view import cell_of
+    from engine.inspection.poses import posed_tours
+    from engine.plugins import geometry_backend
+    from engine.report import inspection
+    from engine.sequencing import Limits
+
+    problem = _problem_of(target)
+    with Interruption(effort[0]) as interrupted:
+        limits = Limits(effort[1], effort[2], interrupted)
+        tours, parts = posed_tours(problem, cell_of(target), geometry_backend(), limits)
+    return Answer(
+        "found",
+        {"tours": [inspection.posed_entry(each) for each in tours], "partition": inspection.entry(parts)},
+        lambda: inspection.posed(tours, parts),
+        INTERRUPTED if interrupted.heard else 0,
+    )
 
 
 def _solve(
@@ -90,19 +121,24 @@ def _read(target: str) -> "tuple[TourProblem, Partition | None]":
     """A TSPLIB instance, or the measurements of a problem with how tools part them."""
     from engine.inspection import partition, tour_problem
     from engine.interop.tsplib import read_tsplib
-    from kb.diagnostics import Diagnostic, InvalidInput, Source
     from kb.files import is_file
-    from kb.loader import find, load
 
     if is_file(Path(target)) and Path(target).suffix not in (".yaml", ".yml"):
         return read_tsplib(Path(target)), None
-    problem = load(find(target)).problem
-    if problem is None:
-        raise InvalidInput(
-            [Diagnostic(Source(target), "K401", "this is a domain, not a problem", "name a problem")]
-        )
+    problem = _problem_of(target)
     parts = partition(problem)
     return tour_problem(problem, parts), parts
+
+
+def _problem_of(target: str) -> "Problem":
+    from kb.diagnostics import Diagnostic, InvalidInput, Source
+    from kb.loader import find, load
+
+    problem = load(find(target)).problem
+    if problem is None:
+        said = "this is a domain, not a problem"
+        raise InvalidInput([Diagnostic(Source(target), "K401", said, "name a problem")])
+    return problem
 
 
 def _named(problem: "TourProblem", name: str, option: str) -> int | None:

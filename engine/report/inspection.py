@@ -1,12 +1,16 @@
 """Measurements parted by tool, for people and programs."""
 
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, Protocol
 
+import numpy as np
+from numpy.typing import NDArray
 from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
+
+from engine.model.tour import PoseProblem, Tour
 
 
 class Parts(Protocol):
@@ -18,6 +22,46 @@ class Parts(Protocol):
     def done(self) -> tuple[str, ...]: ...
     @property
     def impossible(self) -> Mapping[str, str]: ...
+
+
+class Posed(Protocol):
+    """A closed tour of one tool by one arm, with a configuration at each visit."""
+
+    @property
+    def tool(self) -> str: ...
+    @property
+    def arm(self) -> str: ...
+    @property
+    def problem(self) -> PoseProblem: ...
+    @property
+    def tour(self) -> Tour: ...
+    @property
+    def configurations(self) -> NDArray[np.float64]: ...
+
+
+def posed_entry(found: Posed) -> dict[str, Any]:
+    """What JSON says of a tour through configurations, which are in radians and metres."""
+    return {
+        "tool": found.tool,
+        "arm": found.arm,
+        "visits": [found.problem.visits[each].name for each in found.tour.order],
+        "configurations": np.round(found.configurations, 6).tolist(),
+        "cost": found.tour.cost,
+        "unit": "µs",
+        "method": found.tour.method,
+        "work": found.tour.work,
+    }
+
+
+def posed(tours: Sequence[Posed], partition: Parts) -> RenderableType:
+    """The tours tool by tool, how long each takes, and what cannot be measured."""
+    table = Table(box=None, pad_edge=False)
+    for heading in ("tool", "arm", "s", "in order"):
+        table.add_column(heading, overflow="fold")
+    for each in tours:
+        names = ", ".join(each.problem.visits[visit].name for visit in each.tour.order)
+        table.add_row(each.tool, each.arm, f"{each.tour.cost / 1e6:.2f}", names)
+    return Group(parts(partition), table)
 
 
 def entry(partition: Parts) -> dict[str, Any]:

@@ -1,6 +1,7 @@
 """From files to tours: tables, the partition by tool, and the commands."""
 
 import json
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -135,3 +136,29 @@ def test_a_change_that_does_not_fit_changes_nothing(table: Path, wrong: tuple[st
     assert run("measurement", wrong[0], str(file), wrong[1], *place)[0] == 2
     assert file.read_text() == before
     assert list(file.parent.glob(".*")) == []
+
+
+def test_measurements_whose_places_a_cell_describes_are_toured_by_the_time_of_the_arm() -> None:
+    code, out = run(
+        "sequence", "bulkhead/twelve_points", "--cost", "joints", "--work", "50", "--format", "json"
+    )
+    answer = json.loads(out)["data"]
+    assert code == 0
+    assert answer["partition"]["impossible"] == {}
+    tours = {each["tool"]: each for each in answer["tours"]}
+    assert {tool: len(each["visits"]) for tool, each in tours.items()} == {"slra": 4, "us_probe": 10}
+    for each in tours.values():
+        ring = [*each["configurations"], each["configurations"][0]]
+        moves = (max(abs(a - b) for a, b in zip(*pair, strict=True)) for pair in pairwise(ring))
+        assert each["cost"] == pytest.approx(1e6 * sum(moves), abs=100)
+        assert sorted(each["visits"]) == sorted({*each["visits"]})
+
+
+def test_straight_lines_need_positions() -> None:
+    data = json.loads(run("sequence", "bulkhead/twelve_points", "--format", "json")[1])["data"]
+    assert data["visits"] == []
+    assert set(data["partition"]["impossible"].values()) == {"its position is not known"}
+
+
+def test_joint_times_go_without_ends() -> None:
+    assert run("sequence", "bulkhead/twelve_points", "--cost", "joints", "--closed")[0] == 2

@@ -4,7 +4,7 @@ A domain of this kind derives `chosen(Tool, Measurement)`, and `refused(Tool, Me
 would fit cannot do; `position(Measurement, X, Y, Z)` is given in micrometres, `change(Tool, Other, Way)` as a way.
 """
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -38,8 +38,11 @@ class Partition:
     impossible: Mapping[str, str]
 
 
-def partition(problem: Problem) -> Partition:
-    """Which tool takes which measurement, by the rules of the domain. Raises `InvalidInput`."""
+def partition(problem: Problem, placed: Collection[str] | None = None) -> Partition:
+    """Which tool takes which measurement, by the rules of the domain. Raises `InvalidInput`.
+
+    Where a measurement is says its `position`, or `placed` names those of which it is known otherwise.
+    """
     if "chosen" not in problem.domain.predicates:
         hint = "declare the statics chosen(tool, measurement) and refused(tool, measurement, text), as bulkhead does"
         raise InvalidInput([Diagnostic(Source(problem.path), "K401", "the domain chooses no tools", hint)])
@@ -53,7 +56,7 @@ def partition(problem: Problem) -> Partition:
     measured = {str(fact.arguments[-1]) for fact in problem.initial if fact.name == "measured"}
     done = tuple(name for name in measurements if f"meas({name})" in measured)
     left = [name for name in measurements if name not in set(done)]
-    located = {str(name) for name, *_ in grounder.atoms("position", 4)}
+    located = {str(name) for name, *_ in grounder.atoms("position", 4)} if placed is None else set(placed)
     tools = sorted({chosen[name] for name in left if name in chosen})
     groups = {tool: tuple(n for n in left if chosen.get(n) == tool and n in located) for tool in tools}
     impossible = {
