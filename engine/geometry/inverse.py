@@ -93,6 +93,7 @@ class InverseKinematics:
     def __init__(self, model: ArmModel) -> None:
         self.model = model
         self.screws = screws_of(model)
+        self._T_flange_zero = transforms.inverse(self.screws.T_zero)
 
     @property
     def solver(self) -> Solver:
@@ -120,7 +121,7 @@ class InverseKinematics:
         from engine.geometry.kernels import inverse
 
         screws = self.screws
-        displaced = np.ascontiguousarray(poses @ transforms.inverse(screws.T_zero))
+        displaced = np.ascontiguousarray(poses @ self._T_flange_zero)
         q, valid = np.zeros((len(poses), 8, 6)), np.zeros((len(poses), 8))
         residual = np.empty(valid.shape)
         solve = {

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from engine.geometry.kernels import compiled
+from engine.geometry.kernels import compiled, inlined
 from engine.geometry.kernels.distance import separation
 from engine.geometry.kernels.gjk import core_distance
 from engine.geometry.kernels.volumes import (
@@ -159,7 +159,7 @@ def count_hits(poses: Floats, p: Pieces, q: Pairs, hits: Ints) -> None:
                 hits[g] += 1
 
 
-@compiled
+@inlined
 def _first_of_group(pose: Floats, p: Pieces, q: Pairs, g: int, n: int, placed: Ints, room: Room) -> int:
     """The first pair of a group that touches, or -1. A first piece that is off the other bounds spares its pairs."""
     m, last, checked = q.groups[g, 2], q.groups[g, 3], -1
