@@ -139,7 +139,7 @@ class Instances:
             for support in supports:
                 base = self.numbering.bits(support)
                 changes = closing.changes(row, base, instance)
-                for advance in self.workflow.advances(events, changes.adds):
+                for advance in self.workflow.advances(events, changes.adds, effects):
                     needs, adds = base | advance.conditions, changes.adds | advance.adds
                     deletes = changes.deletes | advance.deletes
                     yield GroundOperator(instance, needs, adds, deletes, effects, held, duration, cost)

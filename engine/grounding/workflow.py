@@ -2,7 +2,7 @@
 
 An event happens only as the next stage of some chain. A fluent stage may be reached by any operator that adds the
 fluent while the counter stands before it. Reaching it as soon as possible is never worse, so making it a choice of
-the operator loses nothing and keeps operators free of conditional effects.
+the operator loses nothing and makes no conditional effects.
 """
 
 import itertools
@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 from engine.grounding.universe import Universe
 from engine.model.schedule import stage_atom
-from engine.model.task import Bits, bitset, indices
+from engine.model.task import Bits, ConditionalEffect, bitset, indices
 from kb.model.problem import Chain, superseded
 from kb.terms import Atom, is_ground, match
 
@@ -77,14 +77,19 @@ class Workflow:
                 if reached + 1 == len(chain.stages) and chain.name not in self._passing and is_ground(stage):
                     self.goal |= bitset(reaching)
 
-    def advances(self, events: Sequence[Atom], added: Bits) -> Iterator[Advance]:
-        """The ways in which an operator with these events and adds can move the counters; none if an event has no stage."""
-        if not events and not added & self.reaching:
+    def advances(
+        self, events: Sequence[Atom], added: Bits, effects: Sequence[ConditionalEffect] = ()
+    ) -> Iterator[Advance]:
+        """The ways in which an operator with these events, adds and effects can move the counters; none if an event has
+        no stage. By an effect it moves them where the effect's condition holds."""
+        sources = [(0, added), *((each.condition, each.adds) for each in effects)]
+        if not events and not any(adds & self.reaching for _, adds in sources):
             yield Advance()
             return
         choices: list[list[Advance]] = [self._event_stages.get(event, []) for event in events]
-        reachable = [advance for atom in indices(added) for advance in self._fluent_stages.get(atom, ())]
-        choices.extend([Advance(), advance] for advance in reachable)
+        for condition, adds in sources:
+            reached = (each for atom in indices(adds) for each in self._fluent_stages.get(atom, ()))
+            choices.extend([Advance(), each | Advance(condition)] for each in reached)
         for combination in itertools.product(*choices):
             total = Advance()
             for advance in combination:

@@ -138,7 +138,7 @@ STAGES += [Function("r"), Function("p", (ANYTHING,))]
 @st.composite
 def chained(draw: st.DrawFn) -> Problem:
     """A random problem with an event and up to two chains, of which one may wait for the other."""
-    problem = draw(problems(deductive=draw(st.booleans())))
+    problem = draw(problems(conditional=draw(st.booleans()), deductive=draw(st.booleans())))
     first, *others = problem.domain.operators
     term = first.variables[0] if first.parameters else CONSTANTS[0]
     first = replace(first, effects=(*first.effects, Effect(Function("done", (term,)))))
