@@ -11,7 +11,7 @@ from engine.macros.digests import Digests
 from engine.macros.facts import Facts
 from engine.macros.schema import Following, NotGeneral, OperatorSchema, Schemas, stand_in
 from kb.asp import Grounder
-from kb.asp.vocabulary import guard, static_program
+from kb.asp.vocabulary import VIOLATED, guard, static_program
 from kb.model.conditions import Aggregate, Body, Literal, Parameter
 from kb.model.domain import Domain, Rule
 from kb.model.problem import Problem
@@ -43,6 +43,11 @@ class World:
         grounder = Grounder()
         grounder.ground("\n".join([static_program(problem), *_aggregate_rules(problem.domain)]))
         self.statics = Facts(grounder.everything())
+
+    @property
+    def violated(self) -> bool:
+        """Whether an integrity constraint of the domain does not hold: then no plan means anything."""
+        return bool(self.statics.named(VIOLATED))
 
     @cached_property
     def digests(self) -> Digests:

@@ -58,7 +58,7 @@ def listing(stored: Iterable[Stored], stale: Mapping[int, tuple[str, ...]]) -> R
     for each in rows:
         cost = "" if each.macrop.cost is None else str(each.macrop.cost)
         cells = [str(each.id), str(each.macrop.name), str(len(each.macrop.steps)), cost, str(each.uses)]
-        cells.append(f"{max(each.saved_s, 0.0):.2f}")
+        cells.append(f"{each.saved_s:.2f}")
         table.add_row(*map(Text, cells), *([Text(", ".join(stale.get(each.id, ())))] if stale else []))
     return table if rows else Text("The library is empty.")
 
@@ -92,7 +92,7 @@ def figures(found: Figures) -> RenderableType:
     """A library in numbers."""
     table = Table(box=None, show_header=False, padding=(0, 2, 0, 0))
     rows = [("MACROPs", str(found.macrops)), ("goal shapes", str(found.shapes)), ("uses", str(found.uses))]
-    rows.append(("planning saved", f"{max(found.saved_s, 0.0):.2f} s"))
+    rows.append(("planning saved", f"{found.saved_s:.2f} s"))
     rows += [(f"of {name}", str(count)) for name, count in found.domains.items()]
     for title, said in [*rows, ("schema", str(found.schema))]:
         table.add_row(title, said)

@@ -5,6 +5,9 @@ from dataclasses import dataclass, replace
 from types import TracebackType
 
 from engine import pipeline
+from engine.grounding.initial import initial_state
+from engine.grounding.limits import require_affordable_statics
+from engine.grounding.program import Vocabulary
 from engine.macros.checking import executed
 from engine.macros.generalise import NotGeneral, generalise
 from engine.macros.query import Query, Situation, query
@@ -14,7 +17,7 @@ from engine.model.outcome import Found, Outcome, Statistics
 from engine.model.schedule import makespan
 from engine.planning import Limits
 from engine.reuse.composition import Part, Served, compose, kinds_of, worth_composing
-from engine.validation.semantics import Semantics
+from kb.diagnostics import InvalidInput
 from kb.model.domain import Domain
 from kb.model.macro import MacroPart
 from kb.model.plan import Plan
@@ -80,8 +83,12 @@ class Practice:
         return found
 
     def situation(self, problem: Problem) -> Situation:
-        """The initial state of a problem, in its world."""
-        return Situation.of(self._worlds.of(problem), Semantics(problem).initial())
+        """The initial state of a problem, in its world. Raises `InvalidInput` as grounding would."""
+        require_affordable_statics(problem)
+        state, contradicted = initial_state(problem, Vocabulary(problem.domain))
+        if contradicted:
+            raise InvalidInput(contradicted)
+        return Situation.of(self._worlds.of(problem), state)
 
     def plan(self, problem: Problem, situation: Situation | None = None) -> Answered:
         """A checked plan for a problem, from a situation if that is given, else from its own initial state.
@@ -89,7 +96,7 @@ class Practice:
         Raises `InvalidInput`.
         """
         here = situation if situation is not None else self.situation(problem)
-        asked = query(problem, here)
+        asked = None if here.world.violated else query(problem, here)
         if asked is not None and asked.served:
             return Answered(Found(Plan(())), "state", after=here)
         found = self._looked_up(problem, asked) if asked is not None else None

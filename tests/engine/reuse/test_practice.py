@@ -12,11 +12,12 @@ from engine.model.outcome import Found
 from engine.planning import Limits
 from engine.reuse import Answered, Practice
 from engine.validation import validate
+from kb.diagnostics import InvalidInput
 from kb.loader import load, with_goals
 from kb.model.conditions import TRUE
 from kb.model.problem import Problem
 from kb.store import Library
-from kb.terms import ordered
+from kb.terms import Function, Number, ordered
 
 DOMAINS = Path(__file__).parents[3] / "domains"
 POINTS = """
@@ -147,3 +148,24 @@ def test_the_thorough_way_finds_the_same(points: Problem, tmp_path: Path) -> Non
         again = practice.plan(asked(points, "measured(_, _, meas(m3))"))
         assert (first.origin, again.origin) == ("planner", "library")
         assert len(plan_of(first).plan.steps) == len(plan_of(again).plan.steps)
+
+
+def test_what_no_plan_is_made_for_is_not_looked_up_either(probes: Problem, tmp_path: Path) -> None:
+    wanted = asked(probes, "at(probe_1, mars_gripper)")
+    crowded = dataclasses.replace(wanted, statics=(*wanted.statics, *_both_at_home()))
+    both = tuple(atom for each in ("open", "closed") for atom in _position(each))
+    with Library(str(tmp_path / "library.db")) as library, Practice(library) as practice:
+        assert practice.plan(wanted).origin == "planner"
+        with pytest.raises(InvalidInput, match="K204"):
+            practice.plan(crowded)
+        with pytest.raises(InvalidInput, match="K301"):
+            practice.plan(dataclasses.replace(wanted, initial=both))
+
+
+def _both_at_home() -> tuple[Function, ...]:
+    slot = Function("slot", (Function("drawer"), Number(1)))
+    return tuple(Function("own_depot", (Function(name), slot)) for name in ("probe_1", "probe_2"))
+
+
+def _position(setting: str) -> tuple[Function, ...]:
+    return (Function("position", (Function("flap"), Function(setting))),)
