@@ -69,6 +69,13 @@ def _made(make: Callable[[], Answer]) -> Answer:
             Source("memory"), "K307", "out of memory", "raise --memory-limit, or make the problem smaller"
         )
         return Answer("stopped", code=LIMIT, diagnostics=(found,))
+    except OSError as error:
+        message, hint = (
+            f"the system refuses: {error.strerror or error}",
+            "name another place, or make room there",
+        )
+        found = Diagnostic(Source(str(error.filename or "a file")), "K403", message, hint)
+        return Answer("bad input", code=BAD_INPUT, diagnostics=(found,))
     except Exception as error:
         if os.environ.get("CELLWRIGHT_TRACEBACK"):
             raise

@@ -97,6 +97,13 @@ def test_internal_errors_exit_with_70_and_no_traceback(monkeypatch: pytest.Monke
     assert "Traceback" not in result.stderr
 
 
+def test_a_place_where_nothing_can_be_written_is_bad_input(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("no folder")
+    code, envelope = answer("init", str(tmp_path / "file" / "cell"))
+    assert (code, envelope["status"]) == (2, "bad input")
+    assert "the system refuses: Not a directory" in envelope["diagnostics"][0]["message"]
+
+
 def test_a_reader_that_goes_away_is_no_error() -> None:
     command = f"{sys.executable} -m engine.cli plan bulkhead/twelve_points --format json | head -1"
     result = subprocess.run(["bash", "-c", command], capture_output=True, text=True, check=False)
