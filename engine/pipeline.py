@@ -154,6 +154,15 @@ def _checked_cell(cell: Path, domain: Domain, reach: bool, atoms: Collection[Ato
     return check_cell(cell, domain, geometry_backend if reach else None, atoms)
 
 
+def initial_facts(target: str) -> frozenset[Atom]:
+    """What is true at the start of the problem that a target names; nothing for a domain. Raises `InvalidInput`."""
+    from engine.validation.semantics import Semantics
+    from kb.loader import find, load
+
+    problem = load(find(target)).problem
+    return frozenset() if problem is None else Semantics(problem).initial()
+
+
 def _checked_faults(domain: Path) -> list[Diagnostic]:
     """What is wrong with the fault base beside a domain."""
     from kb.check.faults import check_faults

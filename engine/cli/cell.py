@@ -52,7 +52,7 @@ def show(
     azimuth: Azimuth = -60.0,
     elevation: Elevation = 28.0,
 ) -> None:
-    """Show the cell of TARGET with its arms at a configuration, what is in collision marked; as glTF also in motion."""
+    """Show the cell of TARGET, as its problem begins, with arms at a configuration; mark what is in collision."""
     form = Form.JSON if format is Picture.JSON else Form.TEXT
     give(lambda: _show(target, configuration or [], place, format, output, (azimuth, elevation)), form)
 
@@ -67,10 +67,12 @@ def _show(
 ) -> Answer:
     from rich.text import Text
 
+    from engine import pipeline
     from engine.geometry.pictures import view
     from engine.plugins import geometry_backend
 
-    shown = view.view_of(view.cell_of(target), geometry_backend(), configurations, place)
+    facts = pipeline.initial_facts(target)
+    shown = view.view_of(view.cell_of(target), geometry_backend(), configurations, place, facts)
     content, said = view.content(shown), view.text(shown)
     drawn = _drawn(shown, kind, seen)
     if drawn is None:

@@ -1,7 +1,7 @@
 """A cell with its arms at a configuration: what a picture shows, and what is said about it."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from engine.geometry import transforms
+from engine.geometry.following import following
 from engine.geometry.kinematics import carrier_poses
 from engine.geometry.pictures import gltf, png, svg
 from engine.geometry.pictures.camera import Camera, colours_of, looking_at, triangles_in_world
@@ -23,6 +24,7 @@ from kb.loader import CELL_FILE, find, load
 from kb.loader.cell import load_cell
 from kb.loader.configuration import read_configuration
 from kb.model.cell import Cell
+from kb.terms import Atom
 
 SIZE = (960, 720)
 
@@ -46,13 +48,17 @@ def cell_of(target: str) -> Cell:
 
 
 def view_of(
-    cell: Cell, backend: GeometryBackend, configurations: Sequence[str] = (), place: str = ""
+    cell: Cell,
+    backend: GeometryBackend,
+    configurations: Sequence[str] = (),
+    place: str = "",
+    facts: Collection[Atom] = (),
 ) -> View:
     """The cell with each arm at the last configuration given for it, or where it reaches a place, else at rest.
 
-    Raises `InvalidInput` for what cannot be read, or a place that is unknown or not reached.
+    Its bodies are where the facts put them, else where the file does. Raises `InvalidInput` for what cannot be read, or a place that is unknown or not reached.
     """
-    world = World.of(cell)
+    world = following(World.of(cell), facts)
     passed = [world.configuration]
     for text in configurations:
         arm, values = read_configuration(text, cell)

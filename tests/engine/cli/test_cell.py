@@ -26,6 +26,15 @@ def test_a_place_is_shown_with_the_tool_that_it_needs() -> None:
     assert "nothing is in collision" in result.stdout
 
 
+def test_a_problem_is_shown_as_it_begins() -> None:
+    """The file has the lid on its stand, as one problem has; in the other it is on the freezer."""
+    seen = {
+        target: run(app, ["cell", "show", target, "--format", "svg"]).stdout
+        for target in ("themse", "themse/lid_on_stand", "themse/one")
+    }
+    assert seen["themse"] == seen["themse/lid_on_stand"] != seen["themse/one"]
+
+
 @pytest.mark.parametrize(("form", "begins"), [("png", b"\x89PNG"), ("svg", b"<svg"), ("gltf", b'{"asset"')])
 def test_pictures_are_written_to_files(form: str, begins: bytes, tmp_path: Path) -> None:
     file = tmp_path / f"cell.{form}"
