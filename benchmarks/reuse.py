@@ -22,7 +22,6 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
-from disturbances import PLANS, course, moment
 from rich.console import Console
 from rich.table import Table
 
@@ -36,6 +35,9 @@ from engine.validation import validate
 from kb.loader import load
 from kb.model.problem import Problem
 from kb.store import Library
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "engine" / "revision"))
+from disturbances import PLANS, course, moment
 
 DOMAINS = ("blocks", "logistics00", "rovers")
 LIMIT_S = 5.0  # of one planning task

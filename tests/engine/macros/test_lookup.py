@@ -65,7 +65,7 @@ PLAIN = [each for each in EXAMPLES if not each.problem.chains] + [bundled("thems
 
 
 @given(data=st.data())
-@settings(max_examples=60, deadline=None, suppress_health_check=list(HealthCheck))
+@settings(max_examples=40, deadline=None, suppress_health_check=list(HealthCheck))
 def test_the_index_offers_every_macrop_that_matches(data: st.DataObject) -> None:
     found = data.draw(st.sampled_from(PLAIN))
     here = data.draw(st.sampled_from(states(found)))
@@ -150,7 +150,7 @@ def _without(steps: list[Step], place: int) -> list[Step]:
 
 @pytest.mark.parametrize("found", EXAMPLES, **ids)
 @given(data=st.data())
-@settings(max_examples=25, deadline=None, suppress_health_check=list(HealthCheck))
+@settings(max_examples=12, deadline=None, suppress_health_check=list(HealthCheck))
 def test_the_fast_check_accepts_only_what_the_checker_accepts(found: Example, data: st.DataObject) -> None:
     plan = data.draw(spoilt(found.plan))
     accepted = isinstance(check(plan, asked(found)), Situation)

@@ -66,7 +66,7 @@ many_goals = st.permutations(places).map(
 
 
 @given(goals=many_goals, other=many_goals)
-@settings(max_examples=8, deadline=None, suppress_health_check=list(HealthCheck))
+@settings(max_examples=4, deadline=None, suppress_health_check=list(HealthCheck))
 def test_parts_that_disturb_each_other_are_planned_together(tmp_path: Path, goals: str, other: str) -> None:
     (tmp_path / "library.db").unlink(missing_ok=True)
     base = dataclasses.replace(bundled("themse/four"), goal=TRUE, chains=())

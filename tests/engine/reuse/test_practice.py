@@ -97,7 +97,7 @@ def work_through(problem: Problem, goals: list[str], folder: Path) -> list[str]:
     return origins
 
 
-SETTINGS = settings(max_examples=12, deadline=None, suppress_health_check=list(HealthCheck))
+SETTINGS = settings(max_examples=8, deadline=None, suppress_health_check=list(HealthCheck))
 
 
 @given(goals=st.lists(bulkhead_goal, min_size=4, max_size=8))
