@@ -5,7 +5,7 @@ Here the exception handler's questions ("what does it take to do this test now?"
 
 import json
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -19,14 +19,15 @@ from engine.model.diagnosis import Setup
 from engine.model.faults import Diagnosis, Hypothesis, Revision
 from engine.model.outcome import Found, Outcome
 from engine.planning import Limits
+from engine.validation.datalog import holds
 from engine.validation.semantics import Semantics
 from kb.asp import AspError, ground_term
 from kb.diagnostics import Diagnostic, InvalidInput, Source, unknown_name
 from kb.files import read_file
 from kb.loader import find, load
 from kb.loader.faults import load_faults
-from kb.model.conditions import And, Condition, Exists, Literal, Parameter
-from kb.model.domain import OBJECT, Domain
+from kb.model.conditions import And, Comparison, Condition, Exists, Literal, Parameter
+from kb.model.domain import OBJECT, Domain, Operator
 from kb.model.faults import FaultModel
 from kb.model.plan import Plan
 from kb.model.problem import Problem
@@ -47,6 +48,7 @@ class Preparations:
     binding: Binding = field(default_factory=dict)
     limits: Limits = WORK
     plans: dict[tuple[State, Condition], Plan | None] = field(default_factory=dict)
+    states: list[State] = field(default_factory=list)  # the situations by number, which stay when others join
 
     def __call__(self, preconditions: Sequence[tuple[Atom, ...]]) -> Setup:
         """The situations: the present one, and after preparing each of the conditions in turn.
@@ -55,27 +57,23 @@ class Preparations:
         from the present one where there is none.
         """
         goals = [self.goal(each) for each in preconditions]
-        states = [frozenset(Semantics(self.problem).initial())]
+        if not self.states:
+            self.states.append(frozenset(Semantics(self.problem).initial()))
         for goal in dict.fromkeys(goals):
-            reached = self._after(states[0], goal)
-            if reached is not None and reached not in states:
-                states.append(reached)
+            reached = self._after(self.states[0], goal)
+            if reached is not None and reached not in self.states:
+                self.states.append(reached)
         costs, following = [], []
-        for state in states:
-            after = [self._after(state, goal) for goal in goals]
+        for state in self.states:
             price = [self._cost(state, goal) for goal in goals]
-            near = [states.index(each) if each in states else -1 for each in after]
-            at = [
-                self._like(states, goal) if place < 0 else place
-                for place, goal in zip(near, goals, strict=True)
-            ]
-            costs.append(tuple(price if state is states[0] else [min(each, FAR) for each in price]))
-            following.append(tuple(at))
+            costs.append(tuple(price if state is self.states[0] else [min(each, FAR) for each in price]))
+            following.append(tuple(self._situation(state, goal) for goal in goals))
         return Setup(tuple(costs), tuple(following))
 
     def plan_for(self, preconditions: tuple[Atom, ...]) -> Plan | None:
         """The plan that prepares an action from the present state; None if there is none."""
-        return self._plan(frozenset(Semantics(self.problem).initial()), self.goal(preconditions))
+        present = self.states[0] if self.states else frozenset(Semantics(self.problem).initial())
+        return self._plan(present, self.goal(preconditions))
 
     def goal(self, preconditions: Iterable[Atom]) -> Condition:
         """The condition: what the interrupted step does not bind is some object of its type."""
@@ -86,10 +84,12 @@ class Preparations:
         goal = And(tuple(Literal(atom) for atom in atoms))
         return Exists(tuple(Parameter(v, t) for v, t in types.items()), goal) if types else goal
 
-    def _like(self, states: Sequence[State], goal: Condition) -> int:
-        """The situation that preparing a goal from the present one leads to stands for all that a plan may lead to."""
-        reached = self._after(states[0], goal)
-        return states.index(reached) if reached in states else 0
+    def _situation(self, state: State, goal: Condition) -> int:
+        """Where preparing a goal leads; what a plan leaves otherwise is taken for what it leaves from the present state."""
+        for reached in (self._after(state, goal), self._after(self.states[0], goal)):
+            if reached in self.states:
+                return self.states.index(reached)
+        return 0
 
     def _cost(self, state: State, goal: Condition) -> float:
         made = self._plan(state, goal)
@@ -101,6 +101,8 @@ class Preparations:
 
     def _plan(self, state: State, goal: Condition) -> Plan | None:
         key = (state, goal)
+        if key not in self.plans and holds(goal, Semantics(self.problem).facts(state), {}):
+            self.plans[key] = Plan(())
         if key not in self.plans:
             ordered = tuple(sorted(state, key=str))
             asked = replace(self.problem.replace(ordered), goal=goal, chains=())
@@ -142,9 +144,17 @@ def _without(problem: Problem, lost: Sequence[str]) -> Problem:
     """The problem without the steps that would use a lost resource."""
     if not lost:
         return problem
-    gone = {Function(name) for name in lost}
-    operators = tuple(each for each in problem.domain.operators if not gone & set(each.resources))
+    gone = [Function(name) for name in lost]
+    kept = [each for each in problem.domain.operators if not set(gone) & set(each.resources)]
+    operators = tuple(replace(each, body=(*each.body, *_spared(each, gone))) for each in kept)
     return replace(problem, domain=replace(problem.domain, operators=operators))
+
+
+def _spared(operator: Operator, gone: Sequence[Function]) -> Iterator[Comparison]:
+    """That no resource of an operator is one that was lost."""
+    for resource in operator.resources:
+        if isinstance(resource, Variable):
+            yield from (Comparison(resource, "!=", each) for each in gone)
 
 
 def _infer(term: Term, expected: Sequence[str], domain: Domain, types: dict[Variable, str]) -> None:
