@@ -14,7 +14,7 @@ from engine.model.tour import Longs, TourProblem, Visit
 from kb.diagnostics import Diagnostic, InvalidInput, Source
 from kb.files import File, read_file
 
-MAX_CITIES = 20_000
+MAX_CITIES = 8_000
 SECTION = re.compile(r"^\s*([A-Z_]+_SECTION)\s*:?\s*$", re.MULTILINE)
 Floats = NDArray[np.float64]
 

@@ -49,6 +49,8 @@ class TourProblem:
     @property
     def arcs(self) -> Longs:
         """Travel and change of tool together (n, n)."""
+        if not self.changes:
+            return self.travel
         tools = [visit.tool for visit in self.visits]
         names = sorted(set(tools))
         extra = np.array([[self.changes.get((a, b), 0) for b in names] for a in names], np.int64)

@@ -11,7 +11,9 @@ from engine.sequencing.limits import Limits
 
 PROVABLE = 40  # visits up to which a proof is tried
 SLICE = 20_000
+MOST = 5_000_000  # moves, if no other number is asked for
 FAR = 2**62
+FINE, HEAVIEST = 2, 256  # for each unit of lateness
 
 
 def best_first_order(problem: TourProblem) -> tuple[int, ...] | None:
@@ -68,7 +70,10 @@ def solve_directed(problem: TourProblem, limits: Limits, exact: bool = False) ->
 
 
 def _annealed(problem: TourProblem, limits: Limits) -> tuple[tuple[int, ...], int]:
-    """The order of least price, windows and precedence fined, in annealings each twice as long as the one before."""
+    """The order of least price, in annealings each twice as long as the one before.
+
+    What breaks windows and precedence is fined: lightly at first, so that the search passes through it, then more.
+    """
     from engine.sequencing.kernels.directed import anneal, price
 
     n, arcs = len(problem.visits), problem.arcs
@@ -79,19 +84,21 @@ def _annealed(problem: TourProblem, limits: Limits) -> tuple[tuple[int, ...], in
     near = nearest(arcs.T)
     durations, earliest, latest = _times(problem)
     pairs = np.array(problem.precedence, np.int64).reshape(-1, 2)
-    mean = max(1, int(arcs.mean()))
-    fine = 10 * mean if problem.ordered else 0
-    rules = (durations, earliest, latest, pairs, fine)
-    total, done, phase, seed = limits.work or 20_000 + 2000 * n, 0, 5000 + 200 * n, limits.seed
-    value = int(price(best, arcs, problem.closed, *rules))
+    mean, heavy = max(1, int(arcs.mean())), FINE
+    rules, fine = (durations, earliest, latest, pairs), np.zeros(2, np.int64)
+    total, done, phase, seed = limits.work or min(20_000 + 20_000 * n, MOST), 0, 5000 + 500 * n, limits.seed
     while done < total and not limits.interrupted():
+        if problem.ordered:
+            fine = np.array([heavy, heavy * mean], np.int64)
+            heavy = min(2 * heavy, HEAVIEST)
         moves = min(phase, total - done)
         warmth, order, left = 0.5 * mean, best.copy(), moves
         cooling = 0.002 ** (1 / moves)
+        value = int(price(best, arcs, problem.closed, *rules, fine))
         while left > 0 and not limits.interrupted():
             seed, now = seed + 1, min(SLICE, left)
             found, cost, warmth = anneal(
-                order, arcs, near, problem.closed, low, high, *rules, now, warmth, cooling, seed
+                order, arcs, near, problem.closed, low, high, *rules, fine, now, warmth, cooling, seed
             )
             if cost < value:
                 best, value = found, cost

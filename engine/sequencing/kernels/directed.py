@@ -23,11 +23,11 @@ def price(
     earliest: Longs,
     latest: Longs,
     pairs: Pairs,
-    fine: int,
+    fine: Longs,
 ) -> int:
-    """The cost of an order and `fine` for each unit of lateness and each pair (m, 2) the wrong way round."""
+    """The cost of an order with fines: fine[0] for each unit of lateness, fine[1] for each pair (m, 2) the wrong way round."""
     n = order.shape[0]
-    total, clock, late = 0, 0, 0
+    total, clock, late, wrong = 0, 0, 0, 0
     place = np.empty(n, np.int32)
     for index in range(n):
         city = order[index]
@@ -39,10 +39,10 @@ def price(
         clock = max(clock, earliest[city])
         late += max(0, clock - latest[city])
     for pair in range(pairs.shape[0]):
-        late += place[pairs[pair, 0]] > place[pairs[pair, 1]]
+        wrong += place[pairs[pair, 0]] > place[pairs[pair, 1]]
     if closed:
         total += arcs[order[n - 1], order[0]]
-    return int(total + fine * late)
+    return int(total + fine[0] * late + fine[1] * wrong)
 
 
 @compiled
@@ -116,7 +116,7 @@ def anneal(
     earliest: Longs,
     latest: Longs,
     pairs: Pairs,
-    fine: int,
+    fine: Longs,
     moves: int,
     warmth: float,
     cooling: float,
@@ -124,7 +124,7 @@ def anneal(
 ) -> tuple[Ints, int, float]:
     """Anneal over `moves` moves of the positions low..high - 1; the others stay where they are.
 
-    `order` (n,) is changed in place; `near` (n, k) are cities from which each city is near; `fine` 0 says that there
+    `order` (n,) is changed in place; `near` (n, k) are cities from which each city is near; fines of 0 say that there
     are neither windows nor precedence. Returns the best order, its price and the final warmth.
     """
     n = order.shape[0]
@@ -140,7 +140,7 @@ def anneal(
         if last < first:
             continue
         turned = np.random.random() < 0.3
-        priced = fine == 0 and not turned
+        priced = fine[0] == 0 and not turned
         after = now + _difference(order, arcs, closed, first, last, behind) if priced else 0
         if priced and not _accepted(after - now, warmth):
             continue

@@ -78,7 +78,7 @@ def test_small_problems_of_every_kind_are_solved_as_all_permutations_say(problem
 
 
 @pytest.mark.slow
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=150, deadline=None)
 @given(problems(7, 8))
 def test_up_to_eight_visits_are_solved_as_all_permutations_say(problem: TourProblem) -> None:
     test_small_problems_of_every_kind_are_solved_as_all_permutations_say.hypothesis.inner_test(problem)  # type: ignore[attr-defined]
@@ -141,3 +141,31 @@ def test_an_interrupted_search_still_answers_with_a_tour() -> None:
     assert isinstance(answer, Tour)
     assert violations(problem, answer.order) == []
     assert answer.work == 0
+
+
+def test_windows_of_many_visits_are_kept_where_an_order_is_known_to_keep_them() -> None:
+    problem = points(60, 11, closed=False, start=0)
+    order, left = [0], set(range(1, 60))
+    while left:
+        order.append(min(left, key=lambda visit: problem.travel[order[-1], visit]))
+        left.remove(order[-1])
+    clock = np.concatenate(([0], np.cumsum(problem.travel[order[:-1], order[1:]])))
+    late = {
+        visit: (max(0, int(time) - 150), int(time) + 150) for visit, time in zip(order, clock, strict=True)
+    }
+    visits = tuple(replace(visit, window=late[index]) for index, visit in enumerate(problem.visits))
+    problem = replace(problem, visits=visits)
+    answer = sequence(problem, Limits(proof=0))
+    assert isinstance(answer, Tour)
+    assert violations(problem, answer.order) == []
+    assert answer.cost <= cost_of(problem, tuple(order))
+
+
+def test_precedence_of_many_visits_is_kept() -> None:
+    rng = np.random.default_rng(5)
+    pairs = tuple(tuple(sorted(map(int, rng.choice(70, 2, replace=False)))) for _ in range(70))
+    problem = points(70, 3, precedence=pairs)
+    answer = sequence(problem, Limits(work=200_000, proof=0))
+    assert isinstance(answer, Tour)
+    assert violations(problem, answer.order) == []
+    assert answer.cost < 0.7 * cost_of(problem, tuple(range(70)))

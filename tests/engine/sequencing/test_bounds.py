@@ -1,0 +1,77 @@
+"""1-trees against networkx, the excess of edges against trees that are made to have them, bounds against brute force."""
+
+import itertools
+
+import networkx as nx
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from engine.sequencing.kernels.bounds import GRAIN, ascend, excess, one_tree
+
+Ints = NDArray[np.int32]
+Floats = NDArray[np.float64]
+sizes, seeds = st.integers(4, 9), st.integers(0, 10**6)
+
+
+def drawn(n: int, seed: int) -> tuple[Ints, Floats]:
+    """Symmetric costs and penalties that are whole multiples of the grain."""
+    rng = np.random.default_rng(seed)
+    half = np.triu(rng.integers(1, 60, (n, n)), 1)
+    return (half + half.T).astype(np.int32), rng.integers(-500, 500, n) / GRAIN
+
+
+def weight_of_one_tree(cost: Ints, penalty: Floats, forced: tuple[int, int] | None = None) -> float:
+    """The weight of the cheapest 1-tree with a forced edge, less twice the penalties, by networkx and sorting."""
+    n = len(cost)
+    weight = cost + penalty[:, None] + penalty[None]
+    graph = nx.Graph()
+    for a, b in itertools.combinations(range(1, n), 2):
+        graph.add_edge(a, b, weight=weight[a, b] - (10**6 if forced == (a, b) else 0))
+    tree = nx.minimum_spanning_tree(graph)
+    total = sum(weight[a, b] for a, b in tree.edges)
+    ends = sorted(range(1, n), key=lambda b: weight[0, b] - (10**6 if forced == (0, b) else 0))[:2]
+    return float(total + sum(weight[0, b] for b in ends) - 2 * penalty.sum())
+
+
+@settings(deadline=None)
+@given(sizes, seeds)
+def test_one_trees_weigh_what_networkx_says_and_have_as_many_edges_as_cities(n: int, seed: int) -> None:
+    cost, penalty = drawn(n, seed)
+    degree, parent = np.zeros(n, np.int32), np.zeros(n, np.int32)
+    assert one_tree(cost, penalty, degree, parent) == weight_of_one_tree(cost, penalty)
+    assert degree.sum() == 2 * n
+    assert degree[0] == 2
+
+
+@settings(max_examples=40, deadline=None)
+@given(sizes, seeds)
+def test_the_excess_of_an_edge_is_what_a_tree_with_it_weighs_more(n: int, seed: int) -> None:
+    cost, penalty = drawn(n, seed)
+    found, least = excess(cost, penalty), weight_of_one_tree(cost, penalty)
+    for a, b in itertools.combinations(range(n), 2):
+        assert found[a, b] == found[b, a] == weight_of_one_tree(cost, penalty, (a, b)) - least
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.integers(4, 7), seeds)
+def test_a_bound_is_never_above_the_shortest_tour_and_is_shown_by_its_penalties(n: int, seed: int) -> None:
+    cost, _ = drawn(n, seed)
+    tours = (np.array((0, *rest)) for rest in itertools.permutations(range(1, n)))
+    shortest = min(int(cost[tour, np.roll(tour, -1)].sum()) for tour in tours)
+    bound, penalty, _ = ascend(cost, np.zeros(n), float(shortest), 200, 1.0)
+    assert bound <= shortest
+    assert bound == pytest.approx(weight_of_one_tree(cost, penalty), abs=0)
+
+
+def test_the_bound_of_random_cities_comes_near_a_good_tour() -> None:
+    from engine.sequencing.chain1987 import chain
+
+    places = np.random.default_rng(4).integers(0, 1000, (120, 2))
+    cost = np.rint(np.hypot(*(places[:, None] - places[None]).transpose(2, 0, 1))).astype(np.int32)
+    tour = chain(cost, places.astype(float))
+    upper = int(cost[tour, np.roll(tour, -1)].sum())
+    bound, _, _ = ascend(cost, np.zeros(120), float(upper), 500, 1.0)
+    assert 0.9 * upper < bound <= upper
