@@ -130,14 +130,14 @@ def _compared(session: "Session", advice: "Advice") -> tuple[tuple[int, float, b
 
 def _answerer(found: "Desk", outcomes: str, hidden: str, seed: int, explain: bool) -> "Answerer":
     from engine.diagnosis.world import HiddenWorld
-    from engine.troubleshooting import hidden_hypothesis, scripted
+    from engine.troubleshooting.given import hidden_hypothesis, scripted
 
     if outcomes:
-        return scripted(found, outcomes)
+        return scripted(found.model, outcomes)
     if hidden:
         import random
 
-        world = HiddenWorld(found.model, hidden_hypothesis(found, hidden), random.Random(seed))
+        world = HiddenWorld(found.model, hidden_hypothesis(found.model, hidden), random.Random(seed))
         return lambda action, _advice: world.respond(action)
     return _asking(found, explain)
 
@@ -205,7 +205,8 @@ def _status(made: "Diagnosis") -> str:
 def _kept(
     target: str, store: str, history: bool, reset: bool, age: float | None, given: Path | None
 ) -> Answer:
-    from engine.troubleshooting import fault_model, imported
+    from engine.troubleshooting import fault_model
+    from engine.troubleshooting.given import imported
     from kb.diagnostics import Diagnostic, InvalidInput, Source
     from kb.store.cases import Cases
 

@@ -3,7 +3,6 @@
 Here the exception handler's questions ("what does it take to do this test now?", "how do we go on?") are put to the planner.
 """
 
-import json
 import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
@@ -11,19 +10,18 @@ from pathlib import Path
 
 from engine import pipeline
 from engine.diagnosis.exact import Interrupted, never
-from engine.diagnosis.knowledge import CURED, NOT_CURED, Objective, no_setup
+from engine.diagnosis.knowledge import Objective, no_setup
 from engine.diagnosis.revision import Binding, binding_of, bound, certainties, revised, revision
 from engine.diagnosis.selection import EXPANSIONS
-from engine.diagnosis.session import QUESTION, Answer, Session
+from engine.diagnosis.session import Session
 from engine.model.diagnosis import Setup
-from engine.model.faults import Diagnosis, Hypothesis, Revision
+from engine.model.faults import Diagnosis, Revision
 from engine.model.outcome import Found, Outcome
 from engine.planning import Limits
+from engine.troubleshooting.given import read_step
 from engine.validation.datalog import holds
 from engine.validation.semantics import Semantics
-from kb.asp import AspError, ground_term
 from kb.diagnostics import Diagnostic, InvalidInput, Source, unknown_name
-from kb.files import read_file
 from kb.loader import find, load
 from kb.loader.faults import load_faults
 from kb.model.conditions import And, Comparison, Condition, Exists, Literal, Parameter
@@ -222,7 +220,7 @@ def desk(
     model, _ = load_faults(Path(loaded.domain.path))
     if exception not in model.exceptions:
         raise InvalidInput([unknown_name("exception", exception, model.exceptions, Source("--exception"))])
-    binding = binding_of(model, exception, _step(step))
+    binding = binding_of(model, exception, read_step(step, loaded, model.exceptions[exception]))
     setup = Preparations(loaded.problem, binding) if loaded.problem else no_setup
     counted = model.exceptions[exception].counts
     if store:
@@ -235,63 +233,3 @@ def desk(
 def fault_model(target: str) -> FaultModel:
     """The fault base of a target. Raises `InvalidInput`."""
     return load_faults(Path(load(find(target)).domain.path))[0]
-
-
-def _step(text: str) -> Function | None:
-    if not text:
-        return None
-    try:
-        found = ground_term(text)
-    except AspError as error:
-        found = None
-        said = str(error)
-    else:
-        said = "this is no step"
-    if isinstance(found, Function):
-        return found
-    hint = "write it as in a plan: us_measure(us_probe, t3_746, m1)"
-    raise InvalidInput([Diagnostic(Source("--step"), "K107", said, hint)])
-
-
-def scripted(found: Desk, text: str) -> Answer:
-    """Outcomes from a list `test=outcome, ...`; the case ends at a test that is not in it. Raises `InvalidInput`."""
-    known = {**found.model.tests, **found.model.repairs}
-    given: dict[str, str] = {}
-    for part in filter(None, (each.strip() for each in text.split(","))):
-        name, _, outcome = (each.strip() for each in part.partition("="))
-        if name == QUESTION:
-            given[name] = outcome
-            continue
-        if name not in known:
-            raise InvalidInput([unknown_name("test or repair", name, known, Source("--outcomes"))])
-        possible = found.model.tests[name].outcomes if name in found.model.tests else (CURED, NOT_CURED)
-        if outcome not in possible:
-            raise InvalidInput([unknown_name("outcome", outcome, possible, Source("--outcomes"))])
-        given[name] = outcome
-    return lambda action, _advice: given.get(action.name)
-
-
-def hidden_hypothesis(found: Desk, text: str) -> Hypothesis:
-    """The causes that a simulated world hides. Raises `InvalidInput`."""
-    causes = tuple(each.strip() for each in text.split(",") if each.strip())
-    for cause in causes:
-        if cause not in found.model.causes:
-            raise InvalidInput([unknown_name("cause", cause, found.model.causes, Source("--hidden"))])
-    return Hypothesis(causes)
-
-
-def imported(model: FaultModel, path: Path) -> list[ClosedCase]:
-    """Counts from a JSON file {exception: {cause: count}} as cases. Raises `InvalidInput`."""
-    try:
-        given = json.loads(read_file(path).text)
-        pairs = [(e, c, float(n)) for e, causes in given.items() for c, n in causes.items()]
-    except (ValueError, AttributeError, TypeError) as error:
-        hint = "it holds {exception: {cause: count}}"
-        raise InvalidInput([Diagnostic(Source(str(path)), "K402", f"no counts: {error}", hint)]) from None
-    for exception, cause, _ in pairs:
-        if exception not in model.exceptions:
-            raise InvalidInput([unknown_name("exception", exception, model.exceptions, Source(str(path)))])
-        if cause not in model.exceptions[exception].counts:
-            known = model.exceptions[exception].counts
-            raise InvalidInput([unknown_name("cause", cause, known, Source(str(path)))])
-    return [ClosedCase(model.domain, e, (c,), weight=n) for e, c, n in pairs if n > 0]
