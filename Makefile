@@ -19,7 +19,7 @@ demo: $(VENV)/ready
 	$(BIN)/cellwright plan bulkhead/twelve_points --stats
 
 test: $(VENV)/ready
-	$(BIN)/python -m pytest
+	$(BIN)/python -m pytest -n auto
 
 slow: $(VENV)/ready
 	$(BIN)/python -m pytest -m slow
@@ -29,13 +29,26 @@ check: $(VENV)/ready
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
-	$(BIN)/python -m pytest
+	$(BIN)/python -m pytest -n auto
 
 golden: $(VENV)/ready
 	$(BIN)/python -m pytest --update-golden --update-plans
 
-bench: $(VENV)/ready
+# Measured on CELLWRIGHT_DATA, beside other planners and geometry libraries that are installed for this alone.
+export CELLWRIGHT_DATA ?= ../shared/data
+PEERS := .peers
+MEASURED := kinematics collision scheduling sequencing poses diagnosis macros reuse
+
+$(PEERS)/ready: $(VENV)/ready
+	$(PYTHON) -m venv $(PEERS)
+	$(PEERS)/bin/python -m pip install --quiet --disable-pip-version-check up-fast-downward pyperplan
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt mujoco coal eaik
+	touch $@
+
+bench: $(PEERS)/ready
 	$(BIN)/python benchmarks/plan.py
+	$(BIN)/python benchmarks/planning.py --peers $(PEERS)/bin/python
+	missed=0; for each in $(MEASURED); do $(BIN)/python benchmarks/$$each.py || missed=1; done; exit $$missed
 
 clean:
-	rm -rf $(VENV) build dist *.egg-info
+	rm -rf $(VENV) $(PEERS) build dist *.egg-info
