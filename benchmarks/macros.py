@@ -252,7 +252,7 @@ def main() -> None:
         if "planning" in parts:
             found["planning"] = planning(bench)
         if "lookup" in parts:
-            days = [_figure_4(), *different_days(options.macrops * 3 // 2, SMALL, SEED)]
+            days = [_figure_4(), *different_days(options.macrops * 2, SMALL, SEED)]
             if not library.exists():
                 fill(library, days, options.macrops)
             lookup(bench, library, days, options.macrops)
