@@ -82,10 +82,9 @@ def _annealed(problem: TourProblem, limits: Limits) -> tuple[tuple[int, ...], in
     if high - low < 2:
         return tuple(map(int, best)), 0
     near = nearest(arcs.T)
-    durations, earliest, latest = _times(problem)
     pairs = np.array(problem.precedence, np.int64).reshape(-1, 2)
     mean, heavy = max(1, int(arcs.mean())), FINE
-    rules, fine = (durations, earliest, latest, pairs), np.zeros(2, np.int64)
+    rules, fine = (_times(problem), pairs), np.zeros(2, np.int64)
     total, done, phase, seed = limits.work or min(20_000 + 20_000 * n, MOST), 0, 5000 + 500 * n, limits.seed
     while done < total and not limits.interrupted():
         if problem.ordered:
@@ -107,10 +106,11 @@ def _annealed(problem: TourProblem, limits: Limits) -> tuple[tuple[int, ...], in
     return tuple(map(int, best)), done
 
 
-def _times(problem: TourProblem) -> tuple[Longs, Longs, Longs]:
+def _times(problem: TourProblem) -> Longs:
+    """Durations, and the earliest and latest beginnings (3, n)."""
     windows = [visit.window or (0, FAR) for visit in problem.visits]
-    durations = np.array([visit.duration for visit in problem.visits], np.int64)
-    return durations, np.array([each[0] for each in windows]), np.array([each[1] for each in windows])
+    rows = ([visit.duration for visit in problem.visits], [w[0] for w in windows], [w[1] for w in windows])
+    return np.array(rows, np.int64)
 
 
 def _assignment_bound(problem: TourProblem) -> int:

@@ -69,3 +69,22 @@ def after(tour: Ints, position: Ints, city: int) -> int:
 def before(tour: Ints, position: Ints, city: int) -> int:
     """The city before."""
     return int(tour[position[city] - 1])  # -1 is the last
+
+
+@compiled
+def wake(city: int, queue: Ints, waiting: Ints, head: int, size: int) -> int:
+    """Put a city at the end of the queue unless it waits there; the queue's size."""
+    if waiting[city] == 0:
+        waiting[city] = 1
+        queue[(head + size) % queue.shape[0]] = city
+        return size + 1
+    return size
+
+
+@compiled
+def positions(tour: Ints) -> Ints:
+    """Where each city stands in the tour."""
+    found = np.empty(tour.shape[0], np.int32)
+    for index in range(tour.shape[0]):
+        found[tour[index]] = index
+    return found

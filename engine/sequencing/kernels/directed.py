@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine.sequencing.kernels import compiled
-from engine.sequencing.kernels.arrays import Ints, Longs
+from engine.sequencing.kernels.arrays import Ints, Longs, positions
 
 LONGEST = 30
 Pairs = NDArray[np.int64]
@@ -19,13 +19,14 @@ def price(
     order: Ints,
     arcs: Longs,
     closed: bool,
-    durations: Longs,
-    earliest: Longs,
-    latest: Longs,
+    times: Longs,
     pairs: Pairs,
     fine: Longs,
 ) -> int:
-    """The cost of an order with fines: fine[0] for each unit of lateness, fine[1] for each pair (m, 2) the wrong way round."""
+    """The cost of an order with fines: fine[0] for each unit of lateness, fine[1] for each pair (m, 2) the wrong way round.
+
+    `times` (3, n) are durations, and the earliest and latest beginnings.
+    """
     n = order.shape[0]
     total, clock, late, wrong = 0, 0, 0, 0
     place = np.empty(n, np.int32)
@@ -35,9 +36,9 @@ def price(
         if index:
             step = arcs[order[index - 1], city]
             total += step
-            clock += step + durations[order[index - 1]]
-        clock = max(clock, earliest[city])
-        late += max(0, clock - latest[city])
+            clock += step + times[0, order[index - 1]]
+        clock = max(clock, times[1, city])
+        late += max(0, clock - times[2, city])
     for pair in range(pairs.shape[0]):
         wrong += place[pairs[pair, 0]] > place[pairs[pair, 1]]
     if closed:
@@ -112,9 +113,7 @@ def anneal(
     closed: bool,
     low: int,
     high: int,
-    durations: Longs,
-    earliest: Longs,
-    latest: Longs,
+    times: Longs,
     pairs: Pairs,
     fine: Longs,
     moves: int,
@@ -127,12 +126,9 @@ def anneal(
     `order` (n,) is changed in place; `near` (n, k) are cities from which each city is near; fines of 0 say that there
     are neither windows nor precedence. Returns the best order, its price and the final warmth.
     """
-    n = order.shape[0]
     np.random.seed(seed)
-    place, moved = np.empty(n, np.int32), np.empty(n, np.int32)
-    for index in range(n):
-        place[order[index]] = index
-    now = price(order, arcs, closed, durations, earliest, latest, pairs, fine)
+    place, moved = positions(order), order.copy()
+    now = price(order, arcs, closed, times, pairs, fine)
     best, kept = now, order.copy()
     for _ in range(moves):
         warmth *= cooling
@@ -141,14 +137,15 @@ def anneal(
             continue
         turned = np.random.random() < 0.3
         priced = fine[0] == 0 and not turned
-        after = now + _difference(order, arcs, closed, first, last, behind) if priced else 0
-        if priced and not _accepted(after - now, warmth):
+        if priced:
+            after = now + _difference(order, arcs, closed, first, last, behind)
+        else:
+            _move(order, moved, first, last, behind, turned)
+            after = price(moved, arcs, closed, times, pairs, fine)
+        if not _accepted(after - now, warmth):
             continue
-        _move(order, moved, first, last, behind, turned)
-        if not priced:
-            after = price(moved, arcs, closed, durations, earliest, latest, pairs, fine)
-            if not _accepted(after - now, warmth):
-                continue
+        if priced:
+            _move(order, moved, first, last, behind, turned)
         now = after
         _take(order, moved, place)
         if now < best:

@@ -10,11 +10,9 @@ Felten 1991 (double-bridge kicks with annealed acceptance), the kicks kept local
 import numpy as np
 
 from engine.sequencing.kernels import compiled
-from engine.sequencing.kernels.arrays import Ints, after, before, flip, reverse, undo
+from engine.sequencing.kernels.arrays import Ints, after, before, flip, positions, undo, wake
+from engine.sequencing.kernels.kicks import kick
 
-SEGMENT = 30  # cities between the cuts of a kick along the tour
-WALK = 10  # steps between the cuts of a kick in space
-SPATIAL = 0.5  # how many of the kicks are made in space
 ROOM = 8  # rows that one exchange may need in the journal
 TWO, TWO_TWICE, SWAPPED, TURNED = 1, 2, 3, 4
 
@@ -160,16 +158,6 @@ def _apply(tour: Ints, position: Ints, forward: bool, found: Ints, journal: Ints
 
 
 @compiled
-def _wake(city: int, queue: Ints, waiting: Ints, head: int, size: int) -> int:
-    """Put a city at the end of the queue unless it waits there; the queue's size."""
-    if waiting[city] == 0:
-        waiting[city] = 1
-        queue[(head + size) % queue.shape[0]] = city
-        return size + 1
-    return size
-
-
-@compiled
 def _settle(
     tour: Ints,
     position: Ints,
@@ -199,75 +187,14 @@ def _settle(
                 gain += won
                 idle = 0
                 for place in range(7, 10):
-                    size = _wake(found[place], queue, waiting, head, size)
+                    size = wake(found[place], queue, waiting, head, size)
                 if found[6] != TWO:
-                    size = _wake(found[4], queue, waiting, head, size)
-                    size = _wake(found[5], queue, waiting, head, size)
+                    size = wake(found[4], queue, waiting, head, size)
+                    size = wake(found[5], queue, waiting, head, size)
             else:
                 idle += 1
                 forward = not forward
     return gain, written
-
-
-@compiled
-def _near_cuts(position: Ints, near: Ints, cuts: Ints) -> bool:
-    """Four different positions of cities close to each other in space go into `cuts`, in order round the tour.
-
-    They are turned so that the longest path lies between the last and the first. False if no four were found.
-    """
-    n = position.shape[0]
-    city = np.random.randint(n)
-    for place in range(4):
-        cuts[place] = position[city]
-        for _ in range(1 + np.random.randint(WALK)):
-            city = near[city, np.random.randint(near.shape[1])]
-    cuts.sort()
-    longest, turn = n - cuts[3] + cuts[0], 0
-    for place in range(3):
-        path = cuts[place + 1] - cuts[place]
-        if path == 0:
-            return False
-        if path > longest:
-            longest, turn = path, place + 1
-    for _ in range(turn):
-        cuts[0], cuts[1], cuts[2], cuts[3] = cuts[1], cuts[2], cuts[3], cuts[0]
-    return True
-
-
-@compiled
-def _short_cuts(n: int, cuts: Ints) -> None:
-    """Four different positions that follow each other closely round the tour go into `cuts`."""
-    limit = max(1, min(SEGMENT, (n - 2) // 3))
-    cuts[0] = np.random.randint(n)
-    for place in range(3):
-        cuts[place + 1] = (cuts[place] + 1 + np.random.randint(limit)) % n
-
-
-@compiled
-def _kick(
-    tour: Ints, position: Ints, cost: Ints, near: Ints, queue: Ints, waiting: Ints, journal: Ints, cuts: Ints
-) -> tuple[int, int, int]:
-    """A double bridge: three neighbouring paths in reverse order. The loss, the journal's length, the queue's size.
-
-    No exchange of three edges takes it back.
-    """
-    n = tour.shape[0]
-    if np.random.random() >= SPATIAL or not _near_cuts(position, near, cuts):
-        _short_cuts(n, cuts)
-    p, q, r, s = cuts[0], cuts[1], cuts[2], cuts[3]
-    loss, size = 0, 0
-    for place in range(4):
-        last, first = tour[cuts[place]], tour[(cuts[place] + 1) % n]
-        loss -= cost[last, first]
-        size = _wake(last, queue, waiting, 0, size)
-        size = _wake(first, queue, waiting, 0, size)
-    loss += cost[tour[p], tour[(r + 1) % n]] + cost[tour[s], tour[(q + 1) % n]]
-    loss += cost[tour[r], tour[(p + 1) % n]] + cost[tour[q], tour[(s + 1) % n]]
-    stretches = (((p + 1) % n, q), ((q + 1) % n, r), ((r + 1) % n, s), ((p + 1) % n, s))
-    for index in range(4):
-        journal[index, 0], journal[index, 1] = stretches[index]
-        reverse(tour, position, stretches[index][0], stretches[index][1])
-    return loss, 4, size
 
 
 @compiled
@@ -289,19 +216,16 @@ def improve(
     """
     n = tour.shape[0]
     np.random.seed(seed)
-    position = np.empty(n, np.int32)
-    for index in range(n):
-        position[tour[index]] = index
+    position = positions(tour)
     queue, waiting, found = np.empty(n, np.int32), np.zeros(n, np.int32), np.zeros(10, np.int32)
     journal = np.empty((max(40 * n, 4096), 2), np.int32)
-    cuts = np.zeros(4, np.int32)
-    size = 0
+    cuts, size = np.zeros(4, np.int32), 0
     for index in range(n):
-        size = _wake(tour[index], queue, waiting, 0, size)
+        size = wake(tour[index], queue, waiting, 0, size)
     current, _ = _settle(tour, position, cost, near, toll, queue, waiting, size, journal, 0, found)
     best_gain, best = current, tour.copy()
     for _ in range(kicks):
-        loss, written, size = _kick(tour, position, cost, near, queue, waiting, journal, cuts)
+        loss, written, size = kick(tour, position, cost, near, queue, waiting, journal, cuts)
         won, written = _settle(
             tour, position, cost, near, toll, queue, waiting, size, journal, written, found
         )

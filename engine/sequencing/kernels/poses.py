@@ -196,10 +196,7 @@ def search(
     """
     n = order.shape[0]
     np.random.seed(seed)
-    after, before, row = np.empty(n, np.int32), np.empty(n, np.int32), pose.copy()
-    for place in range(n):
-        after[order[place]] = order[(place + 1) % n]
-        before[order[(place + 1) % n]] = order[place]
+    after, before, row = _after_each(order), _after_each(order[::-1].copy()), pose.copy()
     now = _ring_time(after, row, table)
     best, kept_after, kept_row = now, after.copy(), row.copy()
     old_after, old_before, old_row, removed = after.copy(), before.copy(), row.copy(), np.empty(n, np.int32)
@@ -222,6 +219,15 @@ def search(
         else:
             after[:], before[:], row[:] = old_after, old_before, old_row
     return _order_of(kept_after, order[0]), kept_row, best, _order_of(after, order[0]), row, warmth
+
+
+@compiled
+def _after_each(order: Ints) -> Ints:
+    """The visit that follows each one on the ring."""
+    after = np.empty(order.shape[0], np.int32)
+    for place in range(order.shape[0]):
+        after[order[place - 1]] = order[place]
+    return after
 
 
 @compiled
