@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine.model.task import Bits, GroundOperator, indices
-from engine.planning.kernels import evaluate
+from engine.planning.kernels import Operators, Room, evaluate
 
 Ints = NDArray[np.int32]
 
@@ -51,26 +51,27 @@ class Evaluation:
         for number, needed in enumerate(needs):
             for atom in needed:
                 users[atom].append(number)
-        self._arguments = self._arrays(np.fromiter(indices(goals), np.int32), rows(needs), rows(users), size)
+        self._goals = np.fromiter(indices(goals), np.int32)
+        self._arrays, self._room = self._laid_out(rows(needs), rows(users), size)
 
-    def _arrays(self, goals: Ints, need: Rows, user: Rows, size: int) -> tuple[Ints, ...]:
-        """The kernel's arguments after the state: the operators, and room to work in."""
+    def _laid_out(self, need: Rows, user: Rows, size: int) -> tuple[Operators, Room]:
+        """The operators as arrays, and room to work in."""
         count = len(self.operators)
         add = rows([list(indices(operator.adds)) for operator in self.operators])
         costs = np.fromiter((max(operator.cost, 1) for operator in self.operators), np.int32, count)
-        work = [np.zeros(size, np.int32) for _ in range(2)] + [np.zeros(count, np.int32) for _ in range(2)]
-        queue = [np.zeros(size + len(add.items) + 1, np.int32) for _ in range(2)]
-        self._applicable, self._preferred = np.zeros(count, np.int32), np.zeros(count, np.int32)
-        marked, stack = np.zeros(count, np.int32), np.zeros(len(need.items) + len(goals) + 1, np.int32)
-        operators = (costs, need.starts, need.items, np.diff(need.starts), add.starts, add.items)
-        room = (*work, *queue, self._applicable, self._preferred, marked, stack)
-        return (goals, *operators, user.starts, user.items, *room)
+        lengths = (size, size, count, count, *[size + len(add.items) + 1] * 2)
+        work = [np.zeros(length, np.int32) for length in lengths]
+        most = len(need.items) + len(self._goals) + 1
+        rest = [np.zeros(length, np.int32) for length in (count, most, count, count)]
+        starts = (need.starts, need.items, add.starts, add.items, user.starts, user.items)
+        return Operators(costs, np.diff(need.starts), *starts), Room(*work, *rest)
 
     def __call__(self, state: Bits) -> tuple[int, list[int], list[int]]:
         """The cost of a relaxed plan (-1 if there is none), the applicable operators, and those it begins with."""
         words = np.frombuffer(state.to_bytes(self._width * 8, "little"), np.uint64)
-        estimate, applicable, preferred = evaluate(words, *self._arguments)
-        found, helpful = self._applicable[:applicable].tolist(), self._preferred[:preferred].tolist()
+        room = self._room
+        estimate, applicable, preferred = evaluate(words, self._goals, self._arrays, room)
+        found, helpful = room.applicable[:applicable].tolist(), room.preferred[:preferred].tolist()
         if len(self.operators) > self._plain:
             found = [number for number in found if number < self._plain]
             helpful = list(dict.fromkeys(self._owners[number] for number in helpful))
