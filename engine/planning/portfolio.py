@@ -82,13 +82,14 @@ class Chaining:
 
     def __init__(self, regression: Regression, task: Task, seed: int) -> None:
         self.space = Backward(regression, task.initial)
-        self.roots = [root for goal in task.goals if (root := self.space.root(goal)) is not None]
+        roots = [root for goal in task.goals if (root := self.space.root(goal)) is not None]
+        self.roots = sorted(roots, key=lambda root: self.space.estimate(root.open))
         self._seed, self._restarts = seed, 0
         self._climb = Climb(self.space, self.roots[0], seed) if self.roots else None
         self._best_first = BestFirst(self.space, self.roots, GREED)
 
     def climb(self, effort: Effort) -> Answer | None:
-        """Hill climbing towards the first alternative of the goals; only if there is one alone is its end a proof."""
+        """Hill climbing towards the nearest alternative of the goals; only if there is one alone is its end a proof."""
         return self._sure(self._climb.run(effort)) if self._climb else NO_PLAN
 
     def restart(self, effort: Effort) -> Answer | None:

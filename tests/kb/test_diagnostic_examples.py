@@ -7,6 +7,8 @@ from pathlib import Path
 import pytest
 
 from engine import pipeline
+from engine.interop.qif.document import read_document
+from engine.interop.tsplib import read_tsplib
 from engine.starter import create
 from kb.asp import trial
 from kb.diagnostics import CODES, Diagnostic, InvalidInput
@@ -20,13 +22,17 @@ WITHOUT_A_FILE = {"K403": "a folder with something in it is no place for a new d
 
 
 def found_in(folder: Path) -> tuple[Diagnostic, ...]:
-    """What validate, plan --pddl, the reader of cells or check report of this kind of example."""
+    """What validate, plan --pddl, the readers of other formats or check report of this kind of example."""
     try:
         if (folder / "plan.json").exists():
             problem, plan = load_plan(folder / "plan.json")
             return tuple(pipeline.check_plan(problem, plan, str(folder / "plan.json")))
         if (folder / "domain.pddl").exists():
             pipeline.pddl_task(str(folder / "domain.pddl"), folder / "problem.pddl")
+        for file in folder.glob("*.tsp"):
+            read_tsplib(file)
+        for file in folder.glob("*.qif"):
+            read_document(file)
         if (folder / "cell.yaml").exists():
             load_cell(folder / "cell.yaml")
         target = folder / "problem.yaml"

@@ -82,3 +82,11 @@ def test_the_compiled_evaluation_finds_what_is_applicable_and_reachable(
     assert (estimate >= 0) == (task.goals[0] & ~reached == 0)
     assert (estimate == 0) == (task.goals[0] & ~state == 0) or estimate < 0
     assert all(0 <= atom < len(task.atoms) for atom in indices(reached))
+
+
+@pytest.mark.parametrize("strategy", sorted(STRATEGIES))
+def test_a_goal_that_holds_in_some_way_needs_no_step(strategy: str) -> None:
+    problem = pipeline.problem_of("bulkhead/one_point", goals="holding(t3_746, _)")
+    outcome = pipeline.plan(problem, Limits(strategy=strategy))
+    assert isinstance(outcome, Found)
+    assert outcome.plan.steps == ()
