@@ -6,12 +6,16 @@ from hypothesis import strategies as st
 from kb.graphs import components, reached
 
 GRAPHS = st.integers(0, 7).flatmap(
-    lambda size: st.dictionaries(st.integers(0, size), st.lists(st.integers(0, size), max_size=4), max_size=size + 1)
+    lambda size: st.dictionaries(
+        st.integers(0, size), st.lists(st.integers(0, size), max_size=4), max_size=size + 1
+    )
 )
 
 
 @given(GRAPHS)
-def test_components_are_the_classes_of_mutual_reachability_with_targets_first(graph: dict[int, list[int]]) -> None:
+def test_components_are_the_classes_of_mutual_reachability_with_targets_first(
+    graph: dict[int, list[int]],
+) -> None:
     found = list(components(graph))
     vertices = set(graph) | {target for targets in graph.values() for target in targets}
     assert sorted(vertex for part in found for vertex in part) == sorted(vertices)
