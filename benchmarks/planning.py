@@ -164,7 +164,9 @@ def listing(runs: Sequence[Run], planners: Sequence[str]) -> Table:
 def main() -> int:
     """Measure, print, keep."""
     parser = argparse.ArgumentParser(description="solve competition tasks beside other planners")
-    parser.add_argument("--data", type=Path, default=Path(os.environ.get("CELLWRIGHT_DATA", "../shared/data")))
+    parser.add_argument(
+        "--data", type=Path, default=Path(os.environ.get("CELLWRIGHT_DATA", "../shared/data"))
+    )
     parser.add_argument("--levels", default="1-4")
     parser.add_argument("--seconds", type=float, default=60)
     parser.add_argument("--planners", default="auto,backward")
