@@ -25,6 +25,7 @@ from kb.model.problem import Problem
 from kb.store import Library
 from kb.terms import ordered
 
+LONG_SEARCH = 5_000  # expansions that it is worth while to spare
 LARGEST = 100  # steps of a plan that is learned: to generalise takes time that grows with their square
 DEARER, LONGER = 1.05, 1.1  # of what the planner's plan costs, and lasts, a composed one may
 
@@ -117,16 +118,14 @@ class Practice:
         successes, failures = self.library.tried(problem.domain.name, kinds)
         if failures > successes:
             return None
-        started = time.perf_counter()
         found = self._composed(problem, asked)
-        seconds = time.perf_counter() - started
         if found is not None and successes:
             return found
         here = problem.replace(ordered(asked.facts))
         started = time.perf_counter()
         rival = pipeline.plan(here, self.limits)
         planning = time.perf_counter() - started
-        better = found is not None and _pays(found.outcome, seconds, rival, planning)
+        better = found is not None and _pays(found.outcome, rival)
         self.library.note_trial(problem.domain.name, kinds, better)
         if found is None or not better:
             return self._learned(here, rival, planning, asked.situation)
@@ -215,10 +214,14 @@ def _alone(part: Problem) -> Problem:
     return replace(part, chains=tuple(replace(chain, after=()) for chain in part.chains))
 
 
-def _pays(composed: Outcome, composing: float, rival: Outcome, planning: float) -> bool:
-    """Whether a composed plan was worth it: hardly dearer or longer than the planner's, and cheaper or sooner there."""
+def _pays(composed: Outcome, rival: Outcome) -> bool:
+    """Whether a composed plan was worth it: hardly dearer or longer than the planner's, and cheaper or a long search spared.
+
+    Judged by work, not by the clock, so that the same input gives the same plan.
+    """
     if not isinstance(rival, Found) or not isinstance(composed, Found):
         return True
     cost, other = composed.plan.cost, rival.plan.cost
     longer = makespan(composed.plan) > LONGER * makespan(rival.plan)
-    return cost <= DEARER * other and not longer and (composing <= planning or cost < other)
+    long_search = rival.statistics.counts.get("expanded", 0) >= LONG_SEARCH
+    return cost <= DEARER * other and not longer and (cost < other or long_search)
