@@ -12,7 +12,7 @@ from engine.cli.options import Target
 if TYPE_CHECKING:
     from engine.geometry.pictures.view import View
 
-app = typer.Typer(no_args_is_help=True)
+app = typer.Typer(add_completion=False, no_args_is_help=True)
 
 
 class Picture(StrEnum):

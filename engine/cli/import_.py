@@ -8,7 +8,7 @@ import typer
 from engine.cli.answers import Answer, Form, give
 from engine.cli.options import Format
 
-app = typer.Typer(no_args_is_help=True)
+app = typer.Typer(add_completion=False, no_args_is_help=True)
 
 
 @app.callback()

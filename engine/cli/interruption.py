@@ -81,5 +81,5 @@ def limit_memory(megabytes: int | None) -> None:
         import resource
 
         _, most = resource.getrlimit(resource.RLIMIT_DATA)
-        wanted = megabytes * 2**20
+        wanted = min(megabytes * 2**20, sys.maxsize)
         resource.setrlimit(resource.RLIMIT_DATA, (wanted if most < 0 else min(wanted, most), most))

@@ -26,7 +26,7 @@ DomainOf = Annotated[
     str, typer.Option("--domain", help="a domain, by path or bundled name: its MACROPs alone")
 ]
 
-app = typer.Typer(no_args_is_help=True)
+app = typer.Typer(add_completion=False, no_args_is_help=True)
 
 
 @app.callback()

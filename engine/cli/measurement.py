@@ -11,7 +11,7 @@ from engine.cli.options import Format, Target
 if TYPE_CHECKING:
     from engine.model.measurement import MeasurementPoint
 
-app = typer.Typer(no_args_is_help=True)
+app = typer.Typer(add_completion=False, no_args_is_help=True)
 File = Annotated[Path, typer.Argument(help="a problem file as `import qif` writes it")]
 Name = Annotated[str, typer.Argument(help="the measurement")]
 At = Annotated[tuple[float, float, float], typer.Option("--at", help="where: x y z in millimetres")]
