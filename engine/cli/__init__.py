@@ -4,6 +4,7 @@ import gc
 
 import typer
 
+from engine.cli.answers import open_streams
 from engine.cli.verbs import Verbs
 
 app = typer.Typer(
@@ -19,4 +20,5 @@ def cellwright() -> None:
 def main() -> None:
     """Run the command line."""
     gc.set_threshold(100_000)  # hardly anything here is part of a cycle
+    open_streams()
     app()

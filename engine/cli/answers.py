@@ -5,9 +5,11 @@ memory and bugs become exit codes here, so that no command prints a traceback.
 """
 
 import errno
+import io
 import os
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import TYPE_CHECKING, Any, NoReturn
@@ -44,15 +46,46 @@ class Answer:
 def give(make: Callable[[], Answer], form: Form) -> NoReturn:
     """Make the answer, print it and exit with its code."""
     answer = _made(make)
-    try:
+    if form is Form.TEXT or answer.raw is not None:
+        with suppress(OSError):  # whoever cannot be told why still gets the exit code
+            _report(answer)
+    with writing():
         _print(answer, form)
         sys.stdout.flush()
+    raise typer.Exit(answer.code)
+
+
+@contextmanager
+def writing() -> Iterator[None]:
+    """A context that writes to standard output: what cannot be written, as on a full disk, exits with 2."""
+    try:
+        yield
     except OSError as error:
         _abandon_output()
         if error.errno != errno.EPIPE:
-            sys.stderr.write(f"cannot write the answer: {error.strerror}\n")
+            with suppress(OSError):
+                sys.stderr.write(f"cannot write the answer: {error.strerror}\n")
             raise typer.Exit(BAD_INPUT) from None
-    raise typer.Exit(answer.code)
+
+
+def refuse(wrong: str, command: str) -> NoReturn:
+    """Answer a command line that makes no sense to a program that asked for JSON."""
+    from kb.diagnostics import Diagnostic, InvalidInput, Source
+
+    def make() -> Answer:
+        hint = f"`{command} --help` says what it takes"
+        raise InvalidInput([Diagnostic(Source("command line"), "K401", wrong, hint)])
+
+    give(make, Form.JSON)
+
+
+def open_streams() -> None:
+    """Let no answer fail for its characters, or for a standard stream that was closed before the start."""
+    for name, mode in (("stdin", "r"), ("stdout", "w"), ("stderr", "w")):
+        if getattr(sys, name) is None:
+            setattr(sys, name, open(os.devnull, mode))  # noqa: SIM115 - open as long as the process
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        sys.stdout.reconfigure(errors="replace")
 
 
 def _made(make: Callable[[], Answer]) -> Answer:
@@ -84,18 +117,22 @@ def _made(make: Callable[[], Answer]) -> Answer:
 
 def _print(answer: Answer, form: Form) -> None:
     if answer.raw is not None:
-        _report(answer)
-        sys.stdout.write(answer.raw)
+        _write(answer.raw)
     elif form is Form.JSON:
         from engine.report import json
 
-        sys.stdout.write(json.envelope(answer.status, answer.content, answer.diagnostics) + "\n")
-    else:
-        _report(answer)
-        if answer.text is not None:
-            from rich.console import Console
+        _write(json.envelope(answer.status, answer.content, answer.diagnostics) + "\n")
+    elif answer.text is not None:
+        from rich.console import Console
 
-            Console().print(answer.text())
+        Console().print(answer.text())
+
+
+def _write(text: str) -> None:
+    """Write data, which is UTF-8 whatever the terminal speaks."""
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        sys.stdout.reconfigure(encoding="utf-8", errors="replace")
+    sys.stdout.write(text)
 
 
 def _report(answer: Answer) -> None:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from engine.cli.answers import Answer, Form, give
-from engine.cli.options import Target
+from engine.cli.options import Target, number
 
 if TYPE_CHECKING:
     from engine.geometry.pictures.view import View
@@ -33,8 +33,15 @@ Configurations = Annotated[
 ]
 AtPlace = Annotated[str, typer.Option("--place", help="show the arm where it reaches this place")]
 Output = Annotated[Path | None, typer.Option("--output", "-o", help="the file to write; a PNG needs one")]
-Azimuth = Annotated[float, typer.Option(help="from where it is seen, in degrees about z from the x axis")]
-Elevation = Annotated[float, typer.Option(min=-90, max=90, help="from how high it is seen, in degrees")]
+Azimuth = Annotated[
+    float,
+    typer.Option(
+        min=-360, max=360, callback=number, help="from where it is seen, in degrees about z from the x axis"
+    ),
+]
+Elevation = Annotated[
+    float, typer.Option(min=-90, max=90, callback=number, help="from how high it is seen, in degrees")
+]
 
 
 @app.callback()

@@ -8,7 +8,7 @@ import typer
 
 from engine.cli.answers import Answer, Form, give
 from engine.cli.exits import GAVE_UP
-from engine.cli.options import Expansions, Seed, Target, TimeLimit
+from engine.cli.options import Expansions, Seed, Target, TimeLimit, number
 
 if TYPE_CHECKING:
     from engine.diagnosis.session import Answer as Answerer
@@ -53,7 +53,7 @@ def diagnose(
     store: Annotated[str, typer.Option(help="learn: keep closed cases in this file or database")] = "",
     history: Annotated[bool, typer.Option("--history", help="print the closed cases of the store")] = False,
     age: Annotated[
-        float | None, typer.Option(min=0, max=1, help="let closed cases count so much less")
+        float | None, typer.Option(min=0, max=1, callback=number, help="let closed cases count so much less")
     ] = None,
     reset: Annotated[bool, typer.Option("--reset", help="forget the closed cases of this domain")] = False,
     import_: Annotated[

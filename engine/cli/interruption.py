@@ -1,4 +1,4 @@
-"""Ctrl-C and the time limit, as the question that a search asks now and then; progress on a terminal meanwhile."""
+"""Ctrl-C, a request to terminate and the time limit, as the question that a search asks now and then; progress on a terminal meanwhile."""
 
 import signal
 import sys
@@ -14,6 +14,8 @@ if TYPE_CHECKING:
 class Interruption:
     """A context in which the first Ctrl-C asks the search to stop with what it has; the second stops everything.
 
+    A batch system's request to terminate (SIGTERM) is heard like Ctrl-C, so that it gets the best answer so far.
+
     Called, it says whether to stop. `seconds` is the time limit, counted from its creation.
     """
 
@@ -21,17 +23,18 @@ class Interruption:
         self.started = time.monotonic()
         self.deadline = self.started + seconds if seconds is not None else None
         self.heard = False
-        self._before: Callable[[int, FrameType | None], Any] | int | None = None
+        self._before: dict[signal.Signals, Callable[[int, FrameType | None], Any] | int | None] = {}
         self._progress = _Progress() if sys.stderr.isatty() else None
 
     def __enter__(self) -> "Interruption":
-        self._before = signal.signal(signal.SIGINT, self._hear)
+        self._before = {each: signal.signal(each, self._hear) for each in (signal.SIGINT, signal.SIGTERM)}
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None
     ) -> None:
-        signal.signal(signal.SIGINT, self._before)
+        for each, before in self._before.items():
+            signal.signal(each, before)
         if self._progress:
             self._progress.clear()
 

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from kb.store import Library as Opened
     from kb.store import Stored
 
+LARGEST = 2**63 - 1  # number that a database keeps
 DomainOf = Annotated[
     str, typer.Option("--domain", help="a domain, by path or bundled name: its MACROPs alone")
 ]
@@ -42,7 +43,7 @@ def list_(store: Library, domain: DomainOf = "", format: Format = Form.TEXT) -> 
 
 @app.command()
 def show(
-    number: Annotated[int, typer.Argument(help="the number of a MACROP")],
+    number: Annotated[int, typer.Argument(max=LARGEST, help="the number of a MACROP")],
     store: Library,
     format: Format = Form.TEXT,
 ) -> None:
@@ -63,7 +64,7 @@ def learn(
 @app.command()
 def forget(
     store: Library,
-    numbers: Annotated[list[int] | None, typer.Argument(help="the numbers of MACROPs")] = None,
+    numbers: Annotated[list[int] | None, typer.Argument(max=LARGEST, help="the numbers of MACROPs")] = None,
     stale: Annotated[str, typer.Option(help="forget what this domain has outgrown")] = "",
     format: Format = Form.TEXT,
 ) -> None:

@@ -44,7 +44,8 @@ def add(
     format: Format = Form.TEXT,
 ) -> None:
     """Add the measurement NAME, and a goal for it, to the problem FILE."""
-    give(lambda: _change(file, "added", _point(name, at, normal, kind, (tolerance, bore))), format)
+    point = _point(name, at, normal, kind, (tolerance, bore))
+    give(lambda: _change(file, "added", point), format)
 
 
 @app.command()
@@ -59,7 +60,8 @@ def edit(
     format: Format = Form.TEXT,
 ) -> None:
     """Give the measurement NAME of the problem FILE another place, kind, tolerance and bore."""
-    give(lambda: _change(file, "replaced", _point(name, at, normal, kind, (tolerance, bore))), format)
+    point = _point(name, at, normal, kind, (tolerance, bore))
+    give(lambda: _change(file, "replaced", point), format)
 
 
 @app.command()

@@ -1,10 +1,19 @@
 """Arguments and options that several commands share."""
 
+from math import isnan
 from typing import Annotated
 
 import typer
 
 from engine.cli.answers import Form
+
+
+def number(value: float | None) -> float | None:
+    """The value of an option; NaN, which passes every comparison with a range, is refused."""
+    if value is not None and isnan(value):
+        raise typer.BadParameter("nan is not a number")
+    return value
+
 
 Target = Annotated[
     str, typer.Argument(help="a problem file, a domain folder, or a bundled name such as bulkhead/one_point")
@@ -14,7 +23,8 @@ Goals = Annotated[str, typer.Option(help="goals, written as in a problem file")]
 Command = Annotated[str, typer.Option(help="what is wanted, in the words of the domain")]
 Stats = Annotated[bool, typer.Option("--stats", help="print what a researcher wants: counts and times")]
 TimeLimit = Annotated[
-    float | None, typer.Option(min=0, help="seconds after which the search ends with the best it has")
+    float | None,
+    typer.Option(min=0, callback=number, help="seconds after which the search ends with the best it has"),
 ]
 Seed = Annotated[int, typer.Option(min=0, help="the same seed gives the same answer on any machine")]
 Pddl = Annotated[bool, typer.Option("--pddl", help="the arguments are a PDDL domain and a PDDL problem")]

@@ -207,8 +207,8 @@ def validate(
     format: Format = Form.TEXT,
 ) -> None:
     """Check the plan in FILE, or, with --pddl, the plan MADE for a PDDL task, with the independent checker."""
-    if pddl and (task is None or made is None):
-        raise typer.BadParameter("--pddl takes a domain, a problem and a plan")
+    if (pddl, pddl) != (task is not None, made is not None):
+        raise typer.BadParameter("--pddl takes a domain, a problem and a plan; without it there is one file")
     if export:
         give(lambda: _validate_export(file, Wanted(export, goals, command), ground), format)
     give(

@@ -9,7 +9,7 @@ import typer
 
 from engine.cli.answers import Answer, Form, give
 from engine.cli.exits import INTERRUPTED
-from engine.cli.options import Command, Expansions, Goals, Seed, Stats, TimeLimit
+from engine.cli.options import Command, Expansions, Goals, Seed, Stats, TimeLimit, number
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -29,7 +29,10 @@ class ScheduleForm(StrEnum):
 
 
 Work = Annotated[
-    float, typer.Option(min=0, help="work of the solver, about seconds of one core; answers repeat")
+    float,
+    typer.Option(
+        min=0, callback=number, help="work of the solver, about seconds of one core; answers repeat"
+    ),
 ]
 Race = Annotated[
     int, typer.Option(min=1, help="workers that race: sooner an answer, not always the same one")

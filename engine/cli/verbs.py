@@ -1,11 +1,17 @@
 """The verbs of the command line, each imported when it is called: what one needs, the others do not wait for."""
 
+import sys
 from collections.abc import Iterator, MutableMapping
 from importlib import import_module
+from itertools import pairwise
 from typing import Any
 
 import typer
 from typer.core import TyperGroup
+
+from engine.cli.answers import refuse, writing
+
+USAGE: Any = typer.BadParameter.__base__  # a wrong command line; typer has no public name for it
 
 VERBS = {
     "cell": "cell:app",
@@ -35,6 +41,30 @@ class Verbs(TyperGroup):
     def __init__(self, **settings: Any) -> None:
         super().__init__(**settings)
         self.commands = _Loaded(self.commands)
+
+    def main(self, *arguments: Any, **settings: Any) -> Any:
+        """Run the command line; a full disk can also hit a page of help."""
+        try:
+            with writing():
+                return super().main(*arguments, **settings)
+        except typer.Exit as unwritten:
+            sys.exit(unwritten.exit_code)
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Parse what stands before the verb, and remember whether all of it asks for JSON."""
+        ctx.meta["json"] = (
+            any(two == ("--format", "json") for two in pairwise(args)) or "--format=json" in args
+        )
+        return super().parse_args(ctx, args)
+
+    def invoke(self, ctx: Any) -> Any:
+        """Run the verb. Who asked for JSON gets it on a wrong command line, too."""
+        try:
+            return super().invoke(ctx)
+        except USAGE as wrong:
+            if not ctx.meta["json"]:
+                raise
+            refuse(wrong.format_message(), wrong.ctx.command_path if wrong.ctx else "cellwright")
 
 
 class _Loaded(MutableMapping[str, Any]):

@@ -48,7 +48,7 @@ def _parts(file: File) -> tuple[dict[str, str], dict[str, tuple[int, str]]]:
         key, colon, value = line.partition(":")
         if colon:
             head[key.strip()] = value.strip()
-    ends = [*(mark.start() for mark in marks[1:]), len(text)]
+    ends = [*(mark.start() for mark in marks), len(text)][1:]
     sections = {mark[1]: (mark.end(), text[mark.end() : end]) for mark, end in zip(marks, ends, strict=True)}
     return head, sections
 

@@ -59,7 +59,13 @@ class _Lanes:
 
     def _start(self, strategy: str) -> None:
         here, there = multiprocessing.Pipe(duplex=False)
-        limits = replace(self.limits, strategy=strategy, interrupted=lambda: False, improved=there.send)
+        home = os.getpid()
+        limits = replace(
+            self.limits,
+            strategy=strategy,
+            interrupted=lambda: os.getppid() != home,  # nobody is left who would stop it
+            improved=there.send,
+        )
         context = multiprocessing.get_context("fork")  # the task need not be copied
         process = context.Process(target=_run, args=(there, self.task, limits), daemon=True)
         process.start()

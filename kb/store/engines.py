@@ -36,6 +36,8 @@ def address(target: str) -> URL:
     except ArgumentError:
         raise refusal("--store", "this is no URL of a library", _WAYS) from None
     if url.drivername in POSTGRES:
+        if not url.username:
+            raise refusal("--store", "the address names no user", _WAYS)
         return url.set(drivername="postgresql+pg8000")
     if url.drivername == "sqlite":
         return url
