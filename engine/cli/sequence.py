@@ -43,6 +43,17 @@ def sequence(
         int, typer.Option(min=0, help="kicks of the search; 0: as suits the number of visits")
     ] = 0,
     seed: Seed = 0,
+    store: Annotated[str, typer.Option(help="keep the sequence of a problem in this file or database")] = "",
+    next_: Annotated[bool, typer.Option("--next", help="of the kept sequence, the next visit alone")] = False,
+    done: Annotated[list[str] | None, typer.Option(help="visits that are done, commas between")] = None,
+    lost: Annotated[list[str] | None, typer.Option(help="tools and resources that are lost")] = None,
+    bad: Annotated[
+        list[str] | None, typer.Option(help="visits found bad, left out: 'm3, m4=the surface is dirty'")
+    ] = None,
+    restored: Annotated[
+        list[str] | None, typer.Option(help="what was lost or found bad and is well again")
+    ] = None,
+    anew: Annotated[bool, typer.Option("--anew", help="forget the kept sequence")] = False,
     format: Annotated[TourForm, typer.Option("--format", help="how the tour is written")] = TourForm.TEXT,
 ) -> None:
     """Print the best order found for the visits of TARGET, with a lower bound on the cost of any."""
@@ -53,6 +64,17 @@ def sequence(
     ):
         raise typer.BadParameter("--cost is straight or joints; joints goes with neither ends nor methods")
     form, back = Form.JSON if format is TourForm.JSON else Form.TEXT, closed if closed or open_ else None
+    news = (done or [], lost or [], bad or [], restored or [])
+    if (next_ or anew or any(news)) and not store:
+        raise typer.BadParameter("only a sequence that is kept goes on: give --store")
+    if store:
+        if closed or start or end or cost == "joints" or method != "auto" or format is TourForm.SVG:
+            raise typer.BadParameter("a kept sequence is open, in straight lines, and no picture")
+        from engine.cli.kept_sequence import carried_on
+
+        give(
+            lambda: carried_on(_problem_of(target), store, news, (time_limit, work, seed), next_, anew), form
+        )
     if cost == "joints":
         give(lambda: _posed(target, (time_limit, work, seed)), form)
     give(lambda: _sequence(target, method, (back, start, end), (time_limit, work, seed), format), form)

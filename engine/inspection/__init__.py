@@ -93,14 +93,20 @@ def tour_problem(problem: Problem, parts: Partition) -> TourProblem:
         str(name): tuple(_number(each) * 1e-6 for each in at) for name, *at in grounder.atoms("position", 4)
     }
     changes = {(str(a), str(b)): int(_number(way)) for a, b, way in grounder.atoms("change", 3)}
-    visits = tuple(Visit(name, where[name], tool) for tool, names in parts.groups.items() for name in names)
+    visits = (Visit(name, where[name], tool) for tool, names in parts.groups.items() for name in names)
+    return straight(problem.name, tuple(visits), changes)
+
+
+def straight(
+    name: str, visits: tuple[Visit, ...], changes: Mapping[tuple[str, str], int], start: int | None = None
+) -> TourProblem:
+    """An open tour of visits whose positions are known, in metres: straight lines between them, in micrometres."""
     places = np.array([visit.position for visit in visits], float).reshape(-1, 3)
     travel = (
         np.stack([np.linalg.norm(places - place, axis=1) for place in places]) if visits else np.zeros((0, 0))
     )
-    return TourProblem(
-        problem.name, visits, np.rint(travel * 1e6).astype(np.int64), closed=False, changes=changes, unit="µm"
-    )
+    ways = np.rint(travel * 1e6).astype(np.int64)
+    return TourProblem(name, visits, ways, closed=False, start=start, changes=changes, unit="µm")
 
 
 def _number(term: Term) -> float:

@@ -49,7 +49,7 @@ class TourProblem:
     @property
     def arcs(self) -> Longs:
         """Travel and change of tool together (n, n)."""
-        if not self.changes:
+        if not self.changes or not self.visits:
             return self.travel
         tools = [visit.tool for visit in self.visits]
         names = sorted(set(tools))

@@ -1,19 +1,18 @@
 """A library of MACROPs: what was learned, what each proof depends on, and how often it served."""
 
-import sqlite3
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from types import TracebackType
 
 from sqlalchemy import Connection, delete, func, select
 from sqlalchemy.dialects import postgresql, sqlite
-from sqlalchemy.exc import SQLAlchemyError
 
 from kb.model.macro import Macrop
 from kb.store.documents import dumps, fingerprint, loads
-from kb.store.engines import connected, lock_schema, refusal, transaction, write_ahead
+from kb.store.engines import refusal, transaction
 from kb.store.notation import NotationError
-from kb.store.schema import CURRENT, NewerSchema, dependencies, macrops, migrate, trials, usage, version_of
+from kb.store.opening import opened
+from kb.store.schema import dependencies, macrops, trials, usage, version_of
 
 CHUNK = 500  # rows named in one statement
 
@@ -70,28 +69,7 @@ class Library:
     def __init__(self, target: str) -> None:
         """Open a library, make it, or bring it to the current schema. `target` is a file or a URL."""
         self.target = target
-        self._engine = connected(target)
-        try:
-            self._open()
-        except BaseException:
-            self.close()
-            raise
-
-    def _open(self) -> None:
-        try:
-            write_ahead(self._engine)
-        except (sqlite3.Error, SQLAlchemyError) as error:
-            said = " ".join(str(getattr(error, "orig", error)).split())
-            raise refusal(
-                self.target, f"this cannot be used as a library: {said}", "give another file"
-            ) from error
-        try:
-            if self._version() != CURRENT:
-                with transaction(self._engine, self.target, writes=True) as connection:
-                    lock_schema(connection)
-                    migrate(connection)
-        except NewerSchema as error:
-            raise refusal(self.target, str(error), "install a newer Cellwright") from error
+        self._engine = opened(target)
 
     def __enter__(self) -> "Library":
         return self
@@ -104,10 +82,6 @@ class Library:
     def close(self) -> None:
         """Give up all connections."""
         self._engine.dispose()
-
-    def _version(self) -> int:
-        with transaction(self._engine, self.target) as connection:
-            return version_of(connection)
 
     def add(self, records: Iterable[Record]) -> list[int | None]:
         """Keep MACROPs; the number of each, None for those that are there already."""

@@ -69,6 +69,15 @@ trials = Table(
     Column("failures", Integer, nullable=False, default=0),
 )
 
+sequences = Table(
+    "sequences",
+    metadata,
+    Column("domain", String, primary_key=True),
+    Column("problem", String, primary_key=True),
+    Column("version", Integer, nullable=False),  # counts the changes: who writes must have read the last one
+    Column("document", Text, nullable=False),
+)
+
 
 def _first(connection: Connection) -> None:
     metadata.create_all(connection, [macrops, dependencies])
@@ -84,7 +93,11 @@ def _with_trials(connection: Connection) -> None:
     metadata.create_all(connection, [trials])
 
 
-MIGRATIONS: tuple[Callable[[Connection], None], ...] = (_first, _with_usage, _with_trials)
+def _with_sequences(connection: Connection) -> None:
+    metadata.create_all(connection, [sequences])
+
+
+MIGRATIONS: tuple[Callable[[Connection], None], ...] = (_first, _with_usage, _with_trials, _with_sequences)
 CURRENT = len(MIGRATIONS)
 
 
