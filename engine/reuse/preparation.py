@@ -2,7 +2,9 @@
 
 import contextlib
 import multiprocessing
-from collections.abc import Callable, Generator, Mapping, Sequence
+import signal
+import threading
+from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -104,16 +106,39 @@ def _run(
                 return
             yield job, work(job)
         return
-    context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(min(processes, len(jobs) or 1), mp_context=context) as pool:
-        waiting: dict[Future[Prepared], Job] = {pool.submit(work, job): job for job in jobs}
-        try:
-            while waiting and not interrupted():
-                done, _ = wait(waiting, timeout=0.2, return_when=FIRST_COMPLETED)
-                for each in done:
-                    yield waiting.pop(each), each.result()
-        finally:
-            pool.shutdown(wait=True, cancel_futures=True)
+    with _pool(min(processes, len(jobs) or 1)) as pool:
+        with _deaf():
+            waiting: dict[Future[Prepared], Job] = {pool.submit(work, job): job for job in jobs}
+        while waiting and not interrupted():
+            done, _ = wait(waiting, timeout=0.2, return_when=FIRST_COMPLETED)
+            for each in done:
+                yield waiting.pop(each), each.result()
+
+
+@contextlib.contextmanager
+def _pool(processes: int) -> Iterator[ProcessPoolExecutor]:
+    """Processes that finish what they have begun; at the second Ctrl-C they are killed."""
+    pool = ProcessPoolExecutor(processes, mp_context=multiprocessing.get_context("spawn"))
+    try:
+        yield pool
+        pool.shutdown(wait=True, cancel_futures=True)
+    except BaseException:
+        for process in multiprocessing.active_children():
+            process.kill()
+        raise
+
+
+@contextlib.contextmanager
+def _deaf() -> Iterator[None]:
+    """Processes started here do not hear Ctrl-C, which a terminal sends to them, too; who started them sees to it."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
 
 
 def work(job: Job) -> Prepared:

@@ -125,6 +125,22 @@ def test_strategies_do_not_outlive_the_race() -> None:
     assert time.monotonic() - began < 20
 
 
+@pytest.mark.parametrize("presses", [1, 2])
+def test_ctrl_c_at_a_terminal_ends_a_preparation_quietly(tmp_path: Path, presses: int) -> None:
+    """A terminal sends Ctrl-C to the whole group of processes, while those that plan are still starting, too."""
+    words = ("prepare", "themse", "--store", str(tmp_path / "store.db"), "--jobs", "2", "--format", "json")
+    how: dict[str, Any] = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "start_new_session": True}
+    with subprocess.Popen([*COMMAND, *words], **how) as process:
+        while not (tmp_path / "store.db").exists():
+            time.sleep(0.01)
+        for _ in range(presses):
+            time.sleep(0.6)
+            os.killpg(process.pid, signal.SIGINT)
+        told, said = process.communicate(timeout=60)
+    assert (process.returncode, said) == (130, b"")
+    assert json.loads(told)["status"] == ("incomplete" if presses == 1 else "interrupted")
+
+
 def _started(*arguments: str) -> subprocess.Popen[bytes]:
     """A search that has told of its first plan."""
     process = subprocess.Popen([*COMMAND, *arguments], stdout=subprocess.PIPE, stderr=subprocess.PIPE)
