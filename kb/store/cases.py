@@ -20,7 +20,8 @@ from sqlalchemy import (
     update,
 )
 
-from kb.store.engines import connected, transaction, write_ahead
+from kb.store.engines import transaction
+from kb.store.opening import opened
 
 metadata = MetaData()
 cases = Table(
@@ -53,8 +54,7 @@ class Cases:
 
     def __init__(self, target: str) -> None:
         self.target = target
-        self._engine: Engine = connected(target)
-        write_ahead(self._engine)
+        self._engine: Engine = opened(target)
         with transaction(self._engine, target, writes=True) as connection:
             metadata.create_all(connection)
 

@@ -63,6 +63,14 @@ def test_a_file_that_is_no_tour_is_bad_input(tmp_path: Path, text: str) -> None:
     assert "TYPE" in refused("sequence", str(file))
 
 
+@pytest.mark.parametrize("command", [("macros", "list"), ("diagnose", "bulkhead", "--history")])
+def test_a_store_that_is_no_database_is_bad_input(tmp_path: Path, command: tuple[str, ...]) -> None:
+    file = tmp_path / "store.db"
+    file.write_bytes(b"no database at all" * 300)
+    for store in (file, tmp_path):
+        assert "cannot be used as a library" in refused(*command, "--store", str(store))
+
+
 @pytest.mark.parametrize(("done", "said"), [("1..99999999999", "no step 6"), ("5..1", "ends before")])
 def test_steps_that_no_plan_has_are_refused_at_once(tmp_path: Path, done: str, said: str) -> None:
     file = tmp_path / "plan.json"
