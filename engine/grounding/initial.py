@@ -1,5 +1,7 @@
 """The initial state of a problem: given facts closed, then the defaults that nothing contradicts (language, Meaning 6)."""
 
+from collections.abc import Iterator
+
 from engine.grounding.closure import Deduction, deduction
 from engine.grounding.program import Vocabulary, deduction_rules, reachable, rule
 from engine.grounding.universe import Universe
@@ -7,12 +9,15 @@ from engine.model.task import Bits, bitset
 from kb.asp import Grounder
 from kb.asp.vocabulary import guard, static_program
 from kb.diagnostics import Diagnostic
+from kb.model.domain import BUILT_IN_TYPES
 from kb.model.problem import Problem
-from kb.terms import Atom, Function
+from kb.terms import Atom, Function, Number
+
+STRANGE = "_strange"
 
 
 def initial_state(problem: Problem, vocabulary: Vocabulary) -> tuple[tuple[Atom, ...], list[Diagnostic]]:
-    """The true fluents, and what is wrong when the given facts contradict each other."""
+    """The true fluents, and what is wrong: given facts with values outside their types, or that contradict each other."""
     if problem.complete:
         return tuple(dict.fromkeys(problem.initial)), []
     grounder = Grounder()
@@ -20,12 +25,26 @@ def initial_state(problem: Problem, vocabulary: Vocabulary) -> tuple[tuple[Atom,
     universe = Universe(grounder, vocabulary, {})
     state = _State(deduction(problem.domain, vocabulary, universe))
     state.give(bitset([universe.index[fact] for fact in problem.initial]))
-    contradicted = _contradiction(problem, universe.names(state.facts & state.denied))
+    wrong = [
+        *_strange(problem, grounder),
+        *_contradiction(problem, universe.names(state.facts & state.denied)),
+    ]
     for number, default in enumerate(problem.domain.defaults):
         found = grounder.atoms(f"_d_{number}", len(default.atom.arguments))
         for atom in sorted((Function(default.atom.name, arguments) for arguments in found), key=str):
             state.suppose(universe.index[atom])
-    return universe.names(state.facts), contradicted
+    return universe.names(state.facts), wrong
+
+
+def _strange(problem: Problem, grounder: Grounder) -> Iterator[Diagnostic]:
+    """Arguments of given facts that are no values of their types, as only the statics can tell."""
+    for number, place in sorted(grounder.atoms(STRANGE, 2), key=str):
+        assert isinstance(number, Number)
+        assert isinstance(place, Number)
+        fact = problem.initial[number.value]
+        type_ = problem.domain.predicates[fact.name].arguments[place.value]
+        message = f"{fact.arguments[place.value]} is no {type_}, in the initial {fact}"
+        yield Diagnostic(problem.where, "K103", message, f"change the fact, or the facts that make a {type_}")
 
 
 def _contradiction(problem: Problem, denied: tuple[Atom, ...]) -> list[Diagnostic]:
@@ -36,7 +55,16 @@ def _contradiction(problem: Problem, denied: tuple[Atom, ...]) -> list[Diagnosti
 
 
 def _program(problem: Problem) -> list[str]:
-    text = [static_program(problem), *(f"{reachable(fact)}." for fact in problem.initial)]
+    text = [
+        static_program(problem),
+        *(f"{reachable(fact)}." for fact in problem.initial),
+        f"#defined {STRANGE}/2.",
+    ]
+    for number, fact in enumerate(problem.initial):
+        predicate = problem.domain.predicates.get(fact.name)
+        for place, type_ in enumerate(predicate.arguments if predicate else ()):
+            if type_ not in BUILT_IN_TYPES:
+                text.append(f"{STRANGE}({number},{place}) :- not {type_}({fact.arguments[place]}).")
     for number, default in enumerate(problem.domain.defaults):
         body = [*guard(default.parameters), *map(str, default.body)]
         text.append(rule(str(Function(f"_d_{number}", default.atom.arguments)), body))

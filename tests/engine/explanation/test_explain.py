@@ -12,7 +12,7 @@ from kb.diagnostics import InvalidInput
 from kb.loader import bundled, load_problem
 from kb.model.problem import Problem
 
-QUICK = {"bulkhead/one_point", "bulkhead/both_tools", "themse/one"}
+QUICK = {"bulkhead/one_point", "bulkhead/both_tools"}
 ALL = [
     f"{name}/{file.stem}" for name, path in bundled().items() for file in sorted(path.glob("problems/*.yaml"))
 ]
@@ -35,7 +35,11 @@ def test_a_missing_static_fact_is_named_or_an_equally_small_change_found(target:
     if not isinstance(pipeline.plan(problem), Found):
         pytest.skip("only problems that have a plan can lose it")
     for fact, poorer in without_one_fact(problem):
-        if not isinstance(pipeline.plan(poorer), Infeasible):
+        try:
+            if not isinstance(pipeline.plan(poorer), Infeasible):
+                continue
+        except InvalidInput as error:  # the initial state speaks of something that the fact made
+            assert {each.code for each in error.diagnostics} == {"K103"}, fact
             continue
         explanation = explain(poorer)
         assert explanation.status == "infeasible"
