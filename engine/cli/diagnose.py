@@ -50,6 +50,12 @@ def diagnose(
     recover: Annotated[
         bool, typer.Option("--recover", help="plan on from what was found to the problem's goals")
     ] = False,
+    plan: Annotated[
+        Path | None, typer.Option(help="the plan that failed, in JSON: it is revised before planning anew")
+    ] = None,
+    done: Annotated[
+        str, typer.Option(help="its steps that are done, such as 1..4, 7; else those before --step")
+    ] = "",
     store: Annotated[str, typer.Option(help="learn: keep closed cases in this file or database")] = "",
     history: Annotated[bool, typer.Option("--history", help="print the closed cases of the store")] = False,
     age: Annotated[
@@ -72,13 +78,17 @@ def diagnose(
         give(lambda: _kept(target, store, history, reset, age, import_), form)
     if not exception:
         raise typer.BadParameter("--exception names what happened")
+    if done and plan is None:
+        raise typer.BadParameter("--done counts the steps of a plan: give --plan")
 
     def make() -> Answer:
         from engine.cli.interruption import Interruption
         from engine.troubleshooting import desk
+        from engine.troubleshooting.given import Failed
 
+        failed = Failed(plan, step, done) if plan else None
         with Interruption(time_limit) as interrupted:
-            found = desk(target, exception, step, objective.value, store, expansions, interrupted)
+            found = desk(target, exception, step, objective.value, store, expansions, interrupted, failed)
             if tree:
                 return _tree(found, format is DiagnosisForm.SVG)
             if explain and not (outcomes or hidden):
@@ -180,7 +190,7 @@ def _case(found: "Desk", answer: "Answerer", recover: bool, store: str) -> Answe
 
     from engine.diagnosis.session import run
     from engine.report import diagnosis as report
-    from engine.report import json, text
+    from engine.report import recovery
 
     made = run(found.session, answer)
     if store:
@@ -189,12 +199,9 @@ def _case(found: "Desk", answer: "Answerer", recover: bool, store: str) -> Answe
     content: dict[str, Any] = report.case_entry(made, certain, change)
     shown = [report.case(found.model, made, certain, change)]
     if recover:
-        went_on = found.recover(change)
-        content["recovery"] = {
-            "status": json.status(went_on.outcome),
-            **json.outcome(went_on.outcome, went_on.problem),
-        }
-        shown.append(text.outcome(went_on.outcome, went_on.problem))
+        went_on = found.recover(change, store)
+        content["recovery"] = recovery.entry(went_on)
+        shown.append(recovery.text(went_on))
     return Answer(_status(made), content, lambda: Group(*shown), 0 if made.finished else GAVE_UP)
 
 

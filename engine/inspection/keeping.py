@@ -1,6 +1,8 @@
 """Sequences that are kept in a store between calls, whoever else uses it."""
 
-from engine.inspection.progress import News, Progress, carried_on
+from collections.abc import Collection
+
+from engine.inspection.progress import News, Progress, carried_on, resources
 from engine.sequencing import Limits
 from kb.model.problem import Problem
 from kb.store.sequences import SequencePlan, Sequences
@@ -22,7 +24,12 @@ def carry_on(
                 return progress
 
 
-def is_kept(store: str, problem: Problem) -> bool:
-    """Whether a store keeps a sequence of a problem. Raises `InvalidInput`."""
+def told_of_losses(store: str, problem: Problem, lost: Collection[str]) -> Progress | None:
+    """The kept sequence of a problem after tools or resources were lost; None if none is kept. Raises `InvalidInput`.
+
+    What is lost but neither an object nor a resource of the problem is no matter of sequences.
+    """
     with Sequences(store) as sequences:
-        return sequences.of(problem.domain.name, problem.name) is not None
+        if sequences.of(problem.domain.name, problem.name) is None:
+            return None
+    return carry_on(store, problem, News(lost=tuple(name for name in lost if name in resources(problem))))

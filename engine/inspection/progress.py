@@ -86,15 +86,13 @@ def _empty(plan: SequencePlan) -> bool:
 
 def _known(problem: Problem, plan: SequencePlan, news: News) -> None:
     """Refuse names that mean nothing."""
-    objects = {**problem.domain.objects, **problem.objects}
-    visits = {name for name, type_ in objects.items() if type_ == MEASUREMENT}
-    visits |= {each.name for each in (*plan.done, *plan.rest)}
-    resources = {*objects, *(str(r) for o in problem.domain.operators for r in o.resources)} - visits
+    measurements = _measurements(problem) | {each.name for each in (*plan.done, *plan.rest)}
+    others = resources(problem)
     for option, names, known in (
-        ("done", news.done, visits),
-        ("bad", news.bad, visits),
-        ("lost", news.lost, resources),
-        ("restored", news.restored, {*resources, *visits}),
+        ("done", news.done, measurements),
+        ("bad", news.bad, measurements),
+        ("lost", news.lost, others),
+        ("restored", news.restored, {*others, *measurements}),
     ):
         wrong = [
             unknown_name(_kind(option), each, sorted(known), Source(f"--{option}"))
@@ -103,6 +101,17 @@ def _known(problem: Problem, plan: SequencePlan, news: News) -> None:
         ]
         if wrong:
             raise InvalidInput(wrong)
+
+
+def _measurements(problem: Problem) -> set[str]:
+    objects = {**problem.domain.objects, **problem.objects}
+    return {name for name, type_ in objects.items() if type_ == MEASUREMENT}
+
+
+def resources(problem: Problem) -> set[str]:
+    """What can be lost: the objects that are no measurements, and the resources of operators."""
+    named = {str(each) for operator in problem.domain.operators for each in operator.resources}
+    return {*problem.domain.objects, *problem.objects, *named} - _measurements(problem)
 
 
 def _kind(option: str) -> str:

@@ -4,33 +4,36 @@ Here the exception handler's questions ("what does it take to do this test now?"
 """
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from engine import pipeline
 from engine.diagnosis.exact import Interrupted, never
 from engine.diagnosis.knowledge import Objective, no_setup
-from engine.diagnosis.revision import Binding, binding_of, bound, certainties, revised, revision
+from engine.diagnosis.revision import Binding, binding_of, bound, certainties, revision
 from engine.diagnosis.selection import EXPANSIONS
 from engine.diagnosis.session import Session
 from engine.model.diagnosis import Setup
 from engine.model.faults import Diagnosis, Revision
-from engine.model.outcome import Found, Outcome
+from engine.model.outcome import Found
 from engine.planning import Limits
-from engine.troubleshooting.given import read_step
+from engine.troubleshooting.given import Failed, left_of, read_step
+from engine.troubleshooting.recovery import Recovery, recover, told
 from engine.validation.datalog import holds
 from engine.validation.semantics import Semantics
 from kb.diagnostics import Diagnostic, InvalidInput, Source, unknown_name
 from kb.loader import find, load
 from kb.loader.faults import load_faults
-from kb.model.conditions import And, Comparison, Condition, Exists, Literal, Parameter
-from kb.model.domain import OBJECT, Domain, Operator
+from kb.model.conditions import And, Condition, Exists, Literal, Parameter
+from kb.model.domain import OBJECT, Domain
 from kb.model.faults import FaultModel
 from kb.model.plan import Plan
 from kb.model.problem import Problem
 from kb.store.cases import Cases, ClosedCase, counts
 from kb.terms import Atom, Function, Term, Variable
+
+__all__ = ["Desk", "Preparations", "Recovery", "after", "desk", "fault_model", "recover"]
 
 FAR = 1e6  # seconds: what cannot be brought about from where an earlier test has led
 WORK = Limits(expansions=20_000, improvement=0)
@@ -121,40 +124,6 @@ def after(problem: Problem, state: State, plan: Plan) -> State:
     return state
 
 
-@dataclass(frozen=True, slots=True)
-class Recovery:
-    """How the case goes on: the state as it is now known, and the planner's answer for the original goals."""
-
-    problem: Problem
-    outcome: Outcome
-
-
-def recover(problem: Problem, change: Revision, limits: Limits = Limits()) -> Recovery:
-    """Plan from the revised state to the goals that the failed plan had. What was lost is no longer there to be used."""
-    semantics = Semantics(problem)
-    state = tuple(sorted(semantics.initial(), key=str))
-    usable = _without(problem, change.lost)
-    now = usable.replace(revised(state, change))
-    return Recovery(now, pipeline.plan(now, limits))
-
-
-def _without(problem: Problem, lost: Sequence[str]) -> Problem:
-    """The problem without the steps that would use a lost resource."""
-    if not lost:
-        return problem
-    gone = [Function(name) for name in lost]
-    kept = [each for each in problem.domain.operators if not set(gone) & set(each.resources)]
-    operators = tuple(replace(each, body=(*each.body, *_spared(each, gone))) for each in kept)
-    return replace(problem, domain=replace(problem.domain, operators=operators))
-
-
-def _spared(operator: Operator, gone: Sequence[Function]) -> Iterator[Comparison]:
-    """That no resource of an operator is one that was lost."""
-    for resource in operator.resources:
-        if isinstance(resource, Variable):
-            yield from (Comparison(resource, "!=", each) for each in gone)
-
-
 def _infer(term: Term, expected: Sequence[str], domain: Domain, types: dict[Variable, str]) -> None:
     """Types of the variables in a term's arguments, from signatures; the narrower one counts."""
     if not isinstance(term, Function):
@@ -175,6 +144,7 @@ class Desk:
     session: Session
     binding: Binding
     problem: Problem | None = None
+    left: Plan | None = None  # of the plan that failed, the steps that were not done
 
     def says(self, name: str) -> str:
         """What people call a test or a repair."""
@@ -190,12 +160,13 @@ class Desk:
         repaired = made.cured if made.cured in self.model.repairs else None
         return revision(self.model, made, self.binding, repaired)
 
-    def recover(self, change: Revision) -> Recovery:
-        """Plan on. Raises `InvalidInput` when the case has no problem."""
+    def recover(self, change: Revision, store: str = "") -> Recovery:
+        """Plan on; a kept sequence of the problem is told what was lost. Raises `InvalidInput` without a problem."""
         if self.problem is None:
             hint = "give a problem as the target: its goals are planned for"
             raise InvalidInput([Diagnostic(Source("--recover"), "K401", "a domain has no goals", hint)])
-        return recover(self.problem, change)
+        found = recover(self.problem, change, left=self.left)
+        return told(found, self.problem, change.lost, store) if store else found
 
     def keep(self, made: Diagnosis, store: str) -> None:
         """Learn from a case whose cause is known."""
@@ -214,20 +185,25 @@ def desk(
     store: str = "",
     expansions: int = EXPANSIONS,
     interrupted: Interrupted = never,
+    failed: Failed | None = None,
 ) -> Desk:
-    """Open a case. With a problem as target, set-up is planned in it; a domain alone has none. Raises `InvalidInput`."""
+    """Open a case. With a problem as target, set-up is planned in it; a domain alone has none. Raises `InvalidInput`.
+
+    With the plan that failed, set-up and recovery begin where it was interrupted.
+    """
     loaded = load(find(target))
+    problem, left = left_of(loaded, failed) if failed else (loaded.problem, None)
     model, _ = load_faults(Path(loaded.domain.path))
     if exception not in model.exceptions:
         raise InvalidInput([unknown_name("exception", exception, model.exceptions, Source("--exception"))])
     binding = binding_of(model, exception, read_step(step, loaded, model.exceptions[exception]))
-    setup = Preparations(loaded.problem, binding) if loaded.problem else no_setup
+    setup = Preparations(problem, binding) if problem else no_setup
     counted = model.exceptions[exception].counts
     if store:
         with Cases(store) as cases:
             counted = counts(counted, cases.history(model.domain, exception))
     session = Session(model, exception, Objective(objective), counted, setup, expansions, interrupted)
-    return Desk(model, session, binding, loaded.problem)
+    return Desk(model, session, binding, problem, left)
 
 
 def fault_model(target: str) -> FaultModel:

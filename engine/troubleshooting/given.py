@@ -2,20 +2,69 @@
 
 import json
 from collections.abc import Collection
+from dataclasses import dataclass
 from pathlib import Path
 
+from engine import pipeline
 from engine.diagnosis.knowledge import CURED, NOT_CURED
 from engine.diagnosis.session import QUESTION, Answer
 from engine.model.faults import Hypothesis
+from engine.revision.observing import read_steps
+from engine.troubleshooting.recovery import rest_of
 from kb.asp import AspError, ground_term
 from kb.diagnostics import Diagnostic, InvalidInput, Source, unknown_name
 from kb.files import read_file
 from kb.loader import Loaded
+from kb.loader.plan import load_plan
 from kb.model.faults import FaultModel, Interruption
+from kb.model.plan import Plan, StepId
+from kb.model.problem import Problem
 from kb.store.cases import ClosedCase
 from kb.terms import Function, Term
 
 STEP = Source("--step")
+
+
+@dataclass(frozen=True, slots=True)
+class Failed:
+    """The plan that failed, as it is given: its file, the step that was interrupted, and the steps done (`1..4, 7`).
+
+    Without `done` what stands before the interrupted step in the plan is done.
+    """
+
+    file: Path
+    step: str = ""
+    done: str = ""
+
+
+def left_of(loaded: Loaded, failed: Failed) -> tuple[Problem, Plan]:
+    """What was left of a problem when its plan failed, and the steps that were. Raises `InvalidInput`."""
+    problem, plan = load_plan(failed.file)
+    where = Source(str(failed.file))
+    if loaded.problem is None or (problem.domain.name, problem.name) != (
+        loaded.domain.name,
+        loaded.problem.name,
+    ):
+        hint = "give the problem as the target, and a plan for it"
+        raise InvalidInput([Diagnostic(where, "K401", f"this is a plan for {problem.name}", hint)])
+    if wrong := pipeline.check_plan(problem, plan):
+        raise InvalidInput(wrong)
+    done = {*_done(plan, failed)}
+    return rest_of(problem, plan, done)
+
+
+def _done(plan: Plan, failed: Failed) -> list[StepId]:
+    if failed.done:
+        return read_steps(failed.done, [step.id for step in plan.steps])
+    try:
+        wanted = str(ground_term(failed.step)) if failed.step else ""
+    except AspError:
+        wanted = failed.step
+    for number, step in enumerate(plan.steps):
+        if str(step.operator) == wanted:
+            return [each.id for each in plan.steps[:number]]
+    hint = "name a step of the plan, or say with --done which are done"
+    raise InvalidInput([Diagnostic(STEP, "K401", "which step of the plan was interrupted?", hint)])
 
 
 def read_step(text: str, loaded: Loaded, exception: Interruption) -> Function | None:
