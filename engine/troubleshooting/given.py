@@ -55,7 +55,7 @@ def left_of(loaded: Loaded, failed: Failed) -> tuple[Problem, Plan]:
 
 def _done(plan: Plan, failed: Failed) -> list[StepId]:
     if failed.done:
-        return read_steps(failed.done, [step.id for step in plan.steps])
+        return _whole(plan, read_steps(failed.done, [step.id for step in plan.steps]))
     try:
         wanted = str(ground_term(failed.step)) if failed.step else ""
     except AspError:
@@ -65,6 +65,16 @@ def _done(plan: Plan, failed: Failed) -> list[StepId]:
             return [each.id for each in plan.steps[:number]]
     hint = "name a step of the plan, or say with --done which are done"
     raise InvalidInput([Diagnostic(STEP, "K401", "which step of the plan was interrupted?", hint)])
+
+
+def _whole(plan: Plan, done: list[StepId]) -> list[StepId]:
+    """Steps with everything that must come before them."""
+    before = plan.predecessors()
+    for step in done:
+        if missing := before[step] - set(done):
+            said = f"step {step} cannot be done before step {min(missing)}"
+            raise InvalidInput([Diagnostic(Source("--done"), "K401", said, "name every step that is done")])
+    return done
 
 
 def read_step(text: str, loaded: Loaded, exception: Interruption) -> Function | None:

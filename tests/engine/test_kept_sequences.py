@@ -132,6 +132,14 @@ def test_losing_a_tool_moves_or_drops_exactly_its_visits(spare: Problem, tool: s
         assert set(names_of(back.plan.rest)) == set(names_of(plan.rest))
 
 
+def test_what_is_done_before_its_tool_is_lost_counts_as_done(plate: Problem) -> None:
+    plan = carried_on(new(plate), plate, limits=QUICK).plan
+    first = plan.rest[0]
+    found = carried_on(plan, plate, News(done=(first.name,), lost=(first.tool,)), QUICK)
+    assert found.plan.done == (first,)
+    assert first.name not in found.dropped
+
+
 def test_without_its_arm_nothing_is_measured(plate: Problem) -> None:
     assert not parted(plate, ["t3_746"]).groups
     assert parted(plate, ["rack"]) == parted(plate, [])
@@ -200,17 +208,6 @@ def test_unknown_names_are_refused_and_change_nothing(
         kept = sequences.of(plate.domain.name, plate.name)
     assert kept is not None
     assert kept.rest == before.rest
-
-
-def test_who_has_not_read_the_last_version_writes_nothing(plate: Problem, tmp_path: Path) -> None:
-    plan = carried_on(new(plate), plate, limits=QUICK).plan
-    with Sequences(str(tmp_path / "s.db")) as sequences:
-        assert sequences.keep(plan)
-        assert not sequences.keep(plan)
-        kept = sequences.of(plan.domain, plan.problem)
-        assert kept is not None
-        assert sequences.keep(kept)
-        assert not sequences.keep(kept)
 
 
 def _work_off(store: str, file: str, mine: list[str]) -> None:

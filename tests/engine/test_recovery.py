@@ -156,6 +156,7 @@ def test_without_a_kept_sequence_nobody_is_told(plate: Path, tmp_path: Path) -> 
     [
         ["bulkhead/one_point", "--step", "us_measure(us_probe, t3_746, m2)"],
         ["PLATE", "--done", "99"],
+        ["PLATE", "--done", "1, 17"],
         ["PLATE", "--step", "us_measure(us_probe, t3_746, a)"],
         ["PLATE"],
     ],
