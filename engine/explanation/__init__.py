@@ -135,6 +135,8 @@ class _Inquiry:
 
     def _abduced(self, size: int) -> Iterator[Change]:
         """Facts to add, first those that speak of what the goals speak of."""
+        if self.limits.interrupted():
+            return
         if assumptions(self.problem, self.initial, 0, 1) and size > 1:
             return
         found = assumptions(self.problem, self.initial, size, MAX_MODELS)
