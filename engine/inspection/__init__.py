@@ -89,12 +89,21 @@ def _plain(term: Term) -> str:
 def tour_problem(problem: Problem, parts: Partition) -> TourProblem:
     """All measurements that a tool takes, by straight lines in micrometres, changes of tools as the domain says."""
     grounder = _grounded(problem)
-    where = {
-        str(name): tuple(_number(each) * 1e-6 for each in at) for name, *at in grounder.atoms("position", 4)
-    }
+    where = _positions(grounder)
     changes = {(str(a), str(b)): int(_number(way)) for a, b, way in grounder.atoms("change", 3)}
     visits = (Visit(name, where[name], tool) for tool, names in parts.groups.items() for name in names)
     return straight(problem.name, tuple(visits), changes)
+
+
+def positions(problem: Problem) -> dict[str, tuple[float, ...]]:
+    """Where the measurements are whose position is given, whatever tool takes them: metres."""
+    return _positions(_grounded(problem))
+
+
+def _positions(grounder: Grounder) -> dict[str, tuple[float, ...]]:
+    return {
+        str(name): tuple(_number(each) * 1e-6 for each in at) for name, *at in grounder.atoms("position", 4)
+    }
 
 
 def straight(

@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
-from engine.inspection import MEASUREMENT, Partition, straight, tour_problem
+from engine.inspection import MEASUREMENT, Partition, positions, straight, tour_problem
 from engine.inspection.losses import parted
 from engine.model.tour import Longs, Tour, TourProblem, Visit, cost_of
 from engine.sequencing import Limits, sequence
@@ -77,7 +77,7 @@ def carried_on(
     changes = tuple(sorted((a, b, cost) for (a, b), cost in asked.changes.items()))
     now = replace(plan, done=done, lost=lost, bad=bad, impossible=dict(parts.impossible), changes=changes)
     made = _sequenced(plan, now, wanted, limits)
-    return _compared(plan, made, visits, problem)
+    return _compared(plan, made, problem)
 
 
 def _empty(plan: SequencePlan) -> bool:
@@ -203,7 +203,7 @@ def _steadier(problem: TourProblem, order: tuple[int, ...], found: object) -> To
     return found if found.cost < cost else replace(found, order=order, cost=cost)
 
 
-def _compared(old: SequencePlan, made: Progress, visits: Visits, problem: Problem) -> Progress:
+def _compared(old: SequencePlan, made: Progress, problem: Problem) -> Progress:
     """What became of the visits that were left."""
     tools, now = {each.name: each.tool for each in old.rest}, made.plan
     done = {each.name for each in now.done}
@@ -217,7 +217,6 @@ def _compared(old: SequencePlan, made: Progress, visits: Visits, problem: Proble
     staying = [each.name for each in now.rest if each.name in tools and each.name not in moved]
     kept = _rising(staying, place)
     out = {**now.impossible, **now.bad}
-    present = {each.name: each for each in visits}
     return replace(
         made,
         kept=kept,
@@ -225,7 +224,7 @@ def _compared(old: SequencePlan, made: Progress, visits: Visits, problem: Proble
         moved=moved,
         added=tuple(each.name for each in now.rest if each.name not in tools),
         dropped={name: out.get(name, REMOVED) for name in tools if name not in rest and name not in done},
-        outdated=_outdated(now, present, problem),
+        outdated=_outdated(now, problem),
     )
 
 
@@ -241,11 +240,7 @@ def _rising(names: Sequence[str], place: Mapping[str, int]) -> tuple[str, ...]:
     return tails[-1] if tails else ()
 
 
-def _outdated(plan: SequencePlan, present: Mapping[str, PlannedVisit], problem: Problem) -> tuple[str, ...]:
+def _outdated(plan: SequencePlan, problem: Problem) -> tuple[str, ...]:
     """Visits done that are elsewhere now, or that the problem no longer has."""
-    objects = {**problem.domain.objects, **problem.objects}
-    return tuple(
-        each.name
-        for each in plan.done
-        if each.name not in objects or (each.name in present and present[each.name].position != each.position)
-    )
+    places = positions(problem) if plan.done else {}
+    return tuple(each.name for each in plan.done if places.get(each.name) != each.position)

@@ -106,6 +106,7 @@ def test_done_visits_stay_done_and_the_rest_is_a_permutation_of_what_remains(
         assert len(made.rest) == len(remaining)
         assert {(each.name, each.tool) for each in made.rest} == remaining
         _accounts_for_every_visit(plan, found)
+        _costs_no_more_than_the_old_order(plan, found)
         plan = made
 
 
@@ -115,6 +116,24 @@ def _accounts_for_every_visit(old: SequencePlan, found: Progress) -> None:
     assert sorted(name for each in groups for name in each) == sorted(names_of(old.rest))
     staying = [name for name in names_of(found.plan.rest) if name in found.kept]
     assert staying == [name for name in names_of(old.rest) if name in found.kept]
+
+
+def _costs_no_more_than_the_old_order(old: SequencePlan, found: Progress) -> None:
+    number = {visit.name: index for index, visit in enumerate(found.problem.visits)}
+    start = [number[each.name] for each in found.plan.done[-1:] if each.name in number]
+    left = {each.name for each in found.plan.rest} - {*found.added}
+    order = (*start, *(number[name] for name in names_of(old.rest) if name in left))
+    if not found.added:
+        assert found.tour.cost <= cost_of(found.problem, order) if order else found.tour.cost == 0
+
+
+def test_a_visit_done_stays_outdated_though_its_tool_is_lost(tmp_path: Path) -> None:
+    store, file = str(tmp_path / "s.db"), written(tmp_path, NAMES[:6])
+    first = carry_on(store, read(file), limits=QUICK).plan.rest[0]
+    carry_on(store, read(file), News(done=(first.name,), lost=(first.tool,)), QUICK)
+    assert not carry_on(store, read(file), limits=QUICK).outdated
+    moved = read(written(tmp_path, NAMES[:6], shift=1.0))
+    assert carry_on(store, moved, limits=QUICK).outdated == (first.name,)
 
 
 @pytest.mark.parametrize("tool", ["us_probe", "slra"])
