@@ -10,7 +10,8 @@ from kb.diagnostics import Diagnostic, InvalidInput, Source
 
 MAX_BYTES = 16 * 2**20
 EXCERPT = 160  # characters of a line shown in a message
-UNPRINTABLE = re.compile("[^\t\n\r\x20-\x7e\x85\xa0-\ud7ff\ue000-\ufefe\uff00-\ufffd\U00010000-\U0010ffff]")
+ASCII = "[^\t\n\r\x20-\x7e]"
+UNICODE = "[^\t\n\r\x20-\x7e\x85\xa0-\ud7ff\ue000-\ufefe\uff00-\ufffd\U00010000-\U0010ffff]"
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,6 +43,11 @@ class File:
         return self.at(min(self.line_starts[number - 1] + max(column - 1, 0), len(self.text)))
 
 
+def unprintable(text: str) -> re.Match[str] | None:
+    """The first character that a text may not have; most texts are ASCII, and its pattern is quickly made."""
+    return re.search(ASCII if text.isascii() else UNICODE, text)
+
+
 def read_file(path: Path, name: str | None = None) -> File:
     """The text of `path`. Raises `InvalidInput` when it cannot be read as a text."""
     name = name or str(path)
@@ -57,7 +63,7 @@ def read_file(path: Path, name: str | None = None) -> File:
         raise InvalidInput(
             [Diagnostic(where, "K001", f"not UTF-8: byte {data[error.start]:#04x}", hint)]
         ) from None
-    if found := UNPRINTABLE.search(file.text):
+    if found := unprintable(file.text):
         message = f"the control character U+{ord(found[0]):04X} has no place in a text"
         raise InvalidInput([Diagnostic(file.at(found.start()), "K001", message, "remove it")])
     return file

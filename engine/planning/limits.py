@@ -20,7 +20,7 @@ class Limits:
     """
 
     expansions: int = 1_000_000
-    improvement: int = 3_000
+    improvement: int = 1_500
     interrupted: Interrupted = field(default=lambda: False)
     thorough: bool = False
     strategy: str = "auto"

@@ -14,7 +14,7 @@ from typing import Any
 import yaml
 
 from kb.diagnostics import Diagnostic, InvalidInput, Source
-from kb.files import UNPRINTABLE, File, read_file
+from kb.files import File, read_file, unprintable
 
 __all__ = ["File", "Node", "read_file", "read_tree"]
 
@@ -152,7 +152,7 @@ class _Composer:
 
     def _scalar(self, event: yaml.ScalarEvent) -> Node:
         start, end = _start(event), _end(event)
-        if found := UNPRINTABLE.search(event.value):
+        if found := unprintable(event.value):
             message = f"an escape makes the control character U+{ord(found[0]):04X}"
             self._note(Diagnostic(self.file.at(start), "K004", message, "remove it"))
         elif (start == end or self.file.text[start] not in "'\"|>") and (
