@@ -60,6 +60,7 @@ WORLDS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", WORLDS)
 def test_pairs_that_are_left_out_never_touch(name: str) -> None:
     scene = scene_of(WORLDS[name])

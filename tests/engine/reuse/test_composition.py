@@ -3,6 +3,7 @@
 import dataclasses
 from pathlib import Path
 
+import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
@@ -65,6 +66,7 @@ many_goals = st.permutations(places).map(
 )
 
 
+@pytest.mark.slow
 @given(goals=many_goals, other=many_goals)
 @settings(max_examples=4, deadline=None, suppress_health_check=list(HealthCheck))
 def test_parts_that_disturb_each_other_are_planned_together(tmp_path: Path, goals: str, other: str) -> None:

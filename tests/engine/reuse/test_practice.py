@@ -106,6 +106,7 @@ def test_every_plan_in_a_day_of_measuring_is_valid(points: Problem, tmp_path: Pa
     work_through(points, goals, tmp_path)
 
 
+@pytest.mark.slow
 @given(goals=st.lists(themse_goal, min_size=4, max_size=7))
 @SETTINGS
 def test_every_plan_in_a_day_at_the_rack_is_valid(probes: Problem, tmp_path: Path, goals: list[str]) -> None:
