@@ -146,7 +146,8 @@ def test_ctrl_c_at_a_terminal_ends_a_preparation_quietly(tmp_path: Path, presses
             os.killpg(process.pid, signal.SIGINT)
         told, said = process.communicate(timeout=60)
     assert (process.returncode, said) == (130, b"")
-    assert json.loads(told)["status"] == ("incomplete" if presses == 1 else "interrupted")
+    ends = {"incomplete"} if presses == 1 else {"incomplete", "interrupted"}  # it may end before the second
+    assert json.loads(told)["status"] in ends
 
 
 def _started(*arguments: str) -> subprocess.Popen[bytes]:
