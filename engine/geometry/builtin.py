@@ -4,9 +4,11 @@ from functools import cached_property
 
 import numpy as np
 
+from engine.geometry.carriers import pose_batch
 from engine.geometry.contacts import nearest_of_bodies
 from engine.geometry.likelihood import SAMPLES, likeliest_first, sampled, touchable
 from engine.geometry.packing import Pairs, bounded, grouped
+from engine.geometry.region_checker import RegionChecker
 from engine.geometry.stretches import in_stretches
 from engine.model.geometry import Contact, Floats, Ints, Scene, Truths
 from engine.ports import CollisionChecker
@@ -89,20 +91,6 @@ class BuiltinChecker:
         )
 
 
-def pose_batch(scene: Scene, where: Floats) -> Floats:
-    """The carrier poses (n, k + 1, 3, 4) of configurations (n, k) or, in a free scene, of poses (n, 4, 4)."""
-    from engine.geometry.kernels.checks import carriers
-
-    where, joints = np.ascontiguousarray(where, dtype=float), scene.joints
-    poses = np.empty((len(where), scene.carriers, 3, 4))
-    if scene.free:
-        poses[:, 0] = np.eye(4)[:3]
-        poses[:, 1] = where[:, :3]
-    else:
-        carriers(joints.parent, joints.T_parent_origin, joints.axis, joints.prismatic, where, poses)
-    return poses
-
-
 class BuiltinBackend:
     """Compiled kernels; always there."""
 
@@ -111,7 +99,5 @@ class BuiltinBackend:
 
     def checker(self, scene: Scene) -> CollisionChecker:
         """Pack a scene; what stands in it becomes a region tree when it is much."""
-        from engine.geometry.region_checker import RegionChecker
-
         standing = sum(piece.carrier == 0 for piece in scene.pieces)
         return RegionChecker(scene) if standing > MANY else BuiltinChecker(scene)

@@ -7,7 +7,7 @@ from itertools import groupby
 
 import numpy as np
 
-from engine.geometry.builtin import pose_batch
+from engine.geometry.carriers import pose_batch
 from engine.geometry.contacts import nearest_of_bodies
 from engine.geometry.hierarchies import nested_boxes
 from engine.geometry.packing import joined, pack
