@@ -258,10 +258,10 @@ def planned(problem: "Problem", limits: "Limits", store: str) -> "tuple[Outcome,
 
 def origin_text(content: "Mapping[str, Any]") -> "list[RenderableType]":
     """A line on where a plan comes from, if a library was asked, and the parts that it is made of."""
-    from engine.report.macros import folded, origin
-
     found = content.get("source")
     if not found:
         return []
+    from engine.report.macros import folded, origin
+
     said = origin(found["origin"], found["macrop"], found["name"], found["reason"])
     return [each for each in (folded(found.get("parts", ())), said) if each]

@@ -1,7 +1,7 @@
 """MACROPs for people: one as ITA's figure 4 draws it, a library as a table, and where a plan came from."""
 
 from collections.abc import Iterable, Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rich.console import Group, RenderableType
 from rich.table import Table
@@ -9,7 +9,9 @@ from rich.text import Text
 
 from kb.model.domain import Domain
 from kb.model.macro import Macrop, MacroStep
-from kb.store import Figures, Stored
+
+if TYPE_CHECKING:
+    from kb.store import Figures, Stored
 
 
 def macrop(found: Macrop, domain: Domain | None = None) -> RenderableType:
@@ -47,7 +49,7 @@ def _steps(steps: Iterable[MacroStep]) -> Table:
     return table
 
 
-def listing(stored: Iterable[Stored], stale: Mapping[int, tuple[str, ...]]) -> RenderableType:
+def listing(stored: "Iterable[Stored]", stale: Mapping[int, tuple[str, ...]]) -> RenderableType:
     """A library as a table; `stale` tells which parts of the domain have changed."""
     table = Table(box=None, padding=(0, 2, 0, 0))
     for title in ("no.", "MACROP", "steps", "cost", "uses", "saved s"):
@@ -88,7 +90,7 @@ def _ranges(numbers: Iterable[int]) -> str:
     return ", ".join("..".join(map(str, run)) for run in runs)
 
 
-def figures(found: Figures) -> RenderableType:
+def figures(found: "Figures") -> RenderableType:
     """A library in numbers."""
     table = Table(box=None, show_header=False, padding=(0, 2, 0, 0))
     rows = [("MACROPs", str(found.macrops)), ("goal shapes", str(found.shapes)), ("uses", str(found.uses))]
