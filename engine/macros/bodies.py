@@ -3,8 +3,7 @@
 from collections.abc import Iterator, Mapping
 
 from engine.macros.facts import Facts
-from kb.model.conditions import Aggregate, Body, BodyPart, Comparison, Literal
-from kb.model.macro import substitute_part
+from kb.model.conditions import Aggregate, Body, BodyPart, Comparison, Literal, substitute_part
 from kb.terms import Function, Number, Operation, Term, Text, Variable, is_ground, match
 
 Bindings = Mapping[Variable, Term]

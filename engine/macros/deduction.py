@@ -9,9 +9,16 @@ import hashlib
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 
-from kb.model.conditions import Aggregate, Body, Comparison, Literal, Parameter
+from kb.model.conditions import (
+    Aggregate,
+    Body,
+    Comparison,
+    Literal,
+    Parameter,
+    part_variables,
+    substitute_part,
+)
 from kb.model.domain import BUILT_IN_TYPES, Consequence, DeductiveOperator
-from kb.model.macro import part_variables, substitute_part
 from kb.model.normalise import type_literal
 from kb.terms import (
     Atom,

@@ -10,8 +10,8 @@ from dataclasses import dataclass, field
 from engine.macros.bodies import Bindings, compare, satisfiable, solve
 from engine.macros.facts import Facts
 from engine.macros.query import Query
-from kb.model.conditions import Aggregate, Comparison, Literal, Parameter
-from kb.model.macro import MacroChain, Macrop, part_variables
+from kb.model.conditions import Aggregate, Comparison, Literal, Parameter, part_variables
+from kb.model.macro import MacroChain, Macrop
 from kb.model.problem import Chain
 from kb.terms import ANYTHING, Function, Term, Text, Variable, is_ground, match, substitute, substitute_atom
 from kb.terms import variables as variables_of

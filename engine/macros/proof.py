@@ -13,9 +13,8 @@ from engine.macros.facts import Facts
 from engine.macros.schema import Following, NotGeneral, OperatorSchema
 from engine.macros.terms import Equalities
 from engine.macros.world import Change, State, World, with_derived
-from kb.model.conditions import Body, BodyPart, Comparison, Literal
+from kb.model.conditions import Body, BodyPart, Comparison, Literal, part_variables, substitute_part
 from kb.model.domain import Kind
-from kb.model.macro import part_variables, substitute_part
 from kb.model.plan import GOAL, START, Plan, Step, StepId
 from kb.terms import Atom, Function, Term, Variable, is_ground, match, ordered, substitute_atom, variables
 

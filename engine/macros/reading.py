@@ -10,9 +10,17 @@ from engine.macros.proof import Proof
 from engine.macros.safety import Safety
 from engine.macros.terms import apart, decided
 from engine.macros.types import unary, without_copies
-from kb.model.conditions import Body, BodyPart, Comparison, Literal, Parameter
+from kb.model.conditions import (
+    Body,
+    BodyPart,
+    Comparison,
+    Literal,
+    Parameter,
+    part_variables,
+    substitute_part,
+)
 from kb.model.domain import Kind
-from kb.model.macro import MacroChain, Macrop, MacroStep, part_variables, substitute_part
+from kb.model.macro import MacroChain, Macrop, MacroStep
 from kb.model.plan import GOAL, START, CausalLink, Step, StepId
 from kb.terms import Atom, Function, Number, Substitution, Term, Variable, substitute, variables
 

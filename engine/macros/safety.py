@@ -12,8 +12,7 @@ from engine.macros.bodies import satisfiable
 from engine.macros.proof import Need, Proof
 from engine.macros.schema import Following, NotGeneral
 from engine.macros.terms import apart, equations, simplified
-from kb.model.conditions import Body, BodyPart, Comparison, Literal
-from kb.model.macro import part_variables, substitute_part
+from kb.model.conditions import Body, BodyPart, Comparison, Literal, part_variables, substitute_part
 from kb.model.normalise import NEGATED
 from kb.model.plan import GOAL, START, StepId
 from kb.terms import Function, Term, Variable, substitute

@@ -13,9 +13,8 @@ from engine.macros.deduction import (
     type_guards,
     without_aggregates,
 )
-from kb.model.conditions import TRUE, Body, BodyPart, Condition, Literal
+from kb.model.conditions import TRUE, Body, BodyPart, Condition, Literal, part_variables
 from kb.model.domain import DeductiveOperator, Domain, Effect, Kind, Operator, Rule
-from kb.model.macro import part_variables
 from kb.model.normalise import Normaliser
 from kb.terms import ANYTHING, Atom, Function, Substitution, Term, Variable, substitute_atom, variables
 

@@ -4,8 +4,7 @@ from collections.abc import Iterable, Mapping
 
 from engine.macros.bodies import compare
 from engine.macros.schema import NotGeneral
-from kb.model.conditions import Body, BodyPart, Comparison
-from kb.model.macro import substitute_part
+from kb.model.conditions import Body, BodyPart, Comparison, substitute_part
 from kb.terms import Function, Operation, Term, Variable, is_ground, unify
 
 

@@ -2,9 +2,8 @@
 
 from collections.abc import Iterable, Iterator
 
-from kb.model.conditions import Body, BodyPart, Literal, Parameter
+from kb.model.conditions import Body, BodyPart, Literal, Parameter, part_variables, substitute_part
 from kb.model.domain import OBJECT, Domain
-from kb.model.macro import part_variables, substitute_part
 from kb.terms import Function, Term, Variable
 
 

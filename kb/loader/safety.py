@@ -19,6 +19,7 @@ from kb.model.conditions import (
     Parameter,
     conditions,
     free_variables,
+    part_variables,
 )
 from kb.syntax import without_texts
 from kb.terms import ANYTHING, Function, Operation, Term, Variable, variables
@@ -103,11 +104,8 @@ def _standing(value: object) -> Iterator[Variable]:
 
 def _of_part(part: Condition) -> Iterator[Variable]:
     match part:
-        case Literal(atom):
-            yield from variables(atom)
-        case Comparison(left, _, right):
-            yield from variables(left)
-            yield from variables(right)
+        case Literal() | Comparison():
+            yield from part_variables(part)
         case Aggregate():
             yield from _standing(part)
         case _:

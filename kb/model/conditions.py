@@ -156,8 +156,9 @@ def free_variables(condition: Condition) -> tuple[Variable, ...]:
     return tuple(dict.fromkeys(variable for variable in _free(condition) if variable != ANYTHING))
 
 
-def _free(condition: Condition) -> Iterator[Variable]:
-    match condition:
+def part_variables(part: BodyPart) -> Iterator[Variable]:
+    """The variables of a part of a body, in order, repeated as they repeat."""
+    match part:
         case Literal(atom):
             yield from variables(atom)
         case Comparison(left, _, right):
@@ -165,6 +166,23 @@ def _free(condition: Condition) -> Iterator[Variable]:
             yield from variables(right)
         case Aggregate(_, outer):
             yield from outer
+
+
+def substitute_part(part: BodyPart, bindings: Substitution) -> BodyPart:
+    """A part of a body with its variables replaced."""
+    match part:
+        case Literal(atom, positive):
+            return Literal(substitute_atom(atom, bindings), positive)
+        case Comparison(left, relation, right):
+            return Comparison(substitute(left, bindings), relation, substitute(right, bindings))
+        case Aggregate():
+            return part
+
+
+def _free(condition: Condition) -> Iterator[Variable]:
+    match condition:
+        case Literal() | Comparison() | Aggregate():
+            yield from part_variables(condition)
         case And(parts) | Or(parts):
             for part in parts:
                 yield from _free(part)
@@ -178,18 +196,14 @@ def _free(condition: Condition) -> Iterator[Variable]:
 def bind(condition: Condition, bindings: Substitution) -> Condition:
     """The condition with free variables replaced; quantified variables hide bindings of the same name."""
     match condition:
-        case Literal(atom, positive):
-            return Literal(substitute_atom(atom, bindings), positive)
-        case Comparison(left, relation, right):
-            return Comparison(substitute(left, bindings), relation, substitute(right, bindings))
+        case Literal() | Comparison() | Aggregate():
+            return substitute_part(condition, bindings)
         case And(parts) | Or(parts):
             return type(condition)(tuple(bind(part, bindings) for part in parts))
         case Not(part):
             return Not(bind(part, bindings))
         case Exists(parameters, part) | ForAll(parameters, part):
             return type(condition)(parameters, bind(part, _outside(bindings, parameters)))
-        case Aggregate():
-            return condition
 
 
 def _outside(bindings: Substitution, parameters: tuple[Parameter, ...]) -> dict[Variable, Term]:

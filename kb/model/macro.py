@@ -7,20 +7,10 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 
-from kb.model.conditions import Aggregate, Body, BodyPart, Comparison, Literal, Parameter
+from kb.model.conditions import Body, Comparison, Literal, Parameter
 from kb.model.domain import Domain
 from kb.model.plan import CausalLink, StepId
-from kb.terms import (
-    Atom,
-    Function,
-    Number,
-    Substitution,
-    Term,
-    Variable,
-    substitute,
-    substitute_atom,
-    variables,
-)
+from kb.terms import Atom, Function, Number, Term, Variable
 
 NO_TIME, ONE = Number(0), Number(1)
 
@@ -130,26 +120,3 @@ def _typed_arguments(term: Term, domain: Domain) -> Iterator[tuple[Variable, str
             yield argument, type_
         else:
             yield from _typed_arguments(argument, domain)
-
-
-def substitute_part(part: BodyPart, bindings: Substitution) -> BodyPart:
-    """A part of a body with its variables replaced."""
-    match part:
-        case Literal(atom, positive):
-            return Literal(substitute_atom(atom, bindings), positive)
-        case Comparison(left, relation, right):
-            return Comparison(substitute(left, bindings), relation, substitute(right, bindings))
-        case Aggregate():
-            return part
-
-
-def part_variables(part: BodyPart) -> Iterator[Variable]:
-    """The variables of a part of a body, in order, repeated as they repeat."""
-    match part:
-        case Literal(atom):
-            yield from variables(atom)
-        case Comparison(left, _, right):
-            yield from variables(left)
-            yield from variables(right)
-        case Aggregate(_, outer):
-            yield from outer

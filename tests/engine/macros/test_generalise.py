@@ -16,8 +16,8 @@ from engine.macros.matching import Program, Work, matches
 from engine.macros.query import Query, Situation
 from engine.macros.world import World
 from engine.validation import validate
-from kb.model.conditions import And, Literal
-from kb.model.macro import Macrop, part_variables
+from kb.model.conditions import And, Literal, part_variables
+from kb.model.macro import Macrop
 from kb.model.plan import Plan
 from kb.model.problem import Chain, Problem
 from kb.terms import Function, Term, Variable, substitute, substitute_atom, variables
