@@ -10,7 +10,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine.diagnosis.kernels import compiled
-from engine.diagnosis.kernels.memo import RUNNING, STATUS, Floats, Longs, Memo, enter, expand, slot
+from engine.diagnosis.kernels.memo import (
+    RUNNING,
+    STATUS,
+    Floats,
+    Longs,
+    Memo,
+    conclude,
+    enter,
+    expand,
+    insert,
+    slot,
+)
 
 Flags = NDArray[np.bool_]
 
@@ -163,12 +174,7 @@ def ranked(problem: Beliefs, table: Memo, weights: Floats, rest: int) -> tuple[L
         if not tells(problem, action, weights, rest):
             continue
         value = estimate(problem, table, action, causes, weights, rest)
-        place = count
-        while place > 0 and values[place - 1] > value:
-            values[place], order[place] = values[place - 1], order[place - 1]
-            place -= 1
-        values[place], order[place] = value, action
-        count += 1
+        count = insert(action, value, order, values, count)
     return order, values, count
 
 
@@ -197,7 +203,4 @@ def solve(problem: Beliefs, table: Memo, weights: Floats, rest: int, limit: floa
         if rank + 1 < count and values[rank + 1] >= best:  # so are all that follow
             floor = min(floor, values[rank + 1])
             break
-    at = slot(table, causes, rest)
-    table.value[at] = max(table.value[at], floor)
-    table.exact[at] = table.counts[STATUS] == RUNNING and floor < limit
-    return float(table.value[at])
+    return conclude(table, causes, rest, floor, limit)

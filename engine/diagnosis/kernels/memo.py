@@ -65,6 +65,15 @@ def enter(table: Memo, at: int, possible: int, rest: int, value: float, exact: b
 
 
 @compiled
+def conclude(table: Memo, possible: int, rest: int, floor: float, limit: float) -> float:
+    """Note that a value is at least `floor`, and that it is the value if all below `limit` was searched; what is known."""
+    at = slot(table, possible, rest)
+    table.value[at] = max(table.value[at], floor)
+    table.exact[at] = table.counts[STATUS] == RUNNING and floor < limit
+    return float(table.value[at])
+
+
+@compiled
 def expand(table: Memo) -> None:
     """Count one expansion; the status says when the budget is spent."""
     table.counts[EXPANSIONS] += 1
@@ -87,3 +96,14 @@ def grown(table: Memo) -> Memo:
     copy(table, larger)
     larger.counts[EXPANSIONS] = table.counts[EXPANSIONS]
     return larger
+
+
+@compiled
+def insert(action: int, value: float, order: Longs, values: Floats, count: int) -> int:
+    """Put an action among the first `count`, which ascend by value, behind its equals; how many there are then."""
+    place = count
+    while place > 0 and values[place - 1] > value:
+        values[place], order[place] = values[place - 1], order[place - 1]
+        place -= 1
+    values[place], order[place] = value, action
+    return count + 1

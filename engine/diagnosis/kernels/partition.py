@@ -10,7 +10,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine.diagnosis.kernels import compiled
-from engine.diagnosis.kernels.memo import RUNNING, STATUS, Floats, Longs, Memo, enter, expand, slot
+from engine.diagnosis.kernels.memo import (
+    RUNNING,
+    STATUS,
+    Floats,
+    Longs,
+    Memo,
+    conclude,
+    enter,
+    expand,
+    insert,
+    slot,
+)
 
 Flags = NDArray[np.bool_]
 
@@ -120,12 +131,7 @@ def bound(problem: Partition, causes: int) -> float:
         if weight <= 1e-15 * total * total:
             continue
         rate = problem.cheapest[action] * total / weight
-        place = count
-        while place > 0 and rates[place - 1] > rate:
-            rates[place], order[place] = rates[place - 1], order[place - 1]
-            place -= 1
-        rates[place], order[place] = rate, action
-        count += 1
+        count = insert(action, rate, order, rates, count)
     blocks = np.empty(64, np.int64)
     blocks[0] = causes
     parts, cost = 1, 0.0
@@ -178,12 +184,7 @@ def ranked(problem: Partition, table: Memo, causes: int, situation: int) -> tupl
         if not tells(problem, action, causes):
             continue
         value = estimate(problem, table, action, causes, situation)
-        place = count
-        while place > 0 and values[place - 1] > value:
-            values[place], order[place] = values[place - 1], order[place - 1]
-            place -= 1
-        values[place], order[place] = value, action
-        count += 1
+        count = insert(action, value, order, values, count)
     return order, values, count
 
 
@@ -210,7 +211,4 @@ def solve(problem: Partition, table: Memo, causes: int, situation: int, limit: f
         if rank + 1 < count and values[rank + 1] >= best:  # so are all that follow
             floor = min(floor, values[rank + 1])
             break
-    at = slot(table, causes, situation)
-    table.value[at] = max(table.value[at], floor)
-    table.exact[at] = table.counts[STATUS] == RUNNING and floor < limit
-    return float(table.value[at])
+    return conclude(table, causes, situation, floor, limit)
