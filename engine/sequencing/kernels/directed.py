@@ -106,6 +106,26 @@ def _proposal(order: Ints, place: Ints, near: Ints, low: int, high: int) -> tupl
 
 
 @compiled
+def _price_after(
+    order: Ints,
+    moved: Ints,
+    arcs: Longs,
+    closed: bool,
+    times: Longs,
+    pairs: Pairs,
+    fine: Longs,
+    now: int,
+    move: tuple[int, int, int, bool],
+) -> int:
+    """The price after a move of `order`, whose price is `now`; where the arcs alone do not tell, `moved` is walked."""
+    first, last, behind, turned = move
+    if fine[0] == 0 and not turned:
+        return int(now + _difference(order, arcs, closed, first, last, behind))
+    _move(order, moved, first, last, behind, turned)
+    return int(price(moved, arcs, closed, times, pairs, fine))
+
+
+@compiled
 def anneal(
     order: Ints,
     arcs: Longs,
@@ -135,18 +155,12 @@ def anneal(
         first, last, behind = _proposal(order, place, near, low, high)
         if last < first:
             continue
-        turned = np.random.random() < 0.3
-        priced = fine[0] == 0 and not turned
-        if priced:
-            after = now + _difference(order, arcs, closed, first, last, behind)
-        else:
-            _move(order, moved, first, last, behind, turned)
-            after = price(moved, arcs, closed, times, pairs, fine)
+        move = (first, last, behind, np.random.random() < 0.3)
+        after = _price_after(order, moved, arcs, closed, times, pairs, fine, now, move)
         if not _accepted(after - now, warmth):
             continue
-        if priced:
-            _move(order, moved, first, last, behind, turned)
         now = after
+        _move(order, moved, *move)
         _take(order, moved, place)
         if now < best:
             best = now

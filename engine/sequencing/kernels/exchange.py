@@ -7,6 +7,8 @@ Lin & Kernighan 1973, all choices on the first levels; Bentley 1992 (queue of ci
 Felten 1991 (double-bridge kicks with annealed acceptance), the kicks kept local.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 
 from engine.sequencing.kernels import compiled
@@ -15,6 +17,25 @@ from engine.sequencing.kernels.kicks import kick
 
 ROOM = 8  # rows that one exchange may need in the journal
 TWO, TWO_TWICE, SWAPPED, TURNED = 1, 2, 3, 4
+
+
+class Ring(NamedTuple):
+    """A tour (n,) and where each city stands in it, costs (n, n), candidates and the costs to them (n, k)."""
+
+    tour: Ints
+    position: Ints
+    cost: Ints
+    near: Ints
+    toll: Ints
+
+
+class Desk(NamedTuple):
+    """Room to work: cities worth looking at and which of them wait, reversals made, and the exchange that was found."""
+
+    queue: Ints
+    waiting: Ints
+    journal: Ints
+    found: Ints
 
 
 @compiled
@@ -34,18 +55,9 @@ def _within(position: Ints, forward: bool, first: int, city: int, last: int) -> 
 
 
 @compiled
-def _second_turn(
-    tour: Ints,
-    position: Ints,
-    cost: Ints,
-    near: Ints,
-    toll: Ints,
-    forward: bool,
-    gain: int,
-    best: int,
-    found: Ints,
-) -> int:
+def _second_turn(ring: Ring, forward: bool, gain: int, best: int, found: Ints) -> int:
     """After t2..t4 is turned round, another two-edge exchange of the edges at t1: the best gain so far."""
+    tour, position, cost, near, toll = ring
     t1, t2, t3, t4 = found[0], found[1], found[2], found[3]
     follower = _step(tour, position, not forward, t4)
     for rank in range(near.shape[1]):
@@ -64,18 +76,9 @@ def _second_turn(
 
 
 @compiled
-def _opened_cycle(
-    tour: Ints,
-    position: Ints,
-    cost: Ints,
-    near: Ints,
-    toll: Ints,
-    forward: bool,
-    gain: int,
-    best: int,
-    found: Ints,
-) -> int:
+def _opened_cycle(ring: Ring, forward: bool, gain: int, best: int, found: Ints) -> int:
     """The cycle t2..t3 that the first two exchanged edges cut off is opened and put between t4 and t1 again."""
+    tour, position, cost, near, toll = ring
     t1, t2, t3, t4 = found[0], found[1], found[2], found[3]
     for rank in range(near.shape[1]):
         t5 = near[t4, rank]
@@ -96,10 +99,9 @@ def _opened_cycle(
 
 
 @compiled
-def _best_exchange(
-    tour: Ints, position: Ints, cost: Ints, near: Ints, toll: Ints, t1: int, forward: bool, found: Ints
-) -> int:
+def _best_exchange(ring: Ring, t1: int, forward: bool, found: Ints) -> int:
     """The exchange of most gain that removes the edge after `t1`: its kind in found[6], t2 to t4 in found[7:10]."""
+    tour, position, cost, near, toll = ring
     t2 = _step(tour, position, forward, t1)
     beyond = _step(tour, position, forward, t2)
     best, removed = 0, cost[t1, t2]
@@ -118,11 +120,11 @@ def _best_exchange(
             best = gain - cost[t4, t1]
             found[6] = TWO
             found[7:10] = found[1:4]
-        best = _second_turn(tour, position, cost, near, toll, forward, gain, best, found)
+        best = _second_turn(ring, forward, gain, best, found)
         t4 = _step(tour, position, forward, t3)
         found[3] = t4
         gain = left + cost[t3, t4]
-        best = _opened_cycle(tour, position, cost, near, toll, forward, gain, best, found)
+        best = _opened_cycle(ring, forward, gain, best, found)
     return best
 
 
@@ -158,20 +160,9 @@ def _apply(tour: Ints, position: Ints, forward: bool, found: Ints, journal: Ints
 
 
 @compiled
-def _settle(
-    tour: Ints,
-    position: Ints,
-    cost: Ints,
-    near: Ints,
-    toll: Ints,
-    queue: Ints,
-    waiting: Ints,
-    size: int,
-    journal: Ints,
-    written: int,
-    found: Ints,
-) -> tuple[int, int]:
-    """Exchange edges around the cities in the queue until none of them gains; the gain and the journal's length."""
+def _settle(ring: Ring, desk: Desk, size: int, written: int) -> tuple[int, int]:
+    """Exchange edges around the `size` cities in the queue until none gains; the gain and the journal's length."""
+    queue, waiting, journal, found = desk
     head, gain = 0, 0
     while size > 0:
         city = queue[head]
@@ -181,9 +172,9 @@ def _settle(
         idle = 0
         forward = True
         while idle < 2 and written + ROOM < journal.shape[0]:
-            won = _best_exchange(tour, position, cost, near, toll, city, forward, found)
+            won = _best_exchange(ring, city, forward, found)
             if won > 0:
-                written = _apply(tour, position, forward, found, journal, written)
+                written = _apply(ring.tour, ring.position, forward, found, journal, written)
                 gain += won
                 idle = 0
                 for place in range(7, 10):
@@ -199,14 +190,7 @@ def _settle(
 
 @compiled
 def improve(
-    tour: Ints,
-    cost: Ints,
-    near: Ints,
-    toll: Ints,
-    kicks: int,
-    warmth: float,
-    cooling: float,
-    seed: int,
+    tour: Ints, cost: Ints, near: Ints, toll: Ints, kicks: int, warmth: float, cooling: float, seed: int
 ) -> tuple[Ints, int, int, float]:
     """Anneal over `kicks` local double bridges, each repaired by exchanges; n >= 8.
 
@@ -216,19 +200,18 @@ def improve(
     """
     n = tour.shape[0]
     np.random.seed(seed)
-    position = positions(tour)
+    ring = Ring(tour, positions(tour), cost, near, toll)
     queue, waiting, found = np.empty(n, np.int32), np.zeros(n, np.int32), np.zeros(10, np.int32)
     journal = np.empty((max(40 * n, 4096), 2), np.int32)
+    desk = Desk(queue, waiting, journal, found)
     cuts, size = np.zeros(4, np.int32), 0
     for index in range(n):
         size = wake(tour[index], queue, waiting, 0, size)
-    current, _ = _settle(tour, position, cost, near, toll, queue, waiting, size, journal, 0, found)
+    current, _ = _settle(ring, desk, size, 0)
     best_gain, best = current, tour.copy()
     for _ in range(kicks):
-        loss, written, size = kick(tour, position, cost, near, queue, waiting, journal, cuts)
-        won, written = _settle(
-            tour, position, cost, near, toll, queue, waiting, size, journal, written, found
-        )
+        loss, written, size = kick(tour, ring.position, cost, near, queue, waiting, journal, cuts)
+        won, written = _settle(ring, desk, size, written)
         change = won - loss
         if change >= 0 or np.random.random() < np.exp(change / max(warmth, 1e-9)):
             current += change
@@ -236,6 +219,6 @@ def improve(
                 best_gain = current
                 best[:] = tour
         else:
-            undo(tour, position, journal, written, 0)
+            undo(tour, ring.position, journal, written, 0)
         warmth *= cooling
     return best, best_gain, current, warmth

@@ -178,6 +178,19 @@ def _ruin(after: Ints, before: Ints, near: Ints, removed: Ints, fewest: int, mos
 
 
 @compiled
+def _recreate(
+    removed: Ints, after: Ints, before: Ints, pose: Ints, table: Floats, offset: Ints, near: Ints
+) -> None:
+    """Put visits back on the ring in any order, then choose their poses and those of their neighbours again."""
+    np.random.shuffle(removed)
+    for visit in removed:
+        _insert(visit, after, before, pose, table, offset, near, NOISE)
+    for visit in removed:
+        for beside in (before[visit], after[visit], visit):
+            _polish(beside, after, before, pose, table, offset)
+
+
+@compiled
 def search(
     order: Ints,
     pose: Ints,
@@ -204,12 +217,7 @@ def search(
         warmth *= cooling
         old_after[:], old_before[:], old_row[:] = after, before, row
         count = _ruin(after, before, near, removed, 1, MOST)
-        np.random.shuffle(removed[:count])
-        for index in range(count):
-            _insert(removed[index], after, before, row, table, offset, near, NOISE)
-        for index in range(count):
-            for visit in (before[removed[index]], after[removed[index]], removed[index]):
-                _polish(visit, after, before, row, table, offset)
+        _recreate(removed[:count], after, before, row, table, offset, near)
         time = _ring_time(after, row, table)
         if time < now or np.random.random() < np.exp((now - time) / max(warmth, 1e-12)):
             now = time
