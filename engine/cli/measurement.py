@@ -75,6 +75,7 @@ def _list(target: str) -> Answer:
     from rich.table import Table
 
     from engine.inspection import partition
+    from engine.inspection.places import with_places
     from engine.report.inspection import entry, parts
     from kb.diagnostics import Diagnostic, InvalidInput, Source
     from kb.loader import find, load
@@ -84,7 +85,7 @@ def _list(target: str) -> Answer:
         raise InvalidInput(
             [Diagnostic(Source(target), "K401", "this is a domain, not a problem", "name a problem")]
         )
-    found = partition(problem)
+    found = partition(with_places(problem))
     table = Table(box=None, pad_edge=False)
     for heading in ("measurement", "by", "reason"):
         table.add_column(heading, overflow="fold")

@@ -16,7 +16,7 @@ from engine.cli.options import Expansions, Format, Library, Seed, TimeLimit
 if TYPE_CHECKING:
     from rich.console import RenderableType
 
-    from engine.reuse import Preparation
+    from engine.preparation import KeptSequence, Preparation
 
 
 def prepare(
@@ -30,7 +30,7 @@ def prepare(
     seed: Seed = 0,
     format: Format = Form.TEXT,
 ) -> None:
-    """Plan every problem of TARGET and fill the library, so that plans are there before they are needed."""
+    """Plan every problem of TARGET, sequence its measurements, and fill the store before plans are needed."""
     give(
         lambda: _prepare(target, store, jobs or len(os.sched_getaffinity(0)), time_limit, expansions, seed),
         format,
@@ -40,7 +40,7 @@ def prepare(
 def _prepare(target: str, store: str, jobs: int, seconds: float | None, expansions: int, seed: int) -> Answer:
     from engine.cli.interruption import Interruption
     from engine.planning import Limits
-    from engine.reuse import prepare as prepare_all
+    from engine.preparation import prepare as prepare_all
 
     paths = _problems(target)
     with Interruption(seconds) as interrupted, _progress() as progress:
@@ -77,7 +77,7 @@ def _problems(target: str) -> list[Path]:
 def _progress() -> "Iterator[Callable[[int, int], None]]":
     """A bar on a terminal, nothing in a pipe."""
     if not sys.stderr.isatty():
-        from engine.reuse.preparation import silent
+        from engine.preparation import silent
 
         yield silent
         return
@@ -99,6 +99,7 @@ def _content(found: "Preparation") -> dict[str, Any]:
             "macrop": each.macrop,
             "name": each.name,
             "reason": each.reason,
+            "sequence": _sequence(each.sequence),
         }
         for each in found.problems
     ]
@@ -106,6 +107,10 @@ def _content(found: "Preparation") -> dict[str, Any]:
         "problems": problems,
         "stale": {str(number): list(parts) for number, parts in found.stale.items()},
     }
+
+
+def _sequence(kept: "KeptSequence | None") -> dict[str, Any] | None:
+    return None if kept is None else {"way": kept.way, "left": kept.left, "changes": dict(kept.changes)}
 
 
 def _text(found: "Preparation") -> "RenderableType":
@@ -118,13 +123,25 @@ def _text(found: "Preparation") -> "RenderableType":
     table = Table(box=None, padding=(0, 2, 0, 0))
     for title in ("problem", "answer", ""):
         table.add_column(title, overflow="fold")
+    sequenced = any(each.sequence for each in found.problems)
+    if sequenced:
+        table.add_column("sequence", overflow="fold")
     for each in found.problems:
         found_it = each.status == "found"
         said = origin(each.origin, each.macrop, each.name, each.reason) if found_it else Text(each.reason)
-        table.add_row(Text(each.problem), Text(each.status), said)
+        last = [Text(_sequence_said(each.sequence))] if sequenced else []
+        table.add_row(Text(each.problem), Text(each.status), said, *last)
     stale = [
         Text(f"MACROP {n} was stale and is gone: {', '.join(p)} changed") for n, p in found.stale.items()
     ]
     learned = sum(each.origin == "planner" and each.macrop is not None for each in found.problems)
     known = sum(each.origin == "library" for each in found.problems)
     return Group(*stale, table, Text(f"{len(found.problems)} problems: {learned} learned, {known} known"))
+
+
+def _sequence_said(kept: "KeptSequence | None") -> str:
+    if kept is None:
+        return ""
+    ways = {"made": "new", "kept": "as it was kept", "resequenced": "anew, what was kept was stale"}
+    changes = "".join(f", {count} {what}" for what, count in kept.changes.items())
+    return f"{kept.left} visits, {ways[kept.way]}{changes}"

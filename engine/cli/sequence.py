@@ -142,12 +142,13 @@ def _solve(
 def _read(target: str) -> "tuple[TourProblem, Partition | None]":
     """A TSPLIB instance, or the measurements of a problem with how tools part them."""
     from engine.inspection import partition, tour_problem
+    from engine.inspection.places import with_places
     from engine.interop.tsplib import read_tsplib
     from kb.files import is_file
 
     if is_file(Path(target)) and Path(target).suffix not in (".yaml", ".yml"):
         return read_tsplib(Path(target)), None
-    problem = _problem_of(target)
+    problem = with_places(_problem_of(target))
     parts = partition(problem)
     return tour_problem(problem, parts), parts
 

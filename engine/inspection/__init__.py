@@ -38,12 +38,17 @@ class Partition:
     impossible: Mapping[str, str]
 
 
+def chooses_tools(domain: Domain) -> bool:
+    """Whether the rules of a domain say which tool takes which measurement."""
+    return "chosen" in domain.predicates
+
+
 def partition(problem: Problem, placed: Collection[str] | None = None) -> Partition:
     """Which tool takes which measurement, by the rules of the domain. Raises `InvalidInput`.
 
     Where a measurement is says its `position`, or `placed` names those of which it is known otherwise.
     """
-    if "chosen" not in problem.domain.predicates:
+    if not chooses_tools(problem.domain):
         hint = "declare the statics chosen(tool, measurement) and refused(tool, measurement, text), as bulkhead does"
         raise InvalidInput([Diagnostic(Source(problem.path), "K401", "the domain chooses no tools", hint)])
     grounder = _grounded(problem)

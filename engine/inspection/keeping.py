@@ -2,6 +2,7 @@
 
 from collections.abc import Collection
 
+from engine.inspection.places import with_places
 from engine.inspection.progress import News, Progress, carried_on, resources
 from engine.sequencing import Limits
 from kb.model.problem import Problem
@@ -15,6 +16,7 @@ def carry_on(
 
     Where another process has written in the meantime the news are told to what it wrote: nothing is lost.
     """
+    problem = with_places(problem)
     with Sequences(store) as sequences:
         while True:
             kept = sequences.of(problem.domain.name, problem.name)

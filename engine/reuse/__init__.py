@@ -1,6 +1,5 @@
 """Plan once, reuse for ever: problems are looked up in a library first; what has to be planned is learned."""
 
 from engine.reuse.practice import Answered, Practice
-from engine.reuse.preparation import Preparation, Prepared, prepare
 
-__all__ = ["Answered", "Practice", "Preparation", "Prepared", "prepare"]
+__all__ = ["Answered", "Practice"]

@@ -1,10 +1,13 @@
 """From files to tours: tables, the partition by tool, and the commands."""
 
 import json
+import shutil
 from itertools import pairwise
 from pathlib import Path
 
+import numpy as np
 import pytest
+import yaml
 from typer.testing import CliRunner
 
 from engine.cli import app
@@ -13,6 +16,7 @@ from engine.interop.measurements import read_table
 from kb.diagnostics import InvalidInput
 from kb.loader import load
 
+BULKHEAD = Path(__file__).parents[2] / "domains" / "bulkhead"
 TABLE = """name,x,y,z,nx,ny,nz,kind,tolerance,bore
 a,0,0,0,0,0,1,profile,0.5,
 b,10,0,0,0,0,2,profile,,
@@ -154,8 +158,20 @@ def test_measurements_whose_places_a_cell_describes_are_toured_by_the_time_of_th
         assert sorted(each["visits"]) == sorted({*each["visits"]})
 
 
-def test_straight_lines_need_positions() -> None:
+def test_straight_lines_go_between_the_places_of_the_cell() -> None:
     data = json.loads(run("sequence", "bulkhead/twelve_points", "--format", "json")[1])["data"]
+    cell = yaml.safe_load((BULKHEAD / "cell.yaml").read_text())
+    at = [np.array(cell["places"][f"meas({name})"]["at"]) for name in data["visits"]]
+    assert data["partition"]["impossible"] == {}
+    change = 2_000_000 * sum(a != b for a, b in pairwise(data["tools"]))
+    way = 1e6 * sum(float(np.linalg.norm(b - a)) for a, b in pairwise(at))
+    assert data["cost"] == pytest.approx(way + change, abs=12)
+
+
+def test_what_has_no_position_anywhere_is_impossible(tmp_path: Path) -> None:
+    shutil.copytree(BULKHEAD, tmp_path / "bulkhead", ignore=shutil.ignore_patterns("cell.yaml"))
+    file = tmp_path / "bulkhead" / "problems" / "twelve_points.yaml"
+    data = json.loads(run("sequence", str(file), "--format", "json")[1])["data"]
     assert data["visits"] == []
     assert set(data["partition"]["impossible"].values()) == {"its position is not known"}
 

@@ -1,6 +1,7 @@
 """`macros`, `prepare` and `plan --store`: what people do with a library."""
 
 import json
+import shutil
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +11,7 @@ from typer.testing import CliRunner
 from engine.cli import app
 from engine.starter import create
 
+BULKHEAD = Path(__file__).parents[3] / "domains" / "bulkhead"
 run = CliRunner().invoke
 
 
@@ -140,6 +142,29 @@ def test_a_prepared_problem_set_is_looked_up(store: str) -> None:
     code, second = answer("prepare", "bulkhead", "--store", store, "--jobs", "1")
     assert {each["origin"] for each in second["problems"] if each["status"] == "found"} == {"library"}
     assert source("bulkhead/twelve_points", "--store", store)[0] == "library"
+
+
+def test_preparing_keeps_sequences_and_says_which_were_stale(store: str, tmp_path: Path) -> None:
+    mine = shutil.copytree(BULKHEAD, tmp_path / "mine")
+    first = answer("prepare", str(mine), "--store", store, "--jobs", "1")[1]["problems"]
+    sequences = {each["problem"]: each["sequence"] for each in first}
+    assert sequences["twelve_points"] == {"way": "made", "left": 12, "changes": {}}
+    assert answer("sequence", "bulkhead/twelve_points", "--store", store)[1]["way"] == "kept"
+    file = mine / "problems" / "twelve_points.yaml"
+    file.write_text(
+        file.read_text().replace("[m1..12]", "[m1..13]").replace("needs(m4, profile)", "needs(m4, thickness)")
+    )
+    again = answer("prepare", str(mine), "--store", store, "--jobs", "1")[1]["problems"]
+    sequences = {each["problem"]: each["sequence"] for each in again}
+    assert sequences["one_point"] == {"way": "kept", "left": 3, "changes": {}}
+    assert sequences["twelve_points"]["way"] == "resequenced"
+    assert sequences["twelve_points"]["changes"]["moved"] == 1
+
+
+def test_problems_without_tools_to_choose_have_no_sequence(store: str) -> None:
+    assert (
+        answer("prepare", "themse/one", "--store", store, "--jobs", "1")[1]["problems"][0]["sequence"] is None
+    )
 
 
 def test_a_broken_problem_is_told_and_the_others_are_prepared(store: str, tmp_path: Path) -> None:

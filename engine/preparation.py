@@ -1,4 +1,7 @@
-"""A problem set planned offline, in parallel processes, so that a library knows it before it is needed."""
+"""A problem set worked through offline, in parallel processes, so that a store knows it before it is needed.
+
+Every problem is planned, which teaches MACROPs; where the domain chooses tools for measurements, their sequence is kept.
+"""
 
 import contextlib
 import multiprocessing
@@ -9,6 +12,8 @@ from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wai
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from engine.inspection import chooses_tools
+from engine.inspection.keeping import carry_on
 from engine.macros.digests import Digests
 from engine.model.outcome import Found, GaveUp
 from engine.planning import Limits
@@ -16,7 +21,20 @@ from engine.reuse.practice import Practice
 from kb.diagnostics import Diagnostic, InvalidInput
 from kb.loader import load
 from kb.model.domain import Domain
+from kb.model.problem import Problem
 from kb.store import Library
+
+
+@dataclass(frozen=True, slots=True)
+class KeptSequence:
+    """The sequence that was kept for a problem. `way`: made, kept as it was, or resequenced; `left`: visits not done.
+
+    `changes` counts the visits that are reordered, moved to another tool, added, dropped or outdated since it was kept before.
+    """
+
+    way: str
+    left: int
+    changes: Mapping[str, int]
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,6 +49,7 @@ class Prepared:
     reason: str = ""
     seconds: float = 0.0
     diagnostics: tuple[Diagnostic, ...] = ()
+    sequence: KeptSequence | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -142,20 +161,39 @@ def _deaf() -> Iterator[None]:
 
 
 def work(job: Job) -> Prepared:
-    """Plan one problem through the library."""
+    """Sequence and plan one problem through the store."""
     try:
         problem = load(job.path).problem
         if problem is None:
             return Prepared(str(job.path), "bad input", reason="this is no problem")
+        kept = _kept(job.store, problem) if chooses_tools(problem.domain) else None
         limits = Limits(job.expansions, seed=job.seed)
         with Library(job.store) as library, Practice(library, limits, thorough=True) as practice:
             answered = practice.plan(problem)
     except InvalidInput as error:
         return Prepared(str(job.path), "bad input", diagnostics=tuple(error.diagnostics))
     outcome = answered.outcome
-    status = (
-        "found" if isinstance(outcome, Found) else "gave up" if isinstance(outcome, GaveUp) else "infeasible"
+    return Prepared(
+        problem.name,
+        "found" if isinstance(outcome, Found) else "gave up" if isinstance(outcome, GaveUp) else "infeasible",
+        answered.origin,
+        answered.macrop,
+        answered.name,
+        answered.reason if isinstance(outcome, Found) else outcome.reason,
+        sum(outcome.statistics.seconds.values()),
+        sequence=kept,
     )
-    seconds = sum(outcome.statistics.seconds.values())
-    why = answered.reason if isinstance(outcome, Found) else outcome.reason
-    return Prepared(problem.name, status, answered.origin, answered.macrop, answered.name, why, seconds)
+
+
+def _kept(store: str, problem: Problem) -> KeptSequence:
+    """The sequence of a problem's measurements, brought up to date in the store."""
+    found = carry_on(store, problem)
+    counts = {
+        "reordered": len(found.reordered),
+        "moved": len(found.moved),
+        "added": len(found.added),
+        "dropped": len(found.dropped),
+        "outdated": len(found.outdated),
+    }
+    changes = {what: count for what, count in counts.items() if count} if found.way != "made" else {}
+    return KeptSequence(found.way, len(found.plan.rest), changes)
