@@ -1,14 +1,14 @@
 """Forward search: lazy greedy best first over two estimates, relaxed plans and landmarks, with preferred operators in
 queues of their own (Richter & Helmert 2009; Richter & Westphal 2010).
 
-For tasks where regression drowns. States are rows of 64-bit words, evaluated by compiled kernels.
+For tasks where regression drowns. States are evaluated by compiled kernels.
 """
 
 import heapq
 import itertools
 import random
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from typing import NamedTuple
 
 from engine.model.task import Bits, GroundOperator, Task, progress
 from engine.planning.effort import NO_PLAN, Answer, Effort
@@ -21,25 +21,23 @@ _MEETS = Function("_meets")
 BOOST = 1000  # priority given to preferred operators whenever the estimate sinks
 
 
-@dataclass(frozen=True, slots=True)
-class Node:
+class Node(NamedTuple):
     """A state that was reached, the landmarks accepted on the way, and the step that led to it."""
 
     state: Bits
-    accepted: Bits
+    accepted: bytes
     parent: int
     operator: int
 
 
-@dataclass(order=True, slots=True)
-class Batch:
-    """Successors of one node that wait in a queue; all have the node's estimate, so they need one entry."""
+class Batch(NamedTuple):
+    """Successors of one node that wait in a queue, the first one last; all have the node's estimate, so they need one
+    entry."""
 
     key: int
     tie: int
-    node: int = field(compare=False)
-    operators: Iterator[int] = field(compare=False)
-    left: int = field(compare=False)
+    node: int
+    operators: list[int]
 
 
 class Forward:
@@ -93,9 +91,8 @@ class Forward:
             if queue:
                 self._priorities[number] += 1
                 batch = queue[0]
-                operator = next(batch.operators)
-                batch.left -= 1
-                if not batch.left:
+                operator = batch.operators.pop()
+                if not batch.operators:
                     heapq.heappop(queue)
                 return batch.node, operator
         return None
@@ -104,9 +101,10 @@ class Forward:
         """Evaluate a state and queue its successors; whether it satisfies the goals."""
         self._closed.add(state)
         here = len(self._nodes)
-        accepted = self._nodes[parent].accepted if parent >= 0 else 0
+        accepted = b""
         if self._landmarks:
-            accepted = self._landmarks.accept(accepted, state)
+            before = self._nodes[parent].accepted if parent >= 0 else self._landmarks.none
+            accepted = self._landmarks.accept(before, state)
         self._nodes.append(Node(state, accepted, parent, operator))
         if self.goals & ~state == 0:
             return True
@@ -123,8 +121,7 @@ class Forward:
         for place, key in enumerate(keys):
             for number, operators in ((2 * place, applicable), (2 * place + 1, preferred)):
                 if operators:
-                    batch = Batch(key, self._tie(), here, iter(operators), len(operators))
-                    heapq.heappush(self._queues[number], batch)
+                    heapq.heappush(self._queues[number], Batch(key, self._tie(), here, operators[::-1]))
         return False
 
     def _tie(self) -> int:

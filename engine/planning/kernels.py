@@ -1,163 +1,228 @@
-"""Compiled evaluation of states for forward search: relaxed plans by additive costs (Hoffmann & Nebel 2001; Keyder &
-Geffner 2008), the operators they begin with, and every applicable operator.
+# cython: language_level=3, annotation_typing=False, boundscheck=False, wraparound=False, initializedcheck=False
+# cython: cdivision=True
+"""States evaluated for forward search: relaxed plans by additive costs (Hoffmann & Nebel 2001; Keyder & Geffner 2008),
+the operators that they begin with and every applicable operator; and landmarks counted (Richter & Westphal 2010).
 
-A state is a row of 64-bit words, bit i of the row being atom i. Operators come as compressed rows (`starts`, `items`).
+Plain Python, which Cython compiles with the types in `kernels.pxd`; without a compiler it runs as it stands, slowly.
+A set of atoms is a row of bytes, atom i being bit i % 8 of byte i // 8.
 """
 
-from typing import NamedTuple
+from array import array
+from collections.abc import Sequence
+from typing import TypeAlias
 
-import numba
-import numpy as np
-from numpy.typing import NDArray
-
-Ints = NDArray[np.int32]
-Words = NDArray[np.uint64]
-UNREACHED = 1 << 30
-
-
-class Operators(NamedTuple):
-    """Relaxed operators: costs and how many conditions; conditions, adds, and the operators that need each atom."""
-
-    costs: Ints
-    missing: Ints
-    need_starts: Ints
-    need_items: Ints
-    add_starts: Ints
-    add_items: Ints
-    user_starts: Ints
-    user_items: Ints
+Ints: TypeAlias = "array[int]"  # 32 bits each
+Longs: TypeAlias = "array[int]"  # 64 bits each
+UNREACHED = 1 << 60
+MOST = 1 << 50  # additive costs are cut off here: they can double with every step
 
 
-class Room(NamedTuple):
-    """Room to work in: by atom, by operator, a heap with keys, a stack; `applicable` and `preferred` are results."""
-
-    reached: Ints
-    supporter: Ints
-    spent: Ints
-    open_needs: Ints
-    heap: Ints
-    keys: Ints
-    marked: Ints
-    stack: Ints
-    applicable: Ints
-    preferred: Ints
+def ints(length: int) -> Ints:
+    """Zeros of 32 bits."""
+    return array("i", bytes(4 * length))
 
 
-@numba.njit(cache=True)
-def _push(heap: Ints, keys: Ints, size: int, atom: int, key: int) -> int:
-    place = size
-    while place > 0:
-        parent = (place - 1) // 2
-        if keys[parent] <= key:
-            break
-        keys[place], heap[place] = keys[parent], heap[parent]
-        place = parent
-    keys[place], heap[place] = key, atom
-    return size + 1
+def longs(length: int) -> Longs:
+    """Zeros of 64 bits."""
+    return array("q", bytes(8 * length))
 
 
-@numba.njit(cache=True)
-def _pop(heap: Ints, keys: Ints, size: int) -> int:
-    """Remove the first entry; the caller has read it. Returns the new size."""
-    size -= 1
-    key, atom = keys[size], heap[size]
-    place = 0
-    while True:
-        child = 2 * place + 1
-        if child >= size:
-            break
-        if child + 1 < size and keys[child + 1] < keys[child]:
-            child += 1
-        if key <= keys[child]:
-            break
-        keys[place], heap[place] = keys[child], heap[child]
-        place = child
-    keys[place], heap[place] = key, atom
-    return size
+class Rows:
+    """Lists of numbers, one after another: list i is items[starts[i]:starts[i + 1]]."""
+
+    def __init__(self, lists: Sequence[Sequence[int]]) -> None:
+        starts, items = array("i", [0]), array("i")
+        for each in lists:
+            items.extend(each)
+            starts.append(len(items))
+        self.count, self.length = len(lists), len(items)
+        self.starts, self.items = starts, items
 
 
-@numba.njit(cache=True)
-def _apply(operator: int, cost: int, operators: Operators, room: Room, size: int) -> int:
-    """Note what an operator adds at a cost, where that is cheaper than before; the heap's new size."""
-    for index in range(operators.add_starts[operator], operators.add_starts[operator + 1]):
-        atom = operators.add_items[index]
-        if cost < room.reached[atom]:
-            room.reached[atom], room.supporter[atom] = cost, operator
-            size = _push(room.heap, room.keys, size, atom, cost)
-    return size
+class Queue:
+    """Atoms by cost, a binary heap; `first` and `key` are read before `pop`."""
+
+    def __init__(self, room: int) -> None:
+        self.size = 0
+        self.heap, self.keys = ints(room), longs(room)
+
+    def push(self, atom: int, key: int) -> None:
+        """Put an atom in."""
+        place = self.size
+        self.size += 1
+        while place > 0:
+            parent = (place - 1) // 2
+            if self.keys[parent] <= key:
+                break
+            self.keys[place] = self.keys[parent]
+            self.heap[place] = self.heap[parent]
+            place = parent
+        self.keys[place] = key
+        self.heap[place] = atom
+
+    def pop(self) -> None:
+        """Remove the first entry."""
+        self.size -= 1
+        key, atom = self.keys[self.size], self.heap[self.size]
+        place, child = 0, 1
+        while child < self.size:
+            if child + 1 < self.size and self.keys[child + 1] < self.keys[child]:
+                child += 1
+            if key <= self.keys[child]:
+                break
+            self.keys[place] = self.keys[child]
+            self.heap[place] = self.heap[child]
+            place, child = child, 2 * child + 1
+        self.keys[place] = key
+        self.heap[place] = atom
 
 
-@numba.njit(cache=True)
-def _begin(state: Words, operators: Operators, room: Room) -> tuple[int, int]:
-    """The state's atoms and the operators that need nothing; the heap's size and the number of applicable operators."""
-    size, found = 0, 0
-    for atom in range(room.reached.shape[0]):
-        room.reached[atom], room.supporter[atom] = UNREACHED, -1
-        if state[atom >> 6] >> np.uint64(atom & 63) & np.uint64(1):
-            room.reached[atom] = 0
-            size = _push(room.heap, room.keys, size, atom, 0)
-    for operator in range(operators.missing.shape[0]):
-        room.open_needs[operator] = operators.missing[operator]
-        room.spent[operator] = operators.costs[operator]
-        if operators.missing[operator] == 0:
-            room.applicable[found] = operator
-            found += 1
-            size = _apply(operator, operators.costs[operator], operators, room, size)
-    return size, found
+class RelaxedPlans:
+    """Relaxed plans from any state to one conjunction of goals, over operators that only add.
 
+    `need` and `add` have a list of atoms for each operator, `users` a list of operators for each atom. Costs are
+    positive. The results of `evaluate` stand in `applicable` and `preferred`.
+    """
 
-@numba.njit(cache=True)
-def _reach(state: Words, operators: Operators, room: Room) -> int:
-    """Additive costs of all atoms from a state with best supporters; the number of applicable operators."""
-    size, found = _begin(state, operators, room)
-    while size > 0:
-        atom, cost = room.heap[0], room.keys[0]
-        size = _pop(room.heap, room.keys, size)
-        if cost > room.reached[atom]:
-            continue
-        for place in range(operators.user_starts[atom], operators.user_starts[atom + 1]):
-            operator = operators.user_items[place]
-            room.open_needs[operator] -= 1
-            room.spent[operator] += cost
-            if room.open_needs[operator] > 0:
+    def __init__(
+        self, costs: Sequence[int], goals: Sequence[int], need: Rows, add: Rows, users: Rows
+    ) -> None:
+        self.atoms, self.operators = users.count, need.count
+        self.costs, self.goals = array("q", costs), array("i", goals)
+        self.need, self.add, self.users = need, add, users
+        self.reached, self.supporter = longs(self.atoms), ints(self.atoms)
+        self.spent, self.missing = longs(self.operators), ints(self.operators)
+        self.marked, self.stack = ints(self.operators), ints(need.length + len(goals))
+        self.queue = Queue(self.atoms + add.length)
+        self._applicable, self._preferred = ints(self.operators), ints(self.operators)
+        self._found = self._helpful = 0
+
+    def evaluate(self, state: bytes) -> int:
+        """The cost of a relaxed plan, -1 if there is none."""
+        self._begin(state)
+        self._reach()
+        self._helpful = 0
+        for index in range(len(self.goals)):
+            if self.reached[self.goals[index]] == UNREACHED:
+                return -1
+        return self._extract()
+
+    @property
+    def applicable(self) -> list[int]:
+        """The operators applicable in the state evaluated last."""
+        return [self._applicable[index] for index in range(self._found)]
+
+    @property
+    def preferred(self) -> list[int]:
+        """Those of them with which its relaxed plan begins."""
+        return [self._preferred[index] for index in range(self._helpful)]
+
+    def _begin(self, state: bytes) -> None:
+        """The state's atoms, and the operators that need nothing."""
+        self.queue.size = self._found = 0
+        for atom in range(self.atoms):
+            self.reached[atom] = UNREACHED
+            self.supporter[atom] = -1
+            if state[atom >> 3] >> (atom & 7) & 1:
+                self.reached[atom] = 0
+                self.queue.push(atom, 0)
+        for operator in range(self.operators):
+            self.marked[operator] = 0
+            self.missing[operator] = self.need.starts[operator + 1] - self.need.starts[operator]
+            self.spent[operator] = self.costs[operator]
+            if self.missing[operator] == 0:
+                self._ready(operator)
+
+    def _reach(self) -> None:
+        """Settle atoms, cheapest first, until none is left."""
+        while self.queue.size > 0:
+            atom, cost = self.queue.heap[0], self.queue.keys[0]
+            self.queue.pop()
+            if cost > self.reached[atom]:
                 continue
-            if room.spent[operator] == operators.costs[operator]:
-                room.applicable[found] = operator
-                found += 1
-            size = _apply(operator, room.spent[operator], operators, room, size)
-    return found
+            for place in range(self.users.starts[atom], self.users.starts[atom + 1]):
+                operator = self.users.items[place]
+                self.missing[operator] -= 1
+                self.spent[operator] += cost
+                if self.missing[operator] == 0:
+                    self._ready(operator)
 
+    def _ready(self, operator: int) -> None:
+        """Note what an operator adds, where that is cheaper than before, and whether it is applicable."""
+        if self.spent[operator] == self.costs[operator]:
+            self._applicable[self._found] = operator
+            self._found += 1
+        cost = min(self.spent[operator], MOST)
+        for place in range(self.add.starts[operator], self.add.starts[operator + 1]):
+            atom = self.add.items[place]
+            if cost < self.reached[atom]:
+                self.reached[atom] = cost
+                self.supporter[atom] = operator
+                self.queue.push(atom, cost)
 
-@numba.njit(cache=True)
-def _extract(goals: Ints, operators: Operators, room: Room) -> tuple[int, int]:
-    """The cost of the relaxed plan that the supporters make, and how many operators it begins with."""
-    size, total, helpful = 0, 0, 0
-    room.marked[:] = 0
-    for goal in goals:
-        room.stack[size] = goal
-        size += 1
-    while size > 0:
-        size -= 1
-        operator = room.supporter[room.stack[size]]
-        if operator < 0 or room.marked[operator] == 1:
-            continue
-        room.marked[operator] = 1
-        total += operators.costs[operator]
-        if room.spent[operator] == operators.costs[operator]:
-            room.preferred[helpful] = operator
-            helpful += 1
-        for index in range(operators.need_starts[operator], operators.need_starts[operator + 1]):
-            room.stack[size] = operators.need_items[index]
+    def _extract(self) -> int:
+        """The cost of the relaxed plan that the supporters make; notes the operators it begins with."""
+        total = size = 0
+        for index in range(len(self.goals)):
+            self.stack[size] = self.goals[index]
             size += 1
-    return total, helpful
+        while size > 0:
+            size -= 1
+            operator = self.supporter[self.stack[size]]
+            if operator < 0 or self.marked[operator]:
+                continue
+            self.marked[operator] = 1
+            total += self.costs[operator]
+            if self.spent[operator] == self.costs[operator]:
+                self._preferred[self._helpful] = operator
+                self._helpful += 1
+            for place in range(self.need.starts[operator], self.need.starts[operator + 1]):
+                self.stack[size] = self.need.items[place]
+                size += 1
+        return total
 
 
-@numba.njit(cache=True)
-def evaluate(state: Words, goals: Ints, operators: Operators, room: Room) -> tuple[int, int, int]:
-    """The cost of a relaxed plan (-1 if there is none), and how many operators are applicable and preferred."""
-    found = _reach(state, operators, room)
-    for goal in goals:
-        if room.reached[goal] == UNREACHED:
-            return -1, found, 0
-    total, helpful = _extract(goals, operators, room)
-    return total, found, helpful
+class LandmarkCount:
+    """How many landmarks a path still has to visit, or to visit again.
+
+    Landmark i is `atoms[i]`; `before` has the landmarks that come before each, `just_before` those that its achievers
+    need; `goals` are landmarks. Sets of landmarks are rows of bytes, as sets of atoms are.
+    """
+
+    def __init__(self, atoms: Sequence[int], before: Rows, just_before: Rows, goals: Sequence[int]) -> None:
+        self.count, self.goal_count = len(atoms), len(goals)
+        self.atoms, self.goals = array("i", atoms), array("i", goals)
+        self.before, self.just_before = before, just_before
+        self.again = ints(self.count)
+
+    def accept(self, accepted: bytes, state: bytes) -> bytes:
+        """The accepted landmarks after one more state: those that are true, if all before them are accepted."""
+        after = bytearray(accepted)
+        for landmark in range(self.count):
+            atom = self.atoms[landmark]
+            if not after[landmark >> 3] >> (landmark & 7) & 1 and state[atom >> 3] >> (atom & 7) & 1:
+                for place in range(self.before.starts[landmark], self.before.starts[landmark + 1]):
+                    earlier = self.before.items[place]
+                    if not after[earlier >> 3] >> (earlier & 7) & 1:
+                        break
+                else:
+                    after[landmark >> 3] |= 1 << (landmark & 7)
+        return bytes(after)
+
+    def left(self, accepted: bytes, state: bytes) -> int:
+        """Landmarks not accepted, and accepted ones that are false and goals or needed just before one not accepted."""
+        open_ = again = 0
+        for landmark in range(self.count):
+            self.again[landmark] = 0
+        for index in range(self.goal_count):
+            self.again[self.goals[index]] = 1
+        for landmark in range(self.count):
+            if not accepted[landmark >> 3] >> (landmark & 7) & 1:
+                open_ += 1
+                for place in range(self.just_before.starts[landmark], self.just_before.starts[landmark + 1]):
+                    self.again[self.just_before.items[place]] = 1
+        for landmark in range(self.count):
+            if self.again[landmark] and accepted[landmark >> 3] >> (landmark & 7) & 1:
+                atom = self.atoms[landmark]
+                again += not state[atom >> 3] >> (atom & 7) & 1
+        return open_ + again

@@ -7,34 +7,47 @@ a goal or if a landmark still to come needs it just before.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 
 from engine.model.task import Bits, GroundOperator, indices
+from engine.planning.kernels import LandmarkCount, Rows
 
 MAX_WORK = 3_000_000  # operators that the fixpoint may look at
 
 
-@dataclass
 class Landmarks:
-    """The landmarks of a conjunction of goals, as a set of atoms; empty if they cost too much to find."""
+    """The landmarks of a conjunction of goals, `all` as a set of atoms; the goals alone if they cost too much to find.
 
-    operators: Sequence[GroundOperator]
-    initial: Bits
-    goals: Bits
-    size: int
-    all: Bits = field(init=False)
+    Accepted landmarks are a row of bytes, as `LandmarkCount` keeps them.
+    """
 
-    def __post_init__(self) -> None:
+    def __init__(self, operators: Sequence[GroundOperator], initial: Bits, goals: Bits, size: int) -> None:
+        self.operators, self.initial, self.goals, self.size = operators, initial, goals, size
         self._before = self._fixpoint()
-        self.all = self.goals
-        for goal in indices(self.goals):
+        self.all = goals
+        for goal in indices(goals):
             self.all |= self._before[goal] or 0
-        self._just_before = dict.fromkeys(indices(self.all), -1)
+        self._width = (size + 7) // 8
+        self._count = self._numbered(self._just_before())
+        self.none = bytes((self.all.bit_count() + 7) // 8)
+
+    def _just_before(self) -> dict[int, Bits]:
+        """The landmarks that all achievers of each landmark need."""
+        needed = dict.fromkeys(indices(self.all), -1)
         for operator in self.operators:
             for atom in indices(operator.adds & self.all):
-                self._just_before[atom] &= operator.preconditions
-        for atom, needed in self._just_before.items():
-            self._just_before[atom] = 0 if needed < 0 else needed & self.all
+                needed[atom] &= operator.preconditions
+        return {atom: 0 if shared < 0 else shared & self.all for atom, shared in needed.items()}
+
+    def _numbered(self, just_before: dict[int, Bits]) -> LandmarkCount:
+        """The kernel that counts, over landmarks numbered by their atoms."""
+        number = {atom: place for place, atom in enumerate(just_before)}
+        before = {atom: (self._before[atom] or 0) & self.all & ~(1 << atom) for atom in just_before}
+
+        def rows(sets: dict[int, Bits]) -> Rows:
+            return Rows([[number[atom] for atom in indices(each)] for each in sets.values()])
+
+        goals = [number[goal] for goal in indices(self.goals)]
+        return LandmarkCount(list(number), rows(before), rows(just_before), goals)
 
     def _fixpoint(self) -> list[Bits | None]:
         """For each atom its landmarks, itself included; None if it is unreachable or was not looked at in time."""
@@ -70,18 +83,10 @@ class Landmarks:
                 found[atom] = shared
                 touched[atom] = None
 
-    def accept(self, accepted: Bits, state: Bits) -> Bits:
+    def accept(self, accepted: bytes, state: Bits) -> bytes:
         """The accepted landmarks after one more state."""
-        for atom in indices(state & self.all & ~accepted):
-            before = (self._before[atom] or 0) & self.all & ~(1 << atom)
-            if before & ~accepted == 0:
-                accepted |= 1 << atom
-        return accepted
+        return self._count.accept(accepted, state.to_bytes(self._width, "little"))
 
-    def left(self, accepted: Bits, state: Bits) -> int:
+    def left(self, accepted: bytes, state: Bits) -> int:
         """How many landmarks are still to be visited, or again."""
-        open_ = self.all & ~accepted
-        again = self.goals
-        for atom in indices(open_):
-            again |= self._just_before[atom]
-        return open_.bit_count() + (again & accepted & ~state).bit_count()
+        return self._count.left(accepted, state.to_bytes(self._width, "little"))

@@ -14,7 +14,7 @@ DOMAIN = """
 PROBLEM = "(define (problem one) (:domain lamps) (:objects l) (:init (lamp l)) (:goal (lit l)))"
 
 
-@pytest.mark.parametrize("strategy", ["auto"])
+@pytest.mark.parametrize("strategy", ["auto", "landmarks"])
 def test_a_plain_plan_loads_nothing_of_other_commands(tmp_path: Path, strategy: str) -> None:
     domain, problem = tmp_path / "domain.pddl", tmp_path / "problem.pddl"
     domain.write_text(DOMAIN)
