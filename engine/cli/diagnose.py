@@ -1,5 +1,6 @@
 """`cellwright diagnose`: find what is behind an exception with the cheapest tests."""
 
+from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -8,7 +9,7 @@ import typer
 
 from engine.cli.answers import Answer, Form, give
 from engine.cli.exits import GAVE_UP
-from engine.cli.options import Expansions, Seed, Target, TimeLimit, number
+from engine.cli.options import Expansions, Seed, Target, TimeLimit, number, refuse_idle
 
 if TYPE_CHECKING:
     from engine.diagnosis.session import Answer as Answerer
@@ -16,7 +17,6 @@ if TYPE_CHECKING:
     from engine.model.diagnosis import Action, Advice
     from engine.model.faults import Diagnosis
     from engine.troubleshooting import Desk
-    from kb.store.cases import Cases
 
 
 class DiagnosisForm(StrEnum):
@@ -34,68 +34,148 @@ class Goal(StrEnum):
     REPAIR = "repair"
 
 
+ExceptionName = Annotated[str, typer.Option("--exception", help="the exception, by its name in faults.yaml")]
+Step = Annotated[
+    str, typer.Option("--step", help="the step it interrupted: us_measure(us_probe, t3_746, m1)")
+]
+Outcomes = Annotated[
+    str, typer.Option("--outcomes", help="scripted outcomes: look_at_spot=dry, tool_self_test=passed")
+]
+Hidden = Annotated[
+    str, typer.Option("--hidden", help="simulate: the causes that are really there, with commas between")
+]
+WholeTree = Annotated[bool, typer.Option("--tree", help="print the whole decision tree")]
+Explain = Annotated[bool, typer.Option("--explain", help="say why this test is next")]
+Objective = Annotated[Goal, typer.Option("--objective", help="find the cause, or get rid of the trouble")]
+Recover = Annotated[
+    bool, typer.Option("--recover", help="plan on from what was found to the problem's goals")
+]
+FailedPlan = Annotated[
+    Path | None,
+    typer.Option("--plan", help="the plan that failed, in JSON: it is revised before planning anew"),
+]
+Done = Annotated[
+    str, typer.Option("--done", help="its steps that are done, such as 1..4, 7; else those before --step")
+]
+Store = Annotated[str, typer.Option("--store", help="learn: keep closed cases in this file or database")]
+History = Annotated[bool, typer.Option("--history", help="print the closed cases of the store")]
+Age = Annotated[
+    float | None,
+    typer.Option("--age", min=0, max=1, callback=number, help="let closed cases count so much less"),
+]
+Reset = Annotated[bool, typer.Option("--reset", help="forget the closed cases of this domain")]
+Counts = Annotated[Path | None, typer.Option("--import", help="JSON to add: {exception: {cause: count}}")]
+Shown = Annotated[DiagnosisForm, typer.Option("--format", help="how the answer is written")]
+
+
 def diagnose(
     target: Target,
-    exception: Annotated[str, typer.Option(help="the exception, by its name in faults.yaml")] = "",
-    step: Annotated[str, typer.Option(help="the step it interrupted: us_measure(us_probe, t3_746, m1)")] = "",
-    outcomes: Annotated[
-        str, typer.Option(help="scripted outcomes: look_at_spot=dry, tool_self_test=passed")
-    ] = "",
-    hidden: Annotated[
-        str, typer.Option(help="simulate: the causes that are really there, with commas between")
-    ] = "",
-    tree: Annotated[bool, typer.Option("--tree", help="print the whole decision tree")] = False,
-    explain: Annotated[bool, typer.Option("--explain", help="say why this test is next")] = False,
-    objective: Annotated[Goal, typer.Option(help="find the cause, or get rid of the trouble")] = Goal.ISOLATE,
-    recover: Annotated[
-        bool, typer.Option("--recover", help="plan on from what was found to the problem's goals")
-    ] = False,
-    plan: Annotated[
-        Path | None, typer.Option(help="the plan that failed, in JSON: it is revised before planning anew")
-    ] = None,
-    done: Annotated[
-        str, typer.Option(help="its steps that are done, such as 1..4, 7; else those before --step")
-    ] = "",
-    store: Annotated[str, typer.Option(help="learn: keep closed cases in this file or database")] = "",
-    history: Annotated[bool, typer.Option("--history", help="print the closed cases of the store")] = False,
-    age: Annotated[
-        float | None, typer.Option(min=0, max=1, callback=number, help="let closed cases count so much less")
-    ] = None,
-    reset: Annotated[bool, typer.Option("--reset", help="forget the closed cases of this domain")] = False,
-    import_: Annotated[
-        Path | None, typer.Option("--import", help="JSON to add: {exception: {cause: count}}")
-    ] = None,
-    format: Annotated[DiagnosisForm, typer.Option("--format", help="how the answer is written")] = (
-        DiagnosisForm.TEXT
-    ),
+    exception: ExceptionName = "",
+    step: Step = "",
+    outcomes: Outcomes = "",
+    hidden: Hidden = "",
+    tree: WholeTree = False,
+    explain: Explain = False,
+    objective: Objective = Goal.ISOLATE,
+    recover: Recover = False,
+    plan: FailedPlan = None,
+    done: Done = "",
+    store: Store = "",
+    history: History = False,
+    age: Age = None,
+    reset: Reset = False,
+    counts: Counts = None,
+    format: Shown = DiagnosisForm.TEXT,
     expansions: Expansions = 200_000,
     time_limit: TimeLimit = None,
     seed: Seed = 0,
 ) -> None:
     """Find what is behind an exception of TARGET: ask for outcomes, take them from a list, or print the whole tree."""
     form = Form.JSON if format is DiagnosisForm.JSON else Form.TEXT
-    if history or reset or age is not None or import_ is not None:
-        give(lambda: _kept(target, store, history, reset, age, import_), form)
-    if not exception:
+    asked = Asked(target, exception, step, objective, plan, done, store, expansions, time_limit)
+    manner = Manner(tree, explain, outcomes, hidden, recover, seed, format is DiagnosisForm.SVG)
+    if history or reset or age is not None or counts is not None:
+        _refuse_case(asked, manner)
+        from engine.cli.closed_cases import kept
+
+        give(lambda: kept(target, store, history, reset, age, counts), form)
+    _refuse_idle(asked, manner)
+    give(lambda: _diagnosed(asked, manner), form)
+
+
+@dataclass(frozen=True, slots=True)
+class Asked:
+    """The case: what happened where, and what its search may take."""
+
+    target: str
+    exception: str
+    step: str
+    objective: Goal
+    plan: Path | None
+    done: str
+    store: str
+    expansions: int
+    seconds: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class Manner:
+    """How the case is gone through, and what is shown of it."""
+
+    tree: bool
+    explain: bool
+    outcomes: str
+    hidden: str
+    recover: bool
+    seed: int
+    picture: bool
+
+
+def _refuse_case(asked: Asked, manner: Manner) -> None:
+    """Refuse what belongs to a case in hand."""
+    case = {"--exception": asked.exception, "--step": asked.step, "--plan": asked.plan, "--done": asked.done}
+    how = {"--outcomes": manner.outcomes, "--hidden": manner.hidden, "--tree": manner.tree}
+    rest = {"--explain": manner.explain, "--recover": manner.recover, "--format svg": manner.picture}
+    refuse_idle(
+        {**case, **how, **rest}, "on closed cases: --history, --age, --reset and --import stand alone"
+    )
+
+
+def _refuse_idle(asked: Asked, manner: Manner) -> None:
+    if not asked.exception:
         raise typer.BadParameter("--exception names what happened")
-    if done and plan is None:
+    if asked.done and asked.plan is None:
         raise typer.BadParameter("--done counts the steps of a plan: give --plan")
+    if manner.picture and not manner.tree:
+        raise typer.BadParameter("a picture is made of the whole tree: give --tree")
+    answered = {"--outcomes": manner.outcomes, "--hidden": manner.hidden}
+    if manner.tree:
+        refuse_idle({**answered, "--explain": manner.explain}, "with --tree, which holds every outcome")
+    if manner.explain:
+        refuse_idle(answered, "with --explain, which is about the first test")
+    if manner.tree or manner.explain:
+        why = "before the case is closed: leave out --tree and --explain"
+        refuse_idle({"--recover": manner.recover}, why)
+    if manner.outcomes:
+        refuse_idle({"--hidden": manner.hidden}, "with --outcomes, which are the answers")
 
-    def make() -> Answer:
-        from engine.cli.interruption import Interruption
-        from engine.troubleshooting import desk
-        from engine.troubleshooting.given import Failed
 
-        failed = Failed(plan, step, done) if plan else None
-        with Interruption(time_limit) as interrupted:
-            found = desk(target, exception, step, objective.value, store, expansions, interrupted, failed)
-            if tree:
-                return _tree(found, format is DiagnosisForm.SVG)
-            if explain and not (outcomes or hidden):
-                return _explained(found.session)
-            return _case(found, _answerer(found, outcomes, hidden, seed, explain), recover, store)
+def _diagnosed(asked: Asked, manner: Manner) -> Answer:
+    from engine.cli.interruption import Interruption
+    from engine.troubleshooting import desk
+    from engine.troubleshooting.given import Failed
 
-    give(make, form)
+    failed = Failed(asked.plan, asked.step, asked.done) if asked.plan else None
+    objective, store = asked.objective.value, asked.store
+    with Interruption(asked.seconds) as interrupted:
+        found = desk(
+            asked.target, asked.exception, asked.step, objective, store, asked.expansions, interrupted, failed
+        )
+        if manner.tree:
+            return _tree(found, manner.picture)
+        if manner.explain:
+            return _explained(found.session)
+        return _case(found, _answerer(found, manner), manner.recover, store)
 
 
 def _tree(found: "Desk", picture: bool) -> Answer:
@@ -138,21 +218,22 @@ def _compared(session: "Session", advice: "Advice") -> tuple[tuple[int, float, b
     return session.selector.compare(session.standing, (*chosen, *(a for a, _ in advice.runners_up)))
 
 
-def _answerer(found: "Desk", outcomes: str, hidden: str, seed: int, explain: bool) -> "Answerer":
+def _answerer(found: "Desk", manner: Manner) -> "Answerer":
     from engine.diagnosis.world import HiddenWorld
     from engine.troubleshooting.given import hidden_hypothesis, scripted
 
-    if outcomes:
-        return scripted(found.model, outcomes)
-    if hidden:
+    if manner.outcomes:
+        return scripted(found.model, manner.outcomes)
+    if manner.hidden:
         import random
 
-        world = HiddenWorld(found.model, hidden_hypothesis(found.model, hidden), random.Random(seed))
+        hypothesis = hidden_hypothesis(found.model, manner.hidden)
+        world = HiddenWorld(found.model, hypothesis, random.Random(manner.seed))
         return lambda action, _advice: world.respond(action)
-    return _asking(found, explain)
+    return _asking(found)
 
 
-def _asking(found: "Desk", explain: bool) -> "Answerer":
+def _asking(found: "Desk") -> "Answerer":
     """Ask the person at the terminal; an empty line, or the end of the input, ends the case."""
     import sys
 
@@ -166,8 +247,6 @@ def _asking(found: "Desk", explain: bool) -> "Answerer":
         session = found.session
         if advice.action is None:
             console.print(found.session.diagnosis().question_text, markup=False)
-        elif explain:
-            console.print(report.reasons(session.case.problem, advice, _compared(session, advice)))
         else:
             console.print(report.belief([(str(h), p) for h, p in session.belief()]))
         says = found.says(action.name)
@@ -207,50 +286,3 @@ def _case(found: "Desk", answer: "Answerer", recover: bool, store: str) -> Answe
 
 def _status(made: "Diagnosis") -> str:
     return "cured" if made.cured else "isolated" if made.isolated else "open"
-
-
-def _kept(
-    target: str, store: str, history: bool, reset: bool, age: float | None, given: Path | None
-) -> Answer:
-    from engine.troubleshooting import fault_model
-    from engine.troubleshooting.given import imported
-    from kb.diagnostics import Diagnostic, InvalidInput, Source
-    from kb.store.cases import Cases
-
-    if not store:
-        raise InvalidInput([Diagnostic(Source("--store"), "K401", "which store?", "give --store FILE")])
-    model = fault_model(target)
-    with Cases(store) as cases:
-        said = []
-        if reset:
-            said.append(f"{cases.reset(model.domain)} cases forgotten")
-        if age is not None:
-            cases.age(model.domain, age)
-            said.append(f"cases count for {age:g} of what they did")
-        if given is not None:
-            added = imported(model, given)
-            cases.add(added)
-            said.append(f"{len(added)} counts imported")
-        return _history(model.domain, cases, said, history)
-
-
-def _history(domain: str, cases: "Cases", said: list[str], listed: bool) -> Answer:
-    from rich.console import Group
-    from rich.table import Table
-    from rich.text import Text
-
-    from engine.report.diagnosis import number
-
-    table = Table("exception", "cause", "counts for", "cost", "tests", box=None, header_style="bold")
-    found = cases.history(domain)
-    for each in found if listed else ():
-        row = (each.exception, " and ".join(each.causes), number(each.weight), number(each.cost))
-        table.add_row(*row, str(len(each.observations)))
-    content = {
-        "cases": [
-            {"exception": e.exception, "causes": list(e.causes), "weight": e.weight, "cost": e.cost}
-            for e in found
-        ]
-    }
-    parts: list[Any] = [*map(Text, said), *([table] if listed else [])]
-    return Answer("ok", content, lambda: Group(*parts))

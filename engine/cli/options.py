@@ -1,5 +1,6 @@
 """Arguments and options that several commands share."""
 
+from collections.abc import Mapping
 from math import isnan
 from typing import Annotated
 
@@ -13,6 +14,13 @@ def number(value: float | None) -> float | None:
     if value is not None and isnan(value):
         raise typer.BadParameter("nan is not a number")
     return value
+
+
+def refuse_idle(options: Mapping[str, object], why: str) -> None:
+    """Refuse the first of the options that is given, as it would change nothing. Raises `typer.BadParameter`."""
+    for name, value in options.items():
+        if value:
+            raise typer.BadParameter(f"{name} has no effect {why}")
 
 
 Target = Annotated[
