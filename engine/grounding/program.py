@@ -177,16 +177,20 @@ def derived_rule(rule_: Rule, vocabulary: Vocabulary) -> str:
     return rule(reachable(rule_.head), [*positives, *map(str, static)])
 
 
+def column(prefix: str, index: int) -> str:
+    """A variable for a number in a row: named as no author's variable is, since those stand in the same rule."""
+    return f"__{prefix}{index}"
+
+
 def number_literals(literals: Iterable[Literal], prefix: str) -> tuple[list[str], list[str]]:
     """Body literals that bind a number for each literal's atom, and those variables; -1 if a negated one is unreachable."""
     body, names = [], []
     for index, literal in enumerate(literals):
-        name = f"{prefix}{index}"
+        name = column(prefix, index)
         names.append(name)
         if literal.positive:
             body.append(numbered(literal.atom, name))
         else:
-            body.append(
-                f"{name} = #max {{ -1 ; {prefix}n{index} : {numbered(literal.atom, f'{prefix}n{index}')} }}"
-            )
+            found = column(f"{prefix}N", index)
+            body.append(f"{name} = #max {{ -1 ; {found} : {numbered(literal.atom, found)} }}")
     return body, names

@@ -10,6 +10,7 @@ from engine.grounding.program import (
     Conditional,
     Schema,
     Vocabulary,
+    column,
     conditional_body,
     instance,
     is_conditional,
@@ -94,7 +95,7 @@ def _changes(schema: Schema, vocabulary: Vocabulary) -> tuple[list[Effect], list
 
 
 def _row_rule(schema: Schema, vocabulary: Vocabulary) -> tuple[str, int]:
-    arguments = [f"A{i}__" for i, _ in enumerate(schema.operator.variables)]
+    arguments = [column("A", i) for i, _ in enumerate(schema.operator.variables)]
     body = [
         instance(schema),
         *(f"_a({v},{a})" for v, a in zip(schema.operator.variables, arguments, strict=True)),
@@ -109,7 +110,7 @@ def _row_rule(schema: Schema, vocabulary: Vocabulary) -> tuple[str, int]:
 
 
 def _conditional_rule(each: Conditional, schema: Schema, name: str) -> tuple[str, int]:
-    arguments = [f"A{i}__" for i, _ in enumerate(schema.operator.variables)]
+    arguments = [column("A", i) for i, _ in enumerate(schema.operator.variables)]
     named = [f"_a({v},{a})" for v, a in zip(schema.operator.variables, arguments, strict=True)]
     parts, names = number_literals(each.literals, "P")
     changed, change_names = number_literals([Literal(each.effect.atom)], "E")

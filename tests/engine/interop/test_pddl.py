@@ -1,3 +1,4 @@
+import re
 from pathlib import Path
 
 import pytest
@@ -71,6 +72,17 @@ def test_a_written_plan_is_read_again(tmp_path: Path) -> None:
     assert [step.operator for step in again.steps] == [step.operator for step in outcome.plan.steps]
     assert again.cost == outcome.plan.cost
     assert pipeline.check_plan(read.problem, again) == []
+
+
+@pytest.mark.parametrize("name", ["P", "E", "D", "A", "H", "B", "G", "X"])
+def test_the_names_of_variables_mean_nothing(tmp_path: Path, name: str) -> None:
+    plain = [str(each.instance) for each in pipeline.ground(task(tmp_path).problem).operators]
+    found = sorted(set(re.findall(r"\?[a-z]+", DOMAIN)))
+    names = {variable: f"?{name}{number}" for number, variable in enumerate(found)}
+    renamed = re.sub(r"\?[a-z]+", lambda variable: names[variable[0]], DOMAIN)
+    assert [
+        str(each.instance) for each in pipeline.ground(task(tmp_path, renamed).problem).operators
+    ] == plain
 
 
 def test_a_plan_that_skips_a_precondition_is_refused(tmp_path: Path) -> None:
