@@ -5,6 +5,7 @@ import gc
 import typer
 
 from engine.cli.answers import open_streams
+from engine.cli.ending import leave
 from engine.cli.verbs import Verbs
 
 app = typer.Typer(
@@ -21,4 +22,9 @@ def main() -> None:
     """Run the command line."""
     gc.set_threshold(100_000)  # hardly anything here is part of a cycle
     open_streams()
-    app()
+    try:
+        app()
+    except SystemExit as end:
+        if isinstance(end.code, int):
+            leave(end.code)
+        raise

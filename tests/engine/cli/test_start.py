@@ -35,3 +35,27 @@ def loaded_by(*command: str) -> set[str]:
     ended, *loaded = ran.stderr.split()
     assert ended == "0"
     return set(loaded)
+
+
+def test_what_ends_at_once_has_written_its_answer_and_keeps_its_exit_code() -> None:
+    for command, code, said in (
+        (("plan", "bulkhead/one_point"), 0, "move_retract"),
+        (("plan", "bulkhead/tool_missing"), 10, "No plan"),
+        (("plan", "nothing"), 2, "nothing"),
+        (("--no-such-option",), 2, "No such option"),
+    ):
+        ran = subprocess.run(
+            [sys.executable, "-m", "engine.cli", *command], capture_output=True, text=True, check=False
+        )
+        assert ran.returncode == code
+        assert said in ran.stdout + ran.stderr
+
+
+def test_open_threads_and_databases_are_closed_before_the_end() -> None:
+    """`leave` comes back, so that the interpreter ends as usual; otherwise nothing after it would run."""
+    code = "import sys; from engine.cli.ending import leave; {}; leave(3); print('came back')"
+    for before, came_back in (("pass", False), ("import multiprocessing", True), ("import sqlite3", True)):
+        ran = subprocess.run(
+            [sys.executable, "-c", code.format(before)], capture_output=True, text=True, check=False
+        )
+        assert (ran.returncode, "came back" in ran.stdout) == ((0, True) if came_back else (3, False))
