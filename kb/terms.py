@@ -90,7 +90,11 @@ def variables(term: Term) -> Iterator[Variable]:
 
 def is_ground(term: Term) -> bool:
     """Whether `term` has no variable."""
-    return next(variables(term), None) is None
+    if isinstance(term, Function):
+        return all(map(is_ground, term.arguments)) if term.arguments else True
+    if isinstance(term, Operation):
+        return is_ground(term.left) and is_ground(term.right)
+    return not isinstance(term, Variable)
 
 
 def substitute(term: Term, bindings: Substitution) -> Term:
@@ -99,7 +103,7 @@ def substitute(term: Term, bindings: Substitution) -> Term:
         case Variable():
             return bindings.get(term, term)
         case Function(name, arguments) if arguments:
-            return Function(name, tuple(substitute(argument, bindings) for argument in arguments))
+            return Function(name, tuple([substitute(argument, bindings) for argument in arguments]))
         case Operation(operator, left, right):
             return Operation(operator, substitute(left, bindings), substitute(right, bindings))
         case _:
@@ -108,34 +112,32 @@ def substitute(term: Term, bindings: Substitution) -> Term:
 
 def substitute_atom(atom: Atom, bindings: Substitution) -> Atom:
     """`substitute` for an atom, which stays one."""
-    return Function(atom.name, tuple(substitute(argument, bindings) for argument in atom.arguments))
+    return Function(atom.name, tuple([substitute(argument, bindings) for argument in atom.arguments]))
 
 
 def match(pattern: Term, ground: Term, bindings: Substitution) -> dict[Variable, Term] | None:
     """The smallest extension of `bindings` under which `pattern` equals `ground`, or None; `_` matches anything."""
-    match pattern:
-        case Variable():
-            if pattern == ANYTHING:
-                return dict(bindings)
-            bound = bindings.get(pattern)
-            if bound is None:
-                return {**bindings, pattern: ground}
-            return dict(bindings) if bound == ground else None
-        case Function(name, arguments):
-            if (
-                not isinstance(ground, Function)
-                or ground.name != name
-                or len(ground.arguments) != len(arguments)
-            ):
-                return None
-            extended: dict[Variable, Term] | None = dict(bindings)
-            for inner, value in zip(arguments, ground.arguments, strict=True):
-                if extended is None:
-                    return None
-                extended = match(inner, value, extended)
-            return extended
-        case _:
-            return dict(bindings) if pattern == ground else None
+    extended = dict(bindings)
+    return extended if _matched(pattern, ground, extended) else None
+
+
+def _matched(pattern: Term, ground: Term, extended: dict[Variable, Term]) -> bool:
+    """Whether the two match; `extended` grows, by half a match where they do not."""
+    if isinstance(pattern, Variable):
+        if pattern.name == "_":
+            return True
+        return extended.setdefault(pattern, ground) == ground
+    if not isinstance(pattern, Function) or not pattern.arguments:
+        return pattern == ground
+    return (
+        isinstance(ground, Function)
+        and ground.name == pattern.name
+        and len(ground.arguments) == len(pattern.arguments)
+        and all(
+            _matched(one, other, extended)
+            for one, other in zip(pattern.arguments, ground.arguments, strict=True)
+        )
+    )
 
 
 def unify(left: Term, right: Term, bindings: Substitution) -> dict[Variable, Term] | None:

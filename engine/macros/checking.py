@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from engine.macros.bodies import Bindings, satisfiable
 from engine.macros.deduction import Following
 from engine.macros.facts import Facts
+from engine.macros.ground_steps import GroundStep
 from engine.macros.query import Query, Situation, is_met
 from engine.macros.schema import NotGeneral, OperatorSchema
 from engine.macros.world import Change, World, holds, with_derived
@@ -18,7 +19,7 @@ from kb.model.conditions import Body, Literal
 from kb.model.domain import Kind
 from kb.model.plan import Plan, Step, StepId
 from kb.model.problem import Chain, superseded
-from kb.terms import Atom, Term, Variable, is_ground, match, substitute_atom
+from kb.terms import Atom, is_ground, match, substitute_atom
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,13 +31,12 @@ class Refused:
 
 
 @dataclass
-class _Execution:
+class Execution:
     """One linearisation, executed."""
 
     world: World
     facts: Facts
     changes: dict[StepId, Change] = field(default_factory=dict)
-    bound: dict[StepId, tuple[OperatorSchema, dict[Variable, Term]]] = field(default_factory=dict)
 
     def run(self, plan: Plan) -> str:
         """Execute all steps; why one cannot be taken, or nothing."""
@@ -47,7 +47,21 @@ class _Execution:
         return ""
 
     def _take(self, step: Step) -> str:
-        schema, bindings = self.bound[step.id] = self.world.binding(step.operator)
+        known = self.world.ground_step(step.operator)
+        return self.take_known(step, known) if known is not None else self.take_any(step)
+
+    def take_known(self, step: Step, known: GroundStep) -> str:
+        """Execute a step that was worked out before; why it cannot be taken, or nothing."""
+        if known.refusal or not known.applicable(self.facts):
+            return known.refusal or "its precondition does not hold"
+        ends = known.ended(self.facts, self.world.statics)
+        change = self.changes[step.id] = Change(known.adds, ends, known.events)
+        self.facts = change.applied(self.facts)
+        return ""
+
+    def take_any(self, step: Step) -> str:
+        """Execute a step from its operator's schema; why it cannot be taken, or nothing."""
+        schema, bindings = self.world.binding(step.operator)
         if not satisfiable(schema.body, self.world.statics, bindings):
             return "its constraints do not hold"
         derived = any(map(self.world.schemas.rests_on_rules, (*schema.alternatives, *_needs(schema))))
@@ -78,7 +92,7 @@ def _needs(schema: OperatorSchema) -> Iterator[Body]:
 
 def check(plan: Plan, asked: Query) -> Situation | Refused:
     """The situation that a plan leads to, if it serves the query in every order that it allows; else why not."""
-    run = _Execution(asked.world, asked.facts)
+    run = Execution(asked.world, asked.facts)
     try:
         refusal = run.run(plan)
     except NotGeneral as error:
@@ -113,7 +127,7 @@ def executed(plan: Plan, start: Situation) -> Situation:
     return Situation(start.world, facts)
 
 
-def _unfinished(plan: Plan, asked: Query, run: _Execution, end: Situation) -> str:
+def _unfinished(plan: Plan, asked: Query, run: Execution, end: Situation) -> str:
     """Which chain of the workflow is not worked through, as soon as possible and in order; or nothing."""
     done = {chain.name: 0 for chain in asked.chains}
     for step in plan.steps:
@@ -148,8 +162,10 @@ def _not_lasting(asked: Query, end: Situation) -> str:
     return ""
 
 
-def _disturbed(plan: Plan, run: _Execution) -> str:
+def _disturbed(plan: Plan, run: Execution) -> str:
     """Which unordered steps can disturb each other: by a resource, or by what one denies or adds; or nothing."""
+    if all(one.id in other.after for one, other in itertools.pairwise(plan.steps)):
+        return ""
     before = plan.predecessors()
     for one, other in itertools.combinations(plan.steps, 2):
         if one.id in before[other.id] or other.id in before[one.id]:
@@ -160,20 +176,20 @@ def _disturbed(plan: Plan, run: _Execution) -> str:
     return ""
 
 
-def _harms(step: Step, rival: Step, plan: Plan, run: _Execution) -> bool:
+def _harms(step: Step, rival: Step, plan: Plan, run: Execution) -> bool:
     """Whether `step` denies what `rival` adds or rests on, or adds what it must not find."""
     wanted = [link.condition for link in plan.links if link.consumer == rival.id]
     absent = [c.arguments[0] for c in wanted if c.name == "not" and len(c.arguments) == 1]
     if any(atom in run.changes[step.id].adds for atom in absent):
         return True
     kept = {*run.changes[rival.id].adds, *(c for c in wanted if c.name != "not"), *_preconditions(rival, run)}
-    schema, bindings = run.bound[step.id]
+    schema, bindings = run.world.binding(step.operator)
     return any(_may_deny(each, atom, bindings, run.world) for each in schema.denies for atom in kept)
 
 
-def _preconditions(step: Step, run: _Execution) -> Iterator[Atom]:
+def _preconditions(step: Step, run: Execution) -> Iterator[Atom]:
     """The atoms that a step's precondition names."""
-    schema, bindings = run.bound[step.id]
+    schema, bindings = run.world.binding(step.operator)
     for part in (part for body in schema.alternatives for part in body):
         if isinstance(part, Literal) and part.positive and run.world.schemas.is_dynamic(part):
             atom = substitute_atom(part.atom, bindings)

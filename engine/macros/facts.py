@@ -74,9 +74,13 @@ class Facts:
         """The facts when some end and others are added; those added stay."""
         changed = Facts()
         changed._extents = self._extents.copy()
-        for name in {atom.name for atom in (*ends, *adds)}:
-            lost = [atom for atom in ends if atom.name == name and atom not in adds]
-            gained = [atom for atom in adds if atom.name == name]
+        touched: dict[str, tuple[list[Atom], list[Atom]]] = {}
+        for atom in ends:
+            if atom not in adds:
+                touched.setdefault(atom.name, ([], []))[0].append(atom)
+        for atom in adds:
+            touched.setdefault(atom.name, ([], []))[1].append(atom)
+        for name, (lost, gained) in touched.items():
             changed._extents[name] = self._extents.get(name, NOTHING).after(lost, gained)
         return changed
 

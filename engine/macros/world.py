@@ -2,13 +2,14 @@
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import networkx as nx
 
 from engine.macros.bodies import Bindings, satisfiable, solve
 from engine.macros.digests import Digests
 from engine.macros.facts import Facts
+from engine.macros.ground_steps import GroundStep, ground_step, is_plain
 from engine.macros.schema import Following, NotGeneral, OperatorSchema, Schemas, stand_in
 from kb.asp import Grounder
 from kb.asp.vocabulary import VIOLATED, guard, static_program
@@ -18,6 +19,7 @@ from kb.model.problem import Problem
 from kb.terms import Atom, Function, Term, Variable, match, substitute_atom
 
 State = frozenset[Atom]
+KEPT = 1 << 15  # ground steps
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,6 +45,8 @@ class World:
         grounder = Grounder()
         grounder.ground("\n".join([static_program(problem), *_aggregate_rules(problem.domain)]))
         self.statics = Facts(grounder.everything())
+        self.ground_step = lru_cache(KEPT)(self._ground_step)
+        self._plain: dict[str, bool] = {}
 
     @property
     def violated(self) -> bool:
@@ -82,6 +86,13 @@ class World:
         if len(step.arguments) != len(schema.operator.parameters):
             raise NotGeneral(f"{step.name} takes {len(schema.operator.parameters)} arguments")
         return schema, dict(zip(schema.operator.variables, step.arguments, strict=True))
+
+    def _ground_step(self, step: Function) -> GroundStep | None:
+        """What a step is in every state; None if only a state can tell."""
+        schema, bindings = self.binding(step)
+        if step.name not in self._plain:
+            self._plain[step.name] = is_plain(schema, self.schemas)
+        return ground_step(schema, bindings, self.statics) if self._plain[step.name] else None
 
     def change(self, step: Function, facts: Facts) -> Change:
         """What a step does in a state in which it can be taken; `facts` have the derived atoms that effects ask for."""
