@@ -1,7 +1,8 @@
 """What must not reach clingo: it follows inclusions, and guards neither its stack nor its integers nor its messages."""
 
 import re
-from dataclasses import dataclass
+
+from kb.records import dataclass
 
 MAX_NESTING = 50
 MAX_OPERATIONS = 100
