@@ -1,17 +1,24 @@
 """Answers: a plan was found, proved impossible, or the search gave up."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 
 from kb.model.plan import Plan
+from kb.records import dataclass
+from kb.terms import Function
 
 
 @dataclass(frozen=True, slots=True)
 class Statistics:
-    """What a researcher wants to know of one run; times in seconds, never part of golden output."""
+    """What a researcher wants to know of one run; times in seconds, never part of golden output.
+
+    `offered` are the MACROPs, as steps with variables, that searches had as operators; `used` those that the answer rests on.
+    """
 
     counts: Mapping[str, int] = field(default_factory=dict)
     seconds: Mapping[str, float] = field(default_factory=dict)
+    offered: tuple[tuple[Function, ...], ...] = ()
+    used: tuple[tuple[Function, ...], ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

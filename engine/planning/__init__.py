@@ -3,18 +3,22 @@
 from engine.model.outcome import Found, GaveUp, Infeasible, Outcome, Statistics
 from engine.model.task import Task
 from engine.planning.anytime import best_plan
-from engine.planning.effort import Effort
+from engine.planning.composites import NO_MACROS, Macros
+from engine.planning.effort import Answer, Effort
 from engine.planning.limits import Limits
 from engine.planning.portfolio import STRATEGIES, Setting
 from engine.planning.variants import TooManyVariants
 
-__all__ = ["RACE", "STRATEGIES", "Limits", "plan"]
+__all__ = ["NO_MACROS", "RACE", "STRATEGIES", "Limits", "Macros", "plan"]
 
 RACE = "race"  # all strategies at once
 
 
-def plan(task: Task, limits: Limits = Limits()) -> Outcome:
-    """A partially ordered plan for a ground task, or why there is none."""
+def plan(task: Task, limits: Limits = Limits(), macros: Macros = NO_MACROS) -> Outcome:
+    """A partially ordered plan for a ground task, or why there is none.
+
+    Instances of `macros` serve searches as operators, except in a race; a plan has the steps in their place.
+    """
     if limits.strategy == RACE:
         from engine.planning.race import race
 
@@ -22,14 +26,14 @@ def plan(task: Task, limits: Limits = Limits()) -> Outcome:
     effort = limits.searching()
     if not task.goals:
         return Infeasible("some goal cannot be reached, whatever is done", _statistics(effort))
-    setting = Setting(task, limits.seed)
+    setting = Setting(task, limits.seed, macros)
     try:
         answer = STRATEGIES[limits.strategy](setting, effort)
     except TooManyVariants as error:
         return GaveUp(str(error), "expansions", _statistics(effort))
     except MemoryError:
         return GaveUp("out of memory: raise the memory limit, or make the problem smaller", "memory")
-    statistics = _statistics(effort)
+    statistics = _statistics(effort, setting, answer)
     if answer is None:
         stopped = "time" if effort.expanded < effort.limit else "expansions"
         return GaveUp(f"no plan after {effort.expanded} expansions", stopped, statistics)
@@ -42,5 +46,7 @@ def plan(task: Task, limits: Limits = Limits()) -> Outcome:
     return Found(best, statistics, optimal=proved)
 
 
-def _statistics(effort: Effort) -> Statistics:
-    return Statistics({"expanded": effort.expanded, "generated": effort.generated})
+def _statistics(effort: Effort, setting: Setting | None = None, answer: Answer | None = None) -> Statistics:
+    counts = {"expanded": effort.expanded, "generated": effort.generated}
+    offered = tuple(setting.offered) if setting else ()
+    return Statistics(counts, offered=offered, used=answer.patterns if answer else ())

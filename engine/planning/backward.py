@@ -6,6 +6,7 @@ equals. They never prune. Mutexes discard sets that no reachable state satisfies
 a successor costs a few operations on bitsets; it becomes a node only when it is taken up.
 """
 
+import copy
 import itertools
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -13,6 +14,8 @@ from operator import or_
 from typing import NamedTuple
 
 from engine.model.task import Bits, GroundOperator, indices
+from engine.planning.composites import Composite, Pattern
+from engine.planning.effort import Answer
 from engine.planning.relaxed import FAR, Relaxation
 
 
@@ -46,12 +49,32 @@ class Regression:
         self.relaxation = Relaxation(operators, len(excluded))
         self.adds = [operator.adds for operator in operators]
         self.preconditions = [operator.preconditions for operator in operators]
+        self.charges = self.relaxation.charges
+        self.composites: tuple[Composite, ...] = ()
         self.achievers: list[list[int]] = [[] for _ in excluded]
         self.conflicts = [self._conflicts(operator) for operator in operators]
         for number, operator in enumerate(operators):
-            if self.consistent(operator.preconditions):
-                for atom in indices(operator.adds & ~operator.preconditions):
-                    self.achievers[atom].append(number)
+            self._index(number, operator)
+
+    def _index(self, number: int, operator: GroundOperator) -> None:
+        if self.consistent(operator.preconditions):
+            for atom in indices(operator.adds & ~operator.preconditions):
+                self.achievers[atom].append(number)
+
+    def with_composites(self, composites: Sequence[Composite]) -> "Regression":
+        """The same with composites beside the operators. They are no part of relaxed plans, so that estimates stay."""
+        extended = copy.copy(self)
+        extended.composites = tuple(composites)
+        joined = [each.operator for each in composites]
+        extended.adds = self.adds + [each.adds for each in joined]
+        extended.preconditions = self.preconditions + [each.preconditions for each in joined]
+        extended.conflicts = self.conflicts + [self._conflicts(each) for each in joined]
+        charge = self.relaxation.charge
+        extended.charges = self.charges + [sum(map(charge, each.parts)) for each in composites]
+        extended.achievers = [list(each) for each in self.achievers]
+        for number, operator in enumerate(joined, len(self.operators)):
+            extended._index(number, operator)
+        return extended
 
     def _conflicts(self, operator: GroundOperator) -> Bits:
         """What cannot be open after an operator: what it deletes, what excludes what it adds, and what it does not add
@@ -67,13 +90,19 @@ class Regression:
         """Whether no two conditions exclude each other."""
         return not any(self.excluded[atom] & conditions for atom in indices(conditions))
 
-    def plan(self, node: Node) -> list[GroundOperator]:
-        """The steps from a node to the goals, in order of execution."""
-        steps = []
+    def plan(self, node: Node) -> Answer:
+        """The steps from a node to the goals, in order of execution, with the parts of composites in their place."""
+        steps: list[GroundOperator] = []
+        used: dict[Pattern, None] = {}
         while node.next is not None:
-            steps.append(self.operators[node.step])
+            place = node.step - len(self.operators)
+            if place < 0:
+                steps.append(self.operators[node.step])
+            else:
+                steps += self.composites[place].parts
+                used[self.composites[place].pattern] = None
             node = node.next
-        return steps
+        return Answer(steps, tuple(used))
 
 
 class Backward:
@@ -83,6 +112,12 @@ class Backward:
         self.regression, self.initial = regression, initial
         self.relaxed = regression.relaxation.plans(initial, bound)
         self._needs: dict[int, Bits | None] = {}
+
+    def with_composites(self, composites: Sequence[Composite]) -> "Backward":
+        """The same space with composites beside the operators."""
+        extended = copy.copy(self)
+        extended.regression = self.regression.with_composites(composites)
+        return extended
 
     def root(self, goals: Bits) -> Node | None:
         """The node of the goals themselves, or None if they are unreachable or exclude each other."""
@@ -96,7 +131,7 @@ class Backward:
 
     def following(self, node: Node, successor: Successor) -> Node:
         """The node that a successor stands for."""
-        charge = self.regression.relaxation.charges[successor.operator]
+        charge = self.regression.charges[successor.operator]
         return Node(successor.open, successor.operator, node, node.depth + 1, node.cost + charge)
 
     def successors(self, node: Node) -> Iterator[Successor]:

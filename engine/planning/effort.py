@@ -4,6 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from engine.model.task import GroundOperator
+from kb.terms import Function
 
 Interrupted = Callable[[], bool]
 
@@ -47,9 +48,13 @@ class Effort:
 
 @dataclass(frozen=True, slots=True)
 class Answer:
-    """The steps of a plan; None if the whole space was searched and there is none."""
+    """The steps of a plan; None if the whole space was searched and there is none.
+
+    `patterns` are the MACROPs, steps with variables, whose instances the search took as one step.
+    """
 
     steps: list[GroundOperator] | None
+    patterns: tuple[tuple[Function, ...], ...] = ()
 
 
 NO_PLAN = Answer(None)

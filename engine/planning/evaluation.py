@@ -44,3 +44,8 @@ class Evaluation:
             found = [number for number in found if number < self._plain]
             helpful = list(dict.fromkeys(self._owners[number] for number in helpful))
         return estimate, found, helpful
+
+    @property
+    def relaxed(self) -> list[int]:
+        """The operators of the relaxed plan of the state evaluated last."""
+        return list(dict.fromkeys(self._owners[number] for number in self._plans.relaxed))

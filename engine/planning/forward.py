@@ -11,9 +11,11 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from engine.model.task import Bits, GroundOperator, Task, progress
+from engine.planning.composites import Pattern
 from engine.planning.effort import NO_PLAN, Answer, Effort
 from engine.planning.evaluation import Evaluation
 from engine.planning.landmarks import Landmarks
+from engine.planning.suggestions import Suggestions
 from kb.terms import Function
 
 UNKNOWN = 1 << 60
@@ -43,7 +45,8 @@ class Batch(NamedTuple):
 class Forward:
     """One search from a state to one conjunction of goals of operators, which may have conditional effects; it can be resumed.
 
-    With `landmarks`, queues ordered by how many landmarks are left take turns with those ordered by relaxed plans.
+    With `landmarks`, queues ordered by how many landmarks are left take turns with those ordered by relaxed plans. Instances
+    of `patterns` that stand in the relaxed plan of a state are operators, too, and preferred.
     """
 
     def __init__(
@@ -55,9 +58,11 @@ class Forward:
         seed: int = 0,
         *,
         landmarks: bool = False,
+        patterns: Sequence[Pattern] = (),
     ) -> None:
         self.goals, self.initial = goals, initial
-        self.operators = operators
+        self._suggestions = Suggestions(operators, patterns) if patterns else None
+        self.operators = self._suggestions.operators if self._suggestions else operators
         self.evaluate = Evaluation(operators, goals, size)
         self._landmarks = Landmarks(self.evaluate.operators, initial, goals, size) if landmarks else None
         self._counter = itertools.count()
@@ -81,7 +86,7 @@ class Forward:
             parent, operator = entry
             state = progress(self._nodes[parent].state, self.operators[operator])
             if state not in self._closed and self._expand(state, parent, operator, effort):
-                return Answer(self._steps())
+                return self._answer()
         return None
 
     def _next(self) -> tuple[int, int] | None:
@@ -109,7 +114,7 @@ class Forward:
         if self.goals & ~state == 0:
             return True
         effort.expanded += 1
-        estimate, applicable, preferred = self.evaluate(state)
+        estimate, applicable, preferred = self._evaluated(state)
         if estimate < 0:
             return False
         effort.generated += len(applicable)
@@ -124,24 +129,36 @@ class Forward:
                     heapq.heappush(self._queues[number], Batch(key, self._tie(), here, operators[::-1]))
         return False
 
+    def _evaluated(self, state: Bits) -> tuple[int, list[int], list[int]]:
+        """A state's estimate, applicable and preferred operators, among them the composites that are suggested."""
+        estimate, applicable, preferred = self.evaluate(state)
+        if self._suggestions is None or estimate < 0:
+            return estimate, applicable, preferred
+        composites = self._suggestions.suggested(state, preferred, self.evaluate.relaxed)
+        return estimate, composites + applicable, composites + preferred
+
     def _tie(self) -> int:
         """First in, first out; by chance with a seed."""
         return self._random.getrandbits(30) if self._random else next(self._counter)
 
-    def _steps(self) -> list[GroundOperator]:
-        """The operators that led to the last state."""
-        found, node = [], self._nodes[-1]
+    def _answer(self) -> Answer:
+        """The operators that led to the last state, with the parts of composites in their place."""
+        path, node = [], self._nodes[-1]
         while node.parent >= 0:
-            found.append(self.operators[node.operator])
+            path.append(node.operator)
             node = self._nodes[node.parent]
-        return [step for step in reversed(found) if step.instance != _MEETS]
+        path.reverse()
+        if self._suggestions is None:
+            return Answer([self.operators[each] for each in path if self.operators[each].instance != _MEETS])
+        steps = [step for each in path for step in self._suggestions.unfolded(each)]
+        used = [pattern for each in path if (pattern := self._suggestions.pattern(each)) is not None]
+        return Answer([step for step in steps if step.instance != _MEETS], tuple(dict.fromkeys(used)))
 
 
-def forward(task: Task, seed: int, *, landmarks: bool = False) -> Forward:
+def forward(task: Task, seed: int, *, landmarks: bool = False, patterns: Sequence[Pattern] = ()) -> Forward:
     """The search for a task; several alternatives of the goals become one atom that internal operators add."""
-    size = len(task.atoms)
-    if len(task.goals) == 1:
-        return Forward(task.operators, task.initial, task.goals[0], size, seed, landmarks=landmarks)
-    meet = [GroundOperator(_MEETS, goal, 1 << size, 0, cost=0) for goal in task.goals]
-    operators = [*task.operators, *meet]
-    return Forward(operators, task.initial, 1 << size, size + 1, seed, landmarks=landmarks)
+    size, operators, goals = len(task.atoms), task.operators, task.goals
+    if len(goals) != 1:
+        meet = (GroundOperator(_MEETS, goal, 1 << size, 0, cost=0) for goal in goals)
+        operators, goals, size = (*operators, *meet), (1 << size,), size + 1
+    return Forward(operators, task.initial, goals[0], size, seed, landmarks=landmarks, patterns=patterns)

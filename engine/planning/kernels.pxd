@@ -22,9 +22,9 @@ cdef class Queue:
 
 @cython.final
 cdef class RelaxedPlans:
-    cdef int atoms, operators, _found, _helpful
+    cdef int atoms, operators, _found, _helpful, _length
     cdef long long[::1] costs, reached, spent
-    cdef int[::1] goals, supporter, missing, marked, stack, _applicable, _preferred
+    cdef int[::1] goals, supporter, missing, marked, stack, _applicable, _preferred, _relaxed
     cdef Rows need, add, users
     cdef Queue queue
 

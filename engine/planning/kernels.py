@@ -95,13 +95,14 @@ class RelaxedPlans:
         self.marked, self.stack = ints(self.operators), ints(need.length + len(goals))
         self.queue = Queue(self.atoms + add.length)
         self._applicable, self._preferred = ints(self.operators), ints(self.operators)
-        self._found = self._helpful = 0
+        self._relaxed = ints(self.operators)
+        self._found = self._helpful = self._length = 0
 
     def evaluate(self, state: bytes) -> int:
         """The cost of a relaxed plan, -1 if there is none."""
         self._begin(state)
         self._reach()
-        self._helpful = 0
+        self._helpful = self._length = 0
         for index in range(len(self.goals)):
             if self.reached[self.goals[index]] == UNREACHED:
                 return -1
@@ -116,6 +117,11 @@ class RelaxedPlans:
     def preferred(self) -> list[int]:
         """Those of them with which its relaxed plan begins."""
         return [self._preferred[index] for index in range(self._helpful)]
+
+    @property
+    def relaxed(self) -> list[int]:
+        """The operators of its relaxed plan."""
+        return [self._relaxed[index] for index in range(self._length)]
 
     def _begin(self, state: bytes) -> None:
         """The state's atoms, and the operators that need nothing."""
@@ -172,6 +178,8 @@ class RelaxedPlans:
             if operator < 0 or self.marked[operator]:
                 continue
             self.marked[operator] = 1
+            self._relaxed[self._length] = operator
+            self._length += 1
             total += self.costs[operator]
             if self.spent[operator] == self.costs[operator]:
                 self._preferred[self._helpful] = operator

@@ -6,6 +6,7 @@ from typing import Protocol
 
 from engine.model.task import Task
 from engine.planning.backward import Backward, Regression
+from engine.planning.composites import NO_MACROS, Macros, Pattern, composites
 from engine.planning.effort import NO_PLAN, Answer, Effort
 from engine.planning.mutexes import mutexes
 from engine.planning.regression import BestFirst, Climb
@@ -20,6 +21,7 @@ LANDMARKS = 1000
 MODELS = 250
 ROOM = 1_500_000  # conditions and effects by steps that the portfolio grounds for stable models
 GREED = 5
+COMPOSITES = 10_000  # instances of MACROPs that regression may have to look at
 
 
 class Search(Protocol):
@@ -32,8 +34,14 @@ class Search(Protocol):
 class Setting:
     """A task ready for search; what a strategy needs is made when it is first asked for, and kept."""
 
-    def __init__(self, task: Task, seed: int = 0) -> None:
-        self.task, self.seed = task, seed
+    def __init__(self, task: Task, seed: int = 0, macros: Macros = NO_MACROS) -> None:
+        self.task, self.seed, self.macros = task, seed, macros
+        self.offered: dict[Pattern, None] = {}
+
+    def offer(self, patterns: Sequence[Pattern]) -> Sequence[Pattern]:
+        """Note that a search makes use of these MACROPs, which are returned."""
+        self.offered.update(dict.fromkeys(patterns))
+        return patterns
 
     @cached_property
     def regression(self) -> Regression | None:
@@ -49,21 +57,21 @@ class Setting:
         """The searches backward. Raises `TooManyVariants`."""
         if self.regression is None:
             raise TooManyVariants("too many conditional effects to chain backward over")
-        return Chaining(self.regression, self.task, self.seed)
+        return Chaining(self, self.regression)
 
     @cached_property
     def forward(self) -> Search:
         """The search forward by relaxed plans."""
         from engine.planning.forward import forward  # compiled kernels are loaded only when they are needed
 
-        return forward(self.task, self.seed)
+        return forward(self.task, self.seed, patterns=self.offer(self.macros.forward))
 
     @cached_property
     def landmarks(self) -> Search:
         """The search forward by relaxed plans and landmarks."""
         from engine.planning.forward import forward
 
-        return forward(self.task, self.seed, landmarks=True)
+        return forward(self.task, self.seed, landmarks=True, patterns=self.offer(self.macros.forward))
 
     @cached_property
     def models(self) -> Search:
@@ -80,13 +88,21 @@ class Setting:
 class Chaining:
     """The backward searches of one task."""
 
-    def __init__(self, regression: Regression, task: Task, seed: int) -> None:
-        self.space = Backward(regression, task.initial)
-        roots = [root for goal in task.goals if (root := self.space.root(goal)) is not None]
+    def __init__(self, setting: Setting, regression: Regression) -> None:
+        self.space = Backward(regression, setting.task.initial)
+        roots = [root for goal in setting.task.goals if (root := self.space.root(goal)) is not None]
         self.roots = sorted(roots, key=lambda root: self.space.estimate(root.open))
-        self._seed, self._restarts = seed, 0
-        self._climb = Climb(self.space, self.roots[0], seed) if self.roots else None
-        self._best_first = BestFirst(self.space, self.roots, GREED)
+        self._setting, self._seed, self._restarts = setting, setting.seed, 0
+        self._climb = Climb(self.space, self.roots[0], self._seed) if self.roots else None
+
+    @cached_property
+    def _best_first(self) -> BestFirst:
+        """From all alternatives, with the composites that MACROPs make."""
+        space, patterns = self.space, self._setting.macros.backward
+        if patterns and self.roots:
+            made = composites(space.regression.operators, self._setting.offer(patterns), COMPOSITES)
+            space = space.with_composites(made)
+        return BestFirst(space, self.roots, GREED)
 
     def climb(self, effort: Effort) -> Answer | None:
         """Hill climbing towards the nearest alternative of the goals; only if there is one alone is its end a proof."""

@@ -42,7 +42,7 @@ class Climb:
             self._closed.add(successor.open)
             node = self.space.following(node, successor)
             if node.open & ~self.space.initial == 0:
-                return Answer(self.space.regression.plan(node))
+                return self.space.regression.plan(node)
             self._stack.append((node, self._ordered(node, effort)))
         return NO_PLAN
 
@@ -83,13 +83,13 @@ class BestFirst:
             if self._best[node.open] < node.cost:
                 continue
             if node.open & ~self.space.initial == 0:
-                return Answer(self.space.regression.plan(node))
+                return self.space.regression.plan(node)
             self._expand(node, effort)
         return NO_PLAN
 
     def _expand(self, node: Node, effort: Effort) -> None:
         effort.expanded += 1
-        best, charges = self._best, self.space.regression.relaxation.charges
+        best, charges = self._best, self.space.regression.charges
         for successor in self.space.successors(node):
             cost = node.cost + charges[successor.operator]
             if cost + successor.estimate >= self.below:

@@ -1,0 +1,156 @@
+"""Composite operators: instances of learned sequences of steps, offered to searches beside the operators they are made of.
+
+A sequence is given as instances of operators with variables (macro-operators: Fikes, Hart & Nilsson 1972; Korf 1985). What an
+instance needs and does is composed from its parts, so it is right however it was learned. All ordinary operators stay, so
+a search that is complete without composites is complete with them.
+"""
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import islice
+
+from engine.model.task import GroundOperator
+from kb.terms import Function, Term, Variable, match, variables
+
+Pattern = tuple[Function, ...]
+"""Steps in order of execution: instances of operators, with the variables that they share."""
+COMPOSITE = Function("_composite")
+
+
+@dataclass(frozen=True, slots=True)
+class Macros:
+    """The patterns offered to each kind of search."""
+
+    backward: tuple[Pattern, ...] = ()
+    forward: tuple[Pattern, ...] = ()
+
+
+NO_MACROS = Macros()
+
+
+@dataclass(frozen=True, slots=True)
+class Composite:
+    """A sequence of ground operators as one, and what it is an instance of."""
+
+    operator: GroundOperator
+    parts: tuple[GroundOperator, ...]
+    pattern: Pattern
+
+
+def composed(parts: Sequence[GroundOperator]) -> GroundOperator | None:
+    """One operator that does what unconditional `parts` do in turn; None if one hinders another, or nothing is gained.
+
+    What it needs and keeps is not among its adds.
+    """
+    needed = added = deleted = cost = 0
+    for part in parts:
+        if part.preconditions & deleted:
+            return None
+        needed |= part.preconditions & ~added
+        ended = part.deletes & ~part.adds
+        added, deleted = added & ~ended | part.adds, deleted & ~part.adds | ended
+        cost += part.cost
+    added &= ~needed
+    return GroundOperator(COMPOSITE, needed, added, deleted, cost=cost) if added else None
+
+
+class Joins:
+    """Sequences of ground operators, by number, that are instances of patterns: steps joined over shared variables.
+
+    An operator is matched with a step when it is first met, and the bindings are kept. Operators with conditional effects
+    are never part of a sequence.
+    """
+
+    def __init__(self, operators: Sequence[GroundOperator], patterns: Sequence[Pattern]) -> None:
+        self.operators, self.patterns = operators, patterns
+        self._shared = [list(_shared(pattern)) for pattern in patterns]
+        self._bindings: list[list[dict[int, dict[Variable, Term] | None]]] = [
+            [{} for _ in pattern] for pattern in patterns
+        ]
+        self._beginning: dict[str, list[int]] = {}
+        for number, pattern in enumerate(patterns):
+            self._beginning.setdefault(pattern[0].name, []).append(number)
+
+    def sequences(self, first: Iterable[int], others: Iterable[int]) -> Iterator[tuple[int, tuple[int, ...]]]:
+        """Every pattern, by number, with the operators of an instance that begins with one of `first` and goes on with some
+        of `others`."""
+        named: dict[str, list[int]] = {}
+        for number in others:
+            named.setdefault(self.operators[number].instance.name, []).append(number)
+        tables: dict[tuple[int, int], Mapping[tuple[Term, ...], list[int]]] = {}
+        for number in first:
+            for pattern in self._beginning.get(self.operators[number].instance.name, ()):
+                bound = self._bound(pattern, 0, number)
+                if bound is not None:
+                    for found in self._rest(pattern, (number,), bound, named, tables):
+                        yield pattern, found
+
+    def _rest(
+        self,
+        pattern: int,
+        begun: tuple[int, ...],
+        bindings: dict[Variable, Term],
+        named: Mapping[str, list[int]],
+        tables: dict[tuple[int, int], Mapping[tuple[Term, ...], list[int]]],
+    ) -> Iterator[tuple[int, ...]]:
+        place = len(begun)
+        if place == len(self.patterns[pattern]):
+            yield begun
+            return
+        if (pattern, place) not in tables:
+            tables[pattern, place] = self._table(pattern, place, named)
+        key = tuple(bindings[variable] for variable in self._shared[pattern][place])
+        for number in tables[pattern, place].get(key, ()):
+            more = self._bound(pattern, place, number)
+            if number not in begun and more is not None:
+                yield from self._rest(pattern, (*begun, number), {**bindings, **more}, named, tables)
+
+    def _table(
+        self, pattern: int, place: int, named: Mapping[str, list[int]]
+    ) -> Mapping[tuple[Term, ...], list[int]]:
+        """The operators that a step may stand for, by what earlier steps bind."""
+        table: dict[tuple[Term, ...], list[int]] = {}
+        for number in named.get(self.patterns[pattern][place].name, ()):
+            bound = self._bound(pattern, place, number)
+            if bound is not None:
+                key = tuple(bound[variable] for variable in self._shared[pattern][place])
+                table.setdefault(key, []).append(number)
+        return table
+
+    def _bound(self, pattern: int, place: int, number: int) -> dict[Variable, Term] | None:
+        known = self._bindings[pattern][place]
+        if number not in known:
+            operator = self.operators[number]
+            step = self.patterns[pattern][place]
+            known[number] = None if operator.conditional else match(step, operator.instance, {})
+        return known[number]
+
+
+def _shared(pattern: Pattern) -> Iterator[tuple[Variable, ...]]:
+    """For each step the variables that steps before it bind."""
+    bound: set[Variable] = set()
+    for step in pattern:
+        own = dict.fromkeys(variables(step))
+        yield tuple(variable for variable in own if variable in bound)
+        bound.update(own)
+
+
+def composites(
+    operators: Sequence[GroundOperator], patterns: Sequence[Pattern], most: int
+) -> list[Composite]:
+    """All instances of patterns among operators; a pattern that would make them more than `most` is left out whole."""
+    found: list[Composite] = []
+    everything = range(len(operators))
+    for pattern in patterns:
+        instances = Joins(operators, [pattern]).sequences(everything, everything)
+        own = [numbers for _, numbers in islice(instances, most - len(found) + 1)]
+        if len(found) + len(own) <= most:
+            found += _composites([tuple(operators[each] for each in numbers) for numbers in own], pattern)
+    return found
+
+
+def _composites(sequences: Iterable[tuple[GroundOperator, ...]], pattern: Pattern) -> Iterator[Composite]:
+    for parts in sequences:
+        operator = composed(parts)
+        if operator is not None:
+            yield Composite(operator, parts, pattern)
