@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from engine.cli.answers import Answer, Form, give
-from engine.cli.options import Target, number
+from engine.cli.options import Target, number, refuse_idle
 
 if TYPE_CHECKING:
     from engine.geometry.pictures.view import View
@@ -33,14 +33,26 @@ Configurations = Annotated[
 ]
 AtPlace = Annotated[str, typer.Option("--place", help="show the arm where it reaches this place")]
 Output = Annotated[Path | None, typer.Option("--output", "-o", help="the file to write; a PNG needs one")]
+AZIMUTH, ELEVATION = -60.0, 28.0
 Azimuth = Annotated[
-    float,
+    float | None,
     typer.Option(
-        min=-360, max=360, callback=number, help="from where it is seen, in degrees about z from the x axis"
+        min=-360,
+        max=360,
+        callback=number,
+        help="from where it is seen, in degrees about z from the x axis",
+        show_default=str(AZIMUTH),
     ),
 ]
 Elevation = Annotated[
-    float, typer.Option(min=-90, max=90, callback=number, help="from how high it is seen, in degrees")
+    float | None,
+    typer.Option(
+        min=-90,
+        max=90,
+        callback=number,
+        help="from how high it is seen, in degrees",
+        show_default=str(ELEVATION),
+    ),
 ]
 
 
@@ -56,12 +68,18 @@ def show(
     place: AtPlace = "",
     format: Annotated[Picture, typer.Option("--format", help="how it is shown")] = Picture.TEXT,
     output: Output = None,
-    azimuth: Azimuth = -60.0,
-    elevation: Elevation = 28.0,
+    azimuth: Azimuth = None,
+    elevation: Elevation = None,
 ) -> None:
     """Show the cell of TARGET, as its problem begins, with arms at a configuration; mark what is in collision."""
     form = Form.JSON if format is Picture.JSON else Form.TEXT
-    give(lambda: _show(target, configuration or [], place, format, output, (azimuth, elevation)), form)
+    if form is Form.JSON or format is Picture.TEXT:
+        refuse_idle({"--output": output}, "without a picture: give --format png, svg or gltf")
+    if format not in (Picture.PNG, Picture.SVG):
+        turned = {"--azimuth": azimuth is not None, "--elevation": elevation is not None}
+        refuse_idle(turned, "without an image: give --format png or svg")
+    seen = (AZIMUTH if azimuth is None else azimuth, ELEVATION if elevation is None else elevation)
+    give(lambda: _show(target, configuration or [], place, format, output, seen), form)
 
 
 def _show(

@@ -7,7 +7,7 @@ import typer
 
 from engine.cli.answers import Answer, Form, give
 from engine.cli.exits import GAVE_UP, INTERRUPTED
-from engine.cli.options import Command, Expansions, Format, Goals, TimeLimit
+from engine.cli.options import Command, Expansions, Format, Goals, TimeLimit, refuse_idle
 
 
 def explain(
@@ -22,6 +22,7 @@ def explain(
     """Say why TARGET has no plan and what would have to be different; or why STEP is in the plan TARGET."""
     if step is None:
         give(lambda: _problem(target, goals, command, time_limit, expansions), format)
+    refuse_idle({"--goals": goals, "--command": command}, "on a step: the plan has its goals")
     give(lambda: _step(Path(target), step), format)
 
 

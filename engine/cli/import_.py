@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from engine.cli.answers import Answer, Form, give
-from engine.cli.options import Format
+from engine.cli.options import Format, refuse_idle
 
 app = typer.Typer(add_completion=False, no_args_is_help=True)
 
@@ -25,11 +25,13 @@ def qif(
     domain: Annotated[
         str, typer.Option(help="a domain that chooses tools, by path or bundled name")
     ] = "bulkhead",
-    unit: Annotated[str, typer.Option(help="the unit of a CSV table: mm, m or in")] = "mm",
+    unit: Annotated[str, typer.Option(help="the unit of a CSV table: mm (if not given), m or in")] = "",
     format: Format = Form.TEXT,
 ) -> None:
     """Write a problem with the points at which the features of FILE are measured."""
-    give(lambda: _qif(file, output, domain, unit), format)
+    if file.suffix.lower() != ".csv":
+        refuse_idle({"--unit": unit}, "on a QIF document, which names its units")
+    give(lambda: _qif(file, output, domain, unit or "mm"), format)
 
 
 def _qif(file: Path, output: Path | None, domain: str, unit: str) -> Answer:

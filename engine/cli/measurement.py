@@ -1,5 +1,6 @@
 """`cellwright measurement`: what a problem measures, and changes of it."""
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -32,36 +33,32 @@ def list_(target: Target, format: Format = Form.TEXT) -> None:
     give(lambda: _list(target), format)
 
 
-@app.command()
-def add(
-    file: File,
-    name: Name,
-    at: At,
-    normal: Normal = (0.0, 0.0, 1.0),
-    kind: Kind = "profile",
-    tolerance: Tolerance = None,
-    bore: Bore = None,
-    format: Format = Form.TEXT,
-) -> None:
-    """Add the measurement NAME, and a goal for it, to the problem FILE."""
-    point = _point(name, at, normal, kind, (tolerance, bore))
-    give(lambda: _change(file, "added", point), format)
+def _writing(how: str, says: str) -> Callable[..., None]:
+    """A command that writes a measurement with all its particulars into a file."""
+
+    def write(
+        file: File,
+        name: Name,
+        at: At,
+        normal: Normal = (0.0, 0.0, 1.0),
+        kind: Kind = "profile",
+        tolerance: Tolerance = None,
+        bore: Bore = None,
+        format: Format = Form.TEXT,
+    ) -> None:
+        point = _point(name, at, normal, kind, (tolerance, bore))
+        give(lambda: _change(file, how, point), format)
+
+    write.__doc__ = says
+    return write
 
 
-@app.command()
-def edit(
-    file: File,
-    name: Name,
-    at: At,
-    normal: Normal = (0.0, 0.0, 1.0),
-    kind: Kind = "profile",
-    tolerance: Tolerance = None,
-    bore: Bore = None,
-    format: Format = Form.TEXT,
-) -> None:
-    """Give the measurement NAME of the problem FILE another place, kind, tolerance and bore."""
-    point = _point(name, at, normal, kind, (tolerance, bore))
-    give(lambda: _change(file, "replaced", point), format)
+app.command("add")(_writing("added", "Add the measurement NAME, and a goal for it, to the problem FILE."))
+app.command("edit")(
+    _writing(
+        "replaced", "Give the measurement NAME of the problem FILE another place, kind, tolerance and bore."
+    )
+)
 
 
 @app.command()

@@ -24,7 +24,10 @@ def refuse_idle(options: Mapping[str, object], why: str) -> None:
 
 
 Target = Annotated[
-    str, typer.Argument(help="a problem file, a domain folder, or a bundled name such as bulkhead/one_point")
+    str,
+    typer.Argument(
+        metavar="TARGET", help="a problem file, a domain folder, or a bundled name such as bulkhead/one_point"
+    ),
 ]
 Format = Annotated[Form, typer.Option("--format", help="how the answer is written")]
 Goals = Annotated[str, typer.Option(help="goals, written as in a problem file")]

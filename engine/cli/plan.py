@@ -25,6 +25,7 @@ from engine.cli.options import (
     Strategy,
     Target,
     TimeLimit,
+    refuse_idle,
 )
 
 if TYPE_CHECKING:
@@ -72,12 +73,29 @@ def plan(
     """Print a plan for TARGET, or, with --pddl, for the PDDL domain TARGET and the PDDL problem TASK."""
     if pddl != (task is not None):
         raise typer.BadParameter("--pddl takes a domain and a problem; without it there is one target")
+    if pddl:
+        refuse_idle(
+            {"--goals": goals, "--command": command}, "with --pddl: the PDDL problem has its own goals"
+        )
+    if race and strategy != "auto":
+        refuse_idle({"--strategy": strategy}, "with --race, which runs all of them: leave one of the two out")
+    _refuse_unseen(format, stats, folded, store)
     form = Form.JSON if format is PlanForm.JSON else Form.TEXT
     wanted = Wanted(target, goals, command, task)
     work = Work(
         time_limit, memory_limit, expansions, seed, "race" if race else strategy, anytime, store, folded
     )
     give(lambda: _plan(wanted, format, stats, work), form)
+
+
+def _refuse_unseen(form: PlanForm, stats: bool, folded: bool, store: str) -> None:
+    """Refuse what the form of the answer has no place for."""
+    if folded and not store:
+        raise typer.BadParameter("--folded needs a library of MACROPs: give --store")
+    if form is not PlanForm.TEXT:
+        refuse_idle({"--folded": folded}, f"on {form}, only on text")
+    if form not in (PlanForm.TEXT, PlanForm.JSON):
+        refuse_idle({"--stats": stats}, f"on {form}, only on text and json")
 
 
 @dataclass(frozen=True, slots=True)
@@ -209,6 +227,13 @@ def validate(
     """Check the plan in FILE, or, with --pddl, the plan MADE for a PDDL task, with the independent checker."""
     if (pddl, pddl) != (task is not None, made is not None):
         raise typer.BadParameter("--pddl takes a domain, a problem and a plan; without it there is one file")
+    if not export:
+        own = {"--goals": goals, "--command": command, "--ground": ground}
+        refuse_idle(own, "without --export: a plan carries its problem")
+    refuse_idle(
+        {"--problem": problem and (pddl or export)}, "with --pddl or --export, which name the problem"
+    )
+    refuse_idle({"--pddl": pddl and export}, "with --export, which takes one file")
     if export:
         give(lambda: _validate_export(file, Wanted(export, goals, command), ground), format)
     give(

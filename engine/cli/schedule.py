@@ -9,9 +9,11 @@ import typer
 
 from engine.cli.answers import Answer, Form, give
 from engine.cli.exits import INTERRUPTED
-from engine.cli.options import Command, Expansions, Goals, Seed, Stats, TimeLimit, number
+from engine.cli.options import Command, Expansions, Goals, Seed, Stats, TimeLimit, number, refuse_idle
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from rich.console import RenderableType
 
     from engine.model.jobs import Schedule, Shop, Timetable
@@ -59,6 +61,8 @@ def schedule(
 ) -> None:
     """Print when every step of a plan for TARGET happens, or every stage of a shop, so that all is done soon."""
     form = Form.JSON if format is ScheduleForm.JSON else Form.TEXT
+    if format is ScheduleForm.SVG:
+        refuse_idle({"--stats": stats}, "on svg, only on text and json")
     wanted = Wanted(target, goals, command, instance)
     give(lambda: _schedule(wanted, format, stats, Effort(time_limit, work, race, expansions, seed)), form)
 
@@ -94,13 +98,30 @@ def _schedule(wanted: Wanted, form: ScheduleForm, stats: bool, effort: Effort) -
         limits = ScheduleLimits(effort.work, effort.seed, effort.workers, interrupted)
         shop = timetable.shop_of(Path(wanted.target), wanted.instance)
         if shop is not None:
+            _refuse(
+                {"--goals": wanted.goals, "--command": wanted.command}, "on a shop, whose jobs are all done"
+            )
             answer = _shop(shop, limits, form, stats)
         else:
+            _refuse({"--instance": wanted.instance}, "here: it names one in a file of several job shops")
             problem, plan = timetable.subject_of(wanted.target, wanted.goals, wanted.command)
+            if plan is not None:
+                _refuse(
+                    {"--goals": wanted.goals, "--command": wanted.command}, "on a plan, which has its own"
+                )
             planning = Limits(effort.expansions, interrupted=interrupted, seed=effort.seed)
             made = timetable.timetable(problem, plan, planning, limits)
             answer = _timetable(problem, made, form, stats)
     return replace(answer, code=INTERRUPTED) if interrupted.heard else answer
+
+
+def _refuse(options: "Mapping[str, str]", why: str) -> None:
+    """Refuse options that would change nothing, now that the kind of target is known. Raises `InvalidInput`."""
+    from kb.diagnostics import Diagnostic, InvalidInput, Source
+
+    if idle := [name for name, given in options.items() if given]:
+        found = f"{idle[0]} has no effect {why}"
+        raise InvalidInput([Diagnostic(Source(idle[0]), "K401", found, "leave it out")])
 
 
 def _shop(shop: "Shop", limits: "ScheduleLimits", form: ScheduleForm, stats: bool) -> Answer:

@@ -8,7 +8,7 @@ import typer
 
 from engine.cli.answers import Answer, Form, give
 from engine.cli.exits import GAVE_UP, INFEASIBLE, INTERRUPTED
-from engine.cli.options import Seed, TimeLimit
+from engine.cli.options import Seed, TimeLimit, refuse_idle
 
 if TYPE_CHECKING:
     from engine.inspection import Partition
@@ -26,58 +26,86 @@ class TourForm(StrEnum):
     SVG = "svg"
 
 
+class TravelCost(StrEnum):
+    """What counts between two measurements."""
+
+    STRAIGHT = "straight"
+    JOINTS = "joints"
+
+
+NEWS = ("--done", "--lost", "--bad", "--restored")
+TourOf = Annotated[
+    str, typer.Argument(metavar="TARGET", help="a TSPLIB file, or a problem with points to be measured")
+]
+Method = Annotated[str, typer.Option("--method", help="auto, chain1987 or exact")]
+Closed = Annotated[bool, typer.Option("--closed", help="back to the first visit, as in TSPLIB files")]
+Open = Annotated[bool, typer.Option("--open", help="end at the last visit, as measurements do")]
+Start = Annotated[str, typer.Option("--start", help="the visit to begin with")]
+End = Annotated[str, typer.Option("--end", help="the visit to end with")]
+Cost = Annotated[
+    TravelCost,
+    typer.Option("--cost", help="of measurements: straight lines, or joints: the time that the arm needs"),
+]
+Work = Annotated[
+    int, typer.Option("--work", min=0, help="kicks of the search; 0: as suits the number of visits")
+]
+Store = Annotated[
+    str, typer.Option("--store", help="keep the sequence of a problem in this file or database")
+]
+Next = Annotated[bool, typer.Option("--next", help="of the kept sequence, the next visit alone")]
+Done = Annotated[list[str] | None, typer.Option("--done", help="visits that are done, commas between")]
+Lost = Annotated[list[str] | None, typer.Option("--lost", help="tools and resources that are lost")]
+Bad = Annotated[
+    list[str] | None,
+    typer.Option("--bad", help="visits found bad, left out: 'm3, m4=the surface is dirty'"),
+]
+Restored = Annotated[
+    list[str] | None, typer.Option("--restored", help="what was lost or found bad and is well again")
+]
+Anew = Annotated[bool, typer.Option("--anew", help="forget the kept sequence")]
+Shown = Annotated[TourForm, typer.Option("--format", help="how the tour is written")]
+
+
 def sequence(
-    target: Annotated[str, typer.Argument(help="a TSPLIB file, or a problem with points to be measured")],
-    method: Annotated[str, typer.Option(help="auto, chain1987 or exact")] = "auto",
-    closed: Annotated[
-        bool, typer.Option("--closed", help="back to the first visit, as in TSPLIB files")
-    ] = False,
-    open_: Annotated[bool, typer.Option("--open", help="end at the last visit, as measurements do")] = False,
-    start: Annotated[str, typer.Option(help="the visit to begin with")] = "",
-    end: Annotated[str, typer.Option(help="the visit to end with")] = "",
-    cost: Annotated[
-        str, typer.Option(help="of measurements: straight lines, or joints: the time that the arm needs")
-    ] = "straight",
+    target: TourOf,
+    method: Method = "auto",
+    closed: Closed = False,
+    open_: Open = False,
+    start: Start = "",
+    end: End = "",
+    cost: Cost = TravelCost.STRAIGHT,
     time_limit: TimeLimit = None,
-    work: Annotated[
-        int, typer.Option(min=0, help="kicks of the search; 0: as suits the number of visits")
-    ] = 0,
+    work: Work = 0,
     seed: Seed = 0,
-    store: Annotated[str, typer.Option(help="keep the sequence of a problem in this file or database")] = "",
-    next_: Annotated[bool, typer.Option("--next", help="of the kept sequence, the next visit alone")] = False,
-    done: Annotated[list[str] | None, typer.Option(help="visits that are done, commas between")] = None,
-    lost: Annotated[list[str] | None, typer.Option(help="tools and resources that are lost")] = None,
-    bad: Annotated[
-        list[str] | None, typer.Option(help="visits found bad, left out: 'm3, m4=the surface is dirty'")
-    ] = None,
-    restored: Annotated[
-        list[str] | None, typer.Option(help="what was lost or found bad and is well again")
-    ] = None,
-    anew: Annotated[bool, typer.Option("--anew", help="forget the kept sequence")] = False,
-    format: Annotated[TourForm, typer.Option("--format", help="how the tour is written")] = TourForm.TEXT,
+    store: Store = "",
+    next_: Next = False,
+    done: Done = None,
+    lost: Lost = None,
+    bad: Bad = None,
+    restored: Restored = None,
+    anew: Anew = False,
+    format: Shown = TourForm.TEXT,
 ) -> None:
     """Print the best order found for the visits of TARGET, with a lower bound on the cost of any."""
     if closed and open_:
         raise typer.BadParameter("a tour is closed or open")
-    if cost not in ("straight", "joints") or (
-        cost == "joints" and (closed or open_ or start or end or method != "auto")
-    ):
-        raise typer.BadParameter("--cost is straight or joints; joints goes with neither ends nor methods")
-    form, back = Form.JSON if format is TourForm.JSON else Form.TEXT, closed if closed or open_ else None
     news = (done or [], lost or [], bad or [], restored or [])
-    if (next_ or anew or any(news)) and not store:
-        raise typer.BadParameter("only a sequence that is kept goes on: give --store")
+    kept = {"--next": next_, "--anew": anew, **dict(zip(NEWS, news, strict=True))}
+    given = {"--closed": closed, "--start": start, "--end": end, "--format svg": format is TourForm.SVG}
+    given["--method"] = "" if method == "auto" else method
+    form, effort = Form.JSON if format is TourForm.JSON else Form.TEXT, (time_limit, work, seed)
+    joints = cost is TravelCost.JOINTS
     if store:
-        if closed or start or end or cost == "joints" or method != "auto" or format is TourForm.SVG:
-            raise typer.BadParameter("a kept sequence is open, in straight lines, and no picture")
+        refuse_idle({**given, "--cost": joints}, "with --store: a kept sequence is open, in straight lines")
         from engine.cli.kept_sequence import carried_on
 
-        give(
-            lambda: carried_on(_problem_of(target), store, news, (time_limit, work, seed), next_, anew), form
-        )
-    if cost == "joints":
-        give(lambda: _posed(target, (time_limit, work, seed)), form)
-    give(lambda: _sequence(target, method, (back, start, end), (time_limit, work, seed), format), form)
+        give(lambda: carried_on(_problem_of(target), store, news, effort, next_, anew), form)
+    refuse_idle(kept, "without --store: only a sequence that is kept goes on")
+    if joints:
+        refuse_idle({**given, "--open": open_}, "with --cost joints, whose tours are closed")
+        give(lambda: _posed(target, effort), form)
+    back = closed if closed or open_ else None
+    give(lambda: _sequence(target, method, (back, start, end), effort, format), form)
 
 
 def _sequence(

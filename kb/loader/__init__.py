@@ -1,5 +1,6 @@
 """Files become domains and problems. Everything wrong with them is collected and raised at once as `InvalidInput`."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -51,11 +52,33 @@ def load(path: Path) -> Loaded:
     """The domain or problem in a file. Raises `InvalidInput` with everything that is wrong."""
     findings = Findings()
     reader = Reader.of(read_file(path), findings)
-    if isinstance(reader.root.value, dict) and "problem" in reader.root.value:
-        return _load_problem(reader, findings)
+    if isinstance(reader.root.value, dict):
+        if "problem" in reader.root.value:
+            return _load_problem(reader, findings)
+        _require_no_other(path, reader.root.value)
     domain, _ = read_domain(path, findings)
     require(findings)
     return Loaded(domain, None, findings.warnings())
+
+
+def _require_no_other(path: Path, root: Mapping[str, object]) -> None:
+    """Files of other kinds are told by what they are, not by each of their keys."""
+    for key, (kind, hint) in _OTHERS.items():
+        if key in root and "domain" not in root:
+            found = f"this is {kind}, not a domain or a problem"
+            raise InvalidInput([Diagnostic(Source(str(path)), "K401", found, hint)])
+
+
+_WITH_ITS_DOMAIN = "name the folder that it lies in: it is checked with its domain"
+_OTHERS = {
+    "cell": ("a cell", _WITH_ITS_DOMAIN),
+    "faults": ("a fault base", _WITH_ITS_DOMAIN),
+    "arm": ("an arm", "name the domain whose cell has it"),
+    "data": (
+        "an answer",
+        "a plan can be explained (with the number of a step), validated, revised and scheduled",
+    ),
+}
 
 
 def _load_problem(reader: Reader, findings: Findings) -> Loaded:
