@@ -13,7 +13,7 @@ from engine.planning.regression import BestFirst, Climb
 from engine.planning.variants import TooManyVariants, unconditional
 
 CLIMB = 2_000  # nodes that hill climbing may generate before others have a turn
-QUICK = 20_000  # nodes that best-first regression may generate before compiled kernels are loaded
+QUICK = 2_000  # nodes that best-first regression may generate before searches forward have a turn
 FORWARD = 4000  # expansions in the first turn forward; every turn is twice as long as the one before
 REGRESSION = 500
 RESTART = 200
