@@ -52,6 +52,7 @@ class Macrop:
     Any binding of the variables that satisfies `types`, `constraints` (n-ary, over statics), `disequalities` and none of
     the `exclusions`, in a state where the `preconditions` hold, makes the body a plan for the `goals` and `chains`.
     `adders` hold afterwards. `depends` maps each part of the domain that the proof of this rests on to its digest.
+    A `subsequence` is for searches, as an operator; it is not looked up for goals.
     """
 
     name: Function
@@ -69,6 +70,7 @@ class Macrop:
     chains: tuple[MacroChain, ...] = ()
     depends: Mapping[str, str] = field(default_factory=dict)
     parts: tuple[MacroPart, ...] = ()
+    subsequence: bool = False
 
     @property
     def parameters(self) -> tuple[Variable, ...]:

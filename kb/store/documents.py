@@ -17,6 +17,7 @@ def document(macrop: Macrop) -> dict[str, Any]:
     found: dict[str, Any] = {
         "macrop": str(macrop.name),
         "domain": macrop.domain,
+        "subsequence": macrop.subsequence,
         "goals": _texts(macrop.goals),
         "workflow": [_chain_document(chain) for chain in macrop.chains],
         "preconditions": _texts(macrop.preconditions),
@@ -96,6 +97,7 @@ def _read(found: Mapping[str, Any]) -> Macrop:
             MacroPart(str(each["macrop"]), tuple(StepId(int(n)) for n in each["steps"]))
             for each in found.get("parts", ())
         ),
+        bool(found.get("subsequence", False)),
     )
 
 

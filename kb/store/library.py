@@ -1,6 +1,7 @@
 """A library of MACROPs: what was learned, what each proof depends on, and how often it served."""
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from types import TracebackType
 
@@ -82,6 +83,10 @@ class Library:
     def close(self) -> None:
         """Give up all connections."""
         self._engine.dispose()
+
+    def transaction(self, writes: bool = False) -> AbstractContextManager[Connection]:
+        """One transaction, for what else is kept about MACROPs. Raises `InvalidInput` where the database refuses."""
+        return transaction(self._engine, self.target, writes)
 
     def add(self, records: Iterable[Record]) -> list[int | None]:
         """Keep MACROPs; the number of each, None for those that are there already."""

@@ -78,6 +78,18 @@ sequences = Table(
     Column("document", Text, nullable=False),
 )
 
+utility = Table(
+    "utility",
+    metadata,
+    Column("macrop", Integer, ForeignKey("macrops.id", ondelete="CASCADE"), primary_key=True),
+    Column("search", String, primary_key=True),
+    Column("offered", Integer, nullable=False, default=0),
+    Column("used", Integer, nullable=False, default=0),
+    Column("trials", Integer, nullable=False, default=0),
+    Column("without", Integer, nullable=False, default=0),
+    Column("beside", Integer, nullable=False, default=0),
+)
+
 
 def _first(connection: Connection) -> None:
     metadata.create_all(connection, [macrops, dependencies])
@@ -97,7 +109,17 @@ def _with_sequences(connection: Connection) -> None:
     metadata.create_all(connection, [sequences])
 
 
-MIGRATIONS: tuple[Callable[[Connection], None], ...] = (_first, _with_usage, _with_trials, _with_sequences)
+def _with_utility(connection: Connection) -> None:
+    metadata.create_all(connection, [utility])
+
+
+MIGRATIONS: tuple[Callable[[Connection], None], ...] = (
+    _first,
+    _with_usage,
+    _with_trials,
+    _with_sequences,
+    _with_utility,
+)
 CURRENT = len(MIGRATIONS)
 
 

@@ -1,0 +1,134 @@
+"""Sub-sequences of plans that are worth a look: steps joined by causal links that can run right after one another.
+
+What recurs in the plans of a domain is found here (the steps that the causal graph of a solution joins: Botea, Enzenberger, Müller
+& Schaeffer 2005); whether it pays to offer it to a search is measured elsewhere.
+"""
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+
+from kb.model.plan import Plan, Step
+from kb.terms import Function, Term, Variable, match
+
+LONGEST = 4  # steps of a sub-sequence
+LARGEST = 200  # steps of a plan that is searched for them
+Positions = int
+"""A set of steps of a plan by their positions, as a bitset."""
+
+
+@dataclass(frozen=True, slots=True)
+class Recurring:
+    """Sub-sequences of one shape: how many a plan has, and one of them with the steps that must come before it."""
+
+    count: int
+    before: tuple[Step, ...]
+    steps: tuple[Step, ...]
+
+    @property
+    def operators(self) -> tuple[Function, ...]:
+        """What the steps of the one do."""
+        return tuple(step.operator for step in self.steps)
+
+
+def recurring(plan: Plan) -> list[Recurring]:
+    """The sub-sequences of a plan by shape, those that would save most steps first; none for a plan beyond `LARGEST`."""
+    if len(plan.steps) > LARGEST:
+        return []
+    kinds: dict[str, list[Positions]] = {}
+    order = _Order(plan)
+    for found in order.subsequences():
+        kinds.setdefault(shape(order.operators(found)), []).append(found)
+    ranked = sorted(kinds.items(), key=lambda kind: (-len(kind[1]) * (kind[1][0].bit_count() - 1), kind[0]))
+    return [Recurring(len(own), order.steps(order.before(own[0])), order.steps(own[0])) for _, own in ranked]
+
+
+def occurring(plan: Plan, pattern: Sequence[Function]) -> Iterator[tuple[Step, ...]]:
+    """The sub-sequences of a plan that are instances of a pattern; none overlaps another."""
+    order = _Order(plan)
+    taken = 0
+    for found in sorted(order.subsequences(len(pattern))):
+        free = found.bit_count() == len(pattern) and not found & taken
+        if free and fits(pattern, order.operators(found)):
+            taken |= found
+            yield order.steps(found)
+
+
+def shape(operators: Iterable[Function]) -> str:
+    """What sequences have in common that differ in names alone: operators, and which arguments are equal."""
+    names: dict[Term, Term] = {}
+    return ", ".join(str(_renamed(each, names)) for each in operators)
+
+
+def _renamed(term: Term, names: dict[Term, Term]) -> Term:
+    """A term with variables, the same for the same, in place of its constants, variables and numbers."""
+    if isinstance(term, Function) and term.arguments:
+        return Function(term.name, tuple(_renamed(each, names) for each in term.arguments))
+    return names.setdefault(term, Variable(f"X{len(names)}"))
+
+
+def fits(pattern: Sequence[Function], operators: Sequence[Function]) -> bool:
+    """Whether operators are an instance of a pattern, step by step."""
+    bindings: dict[Variable, Term] | None = {}
+    for step, operator in zip(pattern, operators, strict=True):
+        bindings = None if bindings is None else match(step, operator, bindings)
+    return bindings is not None
+
+
+class _Order:
+    """The steps of a plan with what is before and after each, and which of them causal links join."""
+
+    def __init__(self, plan: Plan) -> None:
+        self.plan = plan
+        places = {step.id: place for place, step in enumerate(plan.steps)}
+        self._earlier = [0] * len(plan.steps)
+        self._later = [0] * len(plan.steps)
+        self._joined = [0] * len(plan.steps)
+        for step, earlier in plan.predecessors().items():
+            for each in earlier:
+                self._earlier[places[step]] |= 1 << places[each]
+                self._later[places[each]] |= 1 << places[step]
+        for link in plan.links:
+            if link.producer in places and link.consumer in places:
+                self._joined[places[link.producer]] |= 1 << places[link.consumer]
+                self._joined[places[link.consumer]] |= 1 << places[link.producer]
+
+    def subsequences(self, longest: int = LONGEST) -> list[Positions]:
+        """All connected sets of at least two steps between which no other step must come."""
+        found: dict[Positions, None] = {}
+        grown = dict.fromkeys(1 << place for place in range(len(self.plan.steps)))
+        for _ in range(longest - 1):
+            grown = dict.fromkeys(
+                each | 1 << place for each in grown for place in _places(_union(self._joined, each) & ~each)
+            )
+            found.update(grown)
+        return [each for each in found if self._convex(each)]
+
+    def _convex(self, positions: Positions) -> bool:
+        between = _union(self._earlier, positions) & _union(self._later, positions)
+        return not between & ~positions
+
+    def before(self, positions: Positions) -> Positions:
+        """The steps that must come before some of these."""
+        return _union(self._earlier, positions) & ~positions
+
+    def steps(self, positions: Positions) -> tuple[Step, ...]:
+        """The steps, in the order of the plan."""
+        return tuple(self.plan.steps[place] for place in _places(positions))
+
+    def operators(self, positions: Positions) -> tuple[Function, ...]:
+        """What they do."""
+        return tuple(step.operator for step in self.steps(positions))
+
+
+def _places(positions: Positions) -> Iterator[int]:
+    while positions:
+        low = positions & -positions
+        yield low.bit_length() - 1
+        positions ^= low
+
+
+def _union(sets: Sequence[Positions], positions: Positions) -> Positions:
+    found = 0
+    for place in _places(positions):
+        found |= sets[place]
+    return found

@@ -1,0 +1,88 @@
+"""What sub-sequences are worth to searches: how often each was offered and used, and the work that trials found it to spare.
+
+Figures are only ever added to, so that any number of processes may count at once.
+"""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+
+from sqlalchemy import select
+from sqlalchemy.dialects import postgresql, sqlite
+
+from kb.store.library import Library
+from kb.store.schema import macrops, utility
+
+RARELY, SELDOM = 8, 4  # offers after which a MACROP must have served once in so many
+PAYS = 0.95  # of the work without it, that with it may be
+
+
+@dataclass(frozen=True, slots=True)
+class Utility:
+    """Figures of one MACROP in one kind of search; work in nodes generated, summed over trials."""
+
+    offered: int = 0
+    used: int = 0
+    trials: int = 0
+    without: int = 0
+    beside: int = 0
+
+    def __add__(self, other: "Utility") -> "Utility":
+        return Utility(
+            self.offered + other.offered,
+            self.used + other.used,
+            self.trials + other.trials,
+            self.without + other.without,
+            self.beside + other.beside,
+        )
+
+    @property
+    def pays(self) -> bool:
+        """Whether it is worth offering: it spared work in trials, and is not offered in vain time and again."""
+        in_vain = self.offered >= RARELY and self.used * SELDOM < self.offered
+        return self.beside < PAYS * self.without and not in_vain
+
+    @property
+    def share(self) -> float:
+        """The work with it, as a share of the work without."""
+        return self.beside / self.without if self.without else 1.0
+
+
+Figures = Mapping[tuple[int, str], Utility]
+"""By the number of the MACROP and the kind of search."""
+
+
+class Utilities:
+    """The figures in a library. Raises `InvalidInput` where the database refuses."""
+
+    def __init__(self, library: Library) -> None:
+        self._library = library
+
+    def of(self, domain: str = "") -> dict[tuple[int, str], Utility]:
+        """All figures, of one domain if that is named."""
+        asked = select(utility).join_from(utility, macrops).order_by(utility.c.macrop, utility.c.search)
+        if domain:
+            asked = asked.where(macrops.c.domain == domain)
+        with self._library.transaction() as connection:
+            rows = connection.execute(asked).all()
+        return {(int(row[0]), str(row[1])): Utility(*map(int, row[2:])) for row in rows}
+
+    def note(self, more: Figures) -> None:
+        """Add to figures; those of MACROPs that are gone are dropped."""
+        if not more:
+            return
+        with self._library.transaction(writes=True) as connection:
+            insert = sqlite.insert if connection.dialect.name == "sqlite" else postgresql.insert
+            numbers = {number for number, _ in more}
+            known = set(connection.scalars(select(macrops.c.id).where(macrops.c.id.in_(numbers))))
+            for (number, search), each in sorted(_of_known(more, known)):
+                names = ("offered", "used", "trials", "without", "beside")
+                values = {name: getattr(each, name) for name in names}
+                made = insert(utility).values(macrop=number, search=search, **values)
+                added = {name: utility.c[name] + value for name, value in values.items()}
+                connection.execute(
+                    made.on_conflict_do_update(index_elements=["macrop", "search"], set_=added)
+                )
+
+
+def _of_known(more: Figures, known: set[int]) -> Iterable[tuple[tuple[int, str], Utility]]:
+    return [(key, each) for key, each in more.items() if key[0] in known]

@@ -1,0 +1,78 @@
+"""What is counted about sub-sequences adds up, whoever else counts, and goes with the MACROP."""
+
+import multiprocessing
+
+from macrops import macrop
+
+from kb.store import Library, Record
+from kb.store import schema as tables
+from kb.store.engines import connected, transaction
+from kb.store.utilities import RARELY, Utilities, Utility
+
+ONE = Utility(1, 1, 1, 10, 4)
+
+
+def filled(library: Library) -> None:
+    library.add([Record(macrop(name), f"{name}/0") for name in ("go", "stay")])
+    library.add([Record(macrop("go", "themse"), "go/0")])
+
+
+def test_figures_add_up_and_are_told_by_domain(target: str) -> None:
+    with Library(target) as library:
+        filled(library)
+        Utilities(library).note({(1, "forward"): ONE, (1, "backward"): ONE, (3, "forward"): ONE})
+        Utilities(library).note({(1, "forward"): ONE})
+        assert Utilities(library).of("bulkhead") == {(1, "backward"): ONE, (1, "forward"): ONE + ONE}
+        assert Utilities(library).of("themse") == {(3, "forward"): ONE}
+
+
+def test_figures_go_with_the_macrop_and_none_are_kept_for_one_that_is_gone(target: str) -> None:
+    with Library(target) as library:
+        filled(library)
+        Utilities(library).note({(2, "forward"): ONE})
+        library.forget([2])
+        Utilities(library).note({(2, "forward"): ONE, (1, "forward"): ONE})
+        assert Utilities(library).of() == {(1, "forward"): ONE}
+
+
+def _count(target: str, times: int) -> None:
+    with Library(target) as library:
+        for _ in range(times):
+            Utilities(library).note({(2, "forward"): ONE, (1, "forward"): ONE})
+
+
+def test_concurrent_writers_lose_no_count(target: str) -> None:
+    with Library(target) as library:
+        filled(library)
+        context = multiprocessing.get_context("spawn")
+        writers = [context.Process(target=_count, args=(target, 10)) for _ in range(3)]
+        for each in writers:
+            each.start()
+        for each in writers:
+            each.join(60)
+        assert [each.exitcode for each in writers] == [0, 0, 0]
+        assert Utilities(library).of() == dict.fromkeys(
+            [(1, "forward"), (2, "forward")], Utility(30, 30, 30, 300, 120)
+        )
+
+
+def test_a_library_without_utilities_is_brought_up_to_date(target: str) -> None:
+    with Library(target) as library:
+        filled(library)
+    engine = connected(target)
+    with transaction(engine, target, writes=True) as connection:
+        tables.utility.drop(connection)
+        connection.execute(tables.versions.update().values(version=4))
+    engine.dispose()
+    with Library(target) as library:
+        Utilities(library).note({(1, "forward"): ONE})
+        assert library.figures().schema == tables.CURRENT
+        assert len(library.all()) == 3
+
+
+def test_what_spared_no_work_or_is_offered_in_vain_does_not_pay() -> None:
+    assert Utility(trials=1, without=100, beside=90).pays
+    assert not Utility(trials=1, without=100, beside=96).pays
+    assert not Utility().pays
+    assert not Utility(RARELY, 1, 1, 100, 10).pays
+    assert Utility(RARELY, 2, 1, 100, 10).pays
