@@ -5,7 +5,7 @@ What reads files of our own language is imported by the functions that read them
 
 import time
 from collections.abc import Collection
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -21,7 +21,6 @@ from kb.diagnostics import Diagnostic, InvalidInput, Source
 from kb.model.domain import Domain
 from kb.model.plan import Plan, in_sequence
 from kb.model.problem import Problem
-from kb.records import dataclass
 from kb.terms import Atom
 
 if TYPE_CHECKING:

@@ -3,10 +3,10 @@
 import bisect
 import re
 import stat
+from dataclasses import dataclass
 from pathlib import Path
 
 from kb.diagnostics import Diagnostic, InvalidInput, Source
-from kb.records import dataclass
 
 MAX_BYTES = 16 * 2**20
 EXCERPT = 160  # characters of a line shown in a message

@@ -10,14 +10,13 @@ import os
 import sys
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
-from dataclasses import field
+from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import TYPE_CHECKING, Any, NoReturn
 
 import typer
 
 from engine.cli.exits import BAD_INPUT, INTERNAL, INTERRUPTED, LIMIT
-from kb.records import dataclass
 
 if TYPE_CHECKING:
     from rich.console import RenderableType

@@ -1,11 +1,12 @@
 """Deduction over numbered atoms: what adding or denying an atom adds and denies (language reference, Meaning 3)."""
 
+from dataclasses import dataclass
+
 from engine.grounding.consequences import consequences
 from engine.grounding.program import Vocabulary
 from engine.grounding.universe import Universe
 from engine.model.task import Bits, bitset, indices
 from kb.model.domain import Domain
-from kb.records import dataclass
 
 Closure = tuple[Bits, Bits]
 

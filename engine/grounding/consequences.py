@@ -8,6 +8,7 @@ pairs that an inequality excludes are listed one by one.
 
 import itertools
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 
 from engine.grounding.program import Vocabulary, consequence_body, numbered, rule
 from engine.grounding.universe import Universe
@@ -16,7 +17,6 @@ from kb.asp.tables import Table
 from kb.asp.vocabulary import guard
 from kb.model.conditions import Aggregate, BodyPart, Comparison, free_variables
 from kb.model.domain import Consequence, DeductiveOperator, Domain
-from kb.records import dataclass
 from kb.terms import ANYTHING, Function, Term, Variable, variables
 
 Kind = tuple[bool, bool]  # whether the trigger is added, whether the consequence is implied

@@ -5,7 +5,7 @@ There may be a million rows, so what the rows of a schema share is looked up onc
 
 import itertools
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import field
+from dataclasses import dataclass, field
 
 from engine.grounding.closure import Deduction
 from engine.grounding.derived import Supports, TooManySupports
@@ -17,7 +17,6 @@ from engine.model.task import Bits, ConditionalEffect, GroundOperator, bitset
 from kb.asp.tables import Table
 from kb.model.conditions import Literal
 from kb.model.domain import Operator
-from kb.records import dataclass
 from kb.terms import Atom, Function, Number, Substitution, Term, substitute, substitute_atom, variables
 
 

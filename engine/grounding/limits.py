@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from math import prod
 
 from engine.grounding.consequences import sides
@@ -20,7 +21,6 @@ from kb.diagnostics import Diagnostic, InvalidInput, Source
 from kb.model.conditions import Parameter
 from kb.model.domain import NUMERIC_TYPES, OBJECT, Consequence, DeductiveOperator, Domain
 from kb.model.problem import Problem
-from kb.records import dataclass
 from kb.terms import variables
 
 SUSPICIOUS = 5_000_000  # instances that an upper bound may promise without a trial

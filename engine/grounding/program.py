@@ -5,12 +5,12 @@ schema k, `_v_p` the events that some workflow stage names. Negative conditions 
 """
 
 from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
 
 from kb.asp.vocabulary import guard
 from kb.model.conditions import TRUE, Body, BodyPart, Literal, Parameter, free_variables
 from kb.model.domain import Consequence, DeductiveOperator, Domain, Effect, Kind, Operator, Rule
 from kb.model.normalise import Normaliser
-from kb.records import dataclass
 from kb.terms import ANYTHING, Atom, Function, Variable
 
 

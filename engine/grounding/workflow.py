@@ -7,12 +7,12 @@ the operator loses nothing and makes no conditional effects.
 
 import itertools
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 
 from engine.grounding.universe import Universe
 from engine.model.schedule import stage_atom
 from engine.model.task import Bits, ConditionalEffect, bitset, indices
 from kb.model.problem import Chain, superseded
-from kb.records import dataclass
 from kb.terms import Atom, is_ground, match
 
 

@@ -4,10 +4,10 @@ Start times are a forecast; the orders between steps are what a plan promises.
 """
 
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 
 from kb.model.plan import GOAL, Plan, StepId
 from kb.model.problem import Chain, Problem
-from kb.records import dataclass
 from kb.terms import Atom, Function, Number, Term, Text
 
 STAGE = "_stage"

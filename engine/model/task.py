@@ -1,8 +1,8 @@
 """The ground task: atoms numbered from 0, sets of atoms as integer bitsets (bit i is atom i)."""
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 
-from kb.records import dataclass
 from kb.terms import Atom, Function, Term
 
 Bits = int

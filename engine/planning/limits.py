@@ -1,11 +1,10 @@
 """What a call of the planner may cost, and what it is asked to report."""
 
 from collections.abc import Callable
-from dataclasses import field
+from dataclasses import dataclass, field
 
 from engine.planning.effort import Effort, Interrupted
 from kb.model.plan import Plan
-from kb.records import dataclass
 
 
 def _deaf(_: Plan) -> None:

@@ -6,9 +6,9 @@ The estimate for a set of goals is the size of the union of their relaxed plans:
 
 import heapq
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 from engine.model.task import Bits, GroundOperator, indices
-from kb.records import dataclass
 
 FAR = 1 << 60
 MAX_CHARGE = 8  # bits that the costliest operator takes up in a relaxed plan

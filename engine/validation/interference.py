@@ -2,7 +2,7 @@
 
 import itertools
 from collections.abc import Iterator, Mapping
-from dataclasses import field
+from dataclasses import dataclass, field
 from functools import cached_property
 
 from engine.validation.datalog import Bindings, holds
@@ -11,7 +11,6 @@ from kb.model.conditions import TRUE, Condition, bind, literals
 from kb.model.domain import Operator
 from kb.model.plan import Plan, Step, StepId
 from kb.model.problem import Problem
-from kb.records import dataclass
 from kb.terms import ANYTHING, Atom, Function, match, substitute_atom, variables
 
 MAX_UNCERTAIN = 7  # atoms whose every combination is tried

@@ -5,7 +5,7 @@ Deliberately naive: deduction follows rules atom by atom, derived predicates are
 
 from collections import defaultdict
 from collections.abc import Iterable, Iterator
-from dataclasses import field, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 from engine.validation.datalog import Bindings, Facts, holds, solve
@@ -15,7 +15,6 @@ from kb.graphs import components, reached
 from kb.model.conditions import TRUE, Aggregate, Body, Literal, Parameter
 from kb.model.domain import Consequence, DeductiveOperator, Effect, Kind, Operator, Rule
 from kb.model.problem import Problem
-from kb.records import dataclass
 from kb.terms import Atom, Function, Term, Variable, match, substitute_atom, variables
 
 State = frozenset[Atom]

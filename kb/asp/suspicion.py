@@ -1,8 +1,7 @@
 """What must not reach clingo: it follows inclusions, and guards neither its stack nor its integers nor its messages."""
 
 import re
-
-from kb.records import dataclass
+from dataclasses import dataclass
 
 MAX_NESTING = 50
 MAX_OPERATIONS = 100

@@ -1,8 +1,8 @@
 """Conditions: what must hold for an operator, an effect or a rule. One formula language for the domain language and PDDL."""
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 
-from kb.records import dataclass
 from kb.terms import ANYTHING, Atom, Substitution, Term, Variable, substitute, substitute_atom, variables
 
 

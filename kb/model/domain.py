@@ -1,12 +1,11 @@
 """The domain: types, predicates, operators and rules of one kind of cell, as values."""
 
 from collections.abc import Mapping
-from dataclasses import field
+from dataclasses import dataclass, field
 from enum import Enum
 
 from kb.diagnostics import Source
 from kb.model.conditions import TRUE, Body, Condition, Literal, Parameter
-from kb.records import dataclass
 from kb.terms import Atom, Function, Term, Variable
 
 NOWHERE = Source("")

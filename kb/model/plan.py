@@ -1,9 +1,8 @@
 """The plan: partially ordered steps with causal links (McAllester & Rosenblitt 1991), as a value that files hold."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import NewType
 
-from kb.records import dataclass
 from kb.terms import Atom, Function, Term
 
 StepId = NewType("StepId", int)

@@ -2,12 +2,11 @@
 
 import dataclasses
 from collections.abc import Mapping, Sequence
-from dataclasses import field
+from dataclasses import dataclass, field
 
 from kb.diagnostics import Source
 from kb.model.conditions import TRUE, Condition
 from kb.model.domain import NOWHERE, Domain
-from kb.records import dataclass
 from kb.terms import Atom, Term
 
 

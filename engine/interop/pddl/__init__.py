@@ -6,6 +6,7 @@ Numbers beyond action costs, times, preferences and constraints are refused by n
 """
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
 
 from engine.interop.pddl.conditions import ConditionReader
@@ -16,7 +17,6 @@ from engine.interop.pddl.scope import typed
 from kb.diagnostics import InvalidInput
 from kb.model.conditions import TRUE, Condition
 from kb.model.problem import Problem
-from kb.records import dataclass
 from kb.terms import Atom, Function, Number
 
 

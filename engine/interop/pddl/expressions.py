@@ -2,11 +2,11 @@
 
 import re
 from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
 
 from kb.diagnostics import Diagnostic, InvalidInput, Source
 from kb.files import File, read_file
-from kb.records import dataclass
 
 _TOKEN = re.compile(r";[^\n]*|[()]|[^\s();]+")
 MAX_DEPTH = 200
