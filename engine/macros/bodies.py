@@ -63,14 +63,38 @@ def compare(left: Term, relation: str, right: Term) -> bool:
 
 def solve(body: Body, facts: Facts, bindings: Bindings) -> Iterator[dict[Variable, Term]]:
     """Every binding that extends `bindings` and satisfies `body`; negated literals mean absence."""
-    if not body:
-        yield dict(bindings)
+    return _solved([substitute_part(part, bindings) for part in body], facts, dict(bindings))
+
+
+def _solved(
+    parts: list[BodyPart], facts: Facts, bindings: dict[Variable, Term]
+) -> Iterator[dict[Variable, Term]]:
+    """The same for parts in which all that is bound stands already."""
+    waiting = []
+    for part in parts:
+        truth = _truth(part, facts)
+        if truth is None:
+            waiting.append(part)
+        elif not truth:
+            return
+    if not waiting:
+        yield bindings
         return
-    parts = [substitute_part(part, bindings) for part in body]
-    index = _cheapest(parts, facts) if len(parts) > 1 else 0
-    rest = body[:index] + body[index + 1 :]
-    for extended in _extensions(parts[index], facts, bindings):
-        yield from solve(rest, facts, extended)
+    chosen = waiting.pop(_cheapest(waiting, facts) if len(waiting) > 1 else 0)
+    for new in _extensions(chosen, facts):
+        rest = [substitute_part(part, new) for part in waiting] if new else waiting
+        yield from _solved(rest, facts, {**bindings, **new})
+
+
+def _truth(part: BodyPart, facts: Facts) -> bool | None:
+    """Whether a part holds, None while it has open variables."""
+    match part:
+        case Literal(atom, positive):
+            return (atom in facts) == positive if is_ground(atom) else None
+        case Comparison(left, relation, right):
+            return compare(left, relation, right) if is_ground(left) and is_ground(right) else None
+        case Aggregate():
+            raise ValueError(f"aggregates are evaluated beforehand: {part}")
 
 
 def satisfiable(body: Body, facts: Facts, bindings: Bindings) -> bool:
@@ -79,61 +103,42 @@ def satisfiable(body: Body, facts: Facts, bindings: Bindings) -> bool:
 
 
 def _cheapest(parts: list[BodyPart], facts: Facts) -> int:
-    best, best_cost = 0, float("inf")
-    for index, part in enumerate(parts):
-        cost = _cost(part, facts)
-        if cost == 0:
-            return index
-        if cost < best_cost:
-            best, best_cost = index, cost
-    return best
+    costs = [_cost(part, facts) for part in parts]
+    return costs.index(min(costs))
 
 
 def _cost(part: BodyPart, facts: Facts) -> float:
-    """How many bindings a part may yield; 0 for a test."""
+    """How many bindings a part with open variables may yield."""
     match part:
         case Comparison(left, relation, right):
-            sides = is_ground(left), is_ground(right)
-            return 0 if all(sides) or (relation == "=" and any(sides)) else float("inf")
+            return 0 if relation == "=" and (is_ground(left) or is_ground(right)) else float("inf")
         case Literal(atom, positive):
-            if is_ground(atom):
-                return 0
-            return 1 + len(facts.matching(atom)) if positive else 1e9
-        case Aggregate():
-            raise ValueError(f"aggregates are evaluated beforehand: {part}")
+            return len(facts.matching(atom)) if positive else 1e9
+        case _:
+            return float("inf")
 
 
-def _extensions(part: BodyPart, facts: Facts, bindings: Bindings) -> Iterator[Bindings]:
+def _extensions(part: BodyPart, facts: Facts) -> Iterator[Bindings]:
+    """The bindings of a part's open variables that make it true."""
     match part:
         case Literal(atom, True):
-            for other in facts.matching(atom):
-                extended = match(atom, other, bindings)
-                if extended is not None:
-                    yield extended
+            found = (match(atom, other, {}) for other in facts.matching(atom))
+            yield from (each for each in found if each is not None)
         case Literal(atom):
-            absent = (
-                atom not in facts
-                if is_ground(atom)
-                else not any(match(atom, other, {}) is not None for other in facts.matching(atom))
-            )
-            if absent:
-                yield bindings
+            if not any(match(atom, other, {}) is not None for other in facts.matching(atom)):
+                yield {}
         case Comparison():
-            yield from _comparison(part, bindings)
+            yield from _comparison(part)
         case _:
             return
 
 
-def _comparison(part: Comparison, bindings: Bindings) -> Iterator[Bindings]:
+def _comparison(part: Comparison) -> Iterator[Bindings]:
     left_ground, right_ground = is_ground(part.left), is_ground(part.right)
-    if left_ground and right_ground:
-        if compare(part.left, part.relation, part.right):
-            yield bindings
-        return
     if part.relation != "=" or not (left_ground or right_ground):
         return
     pattern, ground = (part.right, part.left) if left_ground else (part.left, part.right)
     value = evaluate(ground)
-    extended = match(pattern, value, bindings) if value is not None else None
+    extended = match(pattern, value, {}) if value is not None else None
     if extended is not None:
         yield extended

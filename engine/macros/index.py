@@ -1,55 +1,105 @@
-"""The index of a library: MACROPs by goal signature, then by their requirements in a set-trie.
+"""The index of a library: MACROPs by goal signature, then by what they require.
 
-A set-trie (Savnik 2013) stores sets as paths in a fixed order of elements; all stored subsets of a set are found by
-walking only along elements of that set. So a branch is left at the first requirement that a query does not meet,
-whatever number of MACROPs lies behind it.
+Each requirement has the set of MACROPs that have it, as the bits of one number. A query evaluates every requirement once, for
+however many MACROPs share it, and takes away the sets of those that it does not meet (inverted files; Zobel and Moffat
+2006). MACROPs are read and matched only when they are left.
 """
 
-from collections.abc import Hashable, Iterator
+from collections.abc import Callable, Hashable, Iterable
 from dataclasses import dataclass, field
 from functools import cached_property
 
-from engine.macros.features import Observed, Requirement, requirements
+from engine.macros.features import Observed, Profiles, Requirement, requirements
 from engine.macros.matching import Program
 from engine.macros.query import Query, signature_asked, signature_of
 from kb.model.macro import Macrop
 
 UNKNOWN_COST = 1 << 62
 
+Rank = tuple[int, int, str, str]
+
 
 @dataclass(frozen=True)
 class Entry:
-    """A MACROP of the index under the key of its library."""
+    """A MACROP of the index under the key of its library. Cheap ones are tried first; `rank` is an order that repeats."""
 
     key: Hashable
-    macrop: Macrop
+    rank: Rank
+    read: Callable[[], Macrop | None] = field(compare=False)
 
     @cached_property
-    def program(self) -> Program:
+    def macrop(self) -> Macrop | None:
+        """The MACROP, read when first asked for; None if it has gone meanwhile."""
+        return self.read()
+
+    @cached_property
+    def program(self) -> Program | None:
         """The order in which its parts are matched."""
-        return Program(self.macrop)
-
-    @cached_property
-    def rank(self) -> tuple[int, int, str, str]:
-        """Cheap ones are tried first; header and key decide between equals, so that the order repeats."""
-        cost = UNKNOWN_COST if self.macrop.cost is None else self.macrop.cost
-        return cost, len(self.macrop.steps), str(self.macrop.name), str(self.key)
+        return Program(self.macrop) if self.macrop is not None else None
 
 
-@dataclass
-class _Node:
-    children: dict[int, "_Node"] = field(default_factory=dict)
-    entries: dict[Hashable, Entry] = field(default_factory=dict)
+def rank(key: Hashable, name: str, cost: int | None, steps: int) -> Rank:
+    """The place of a MACROP among those that fit: by cost, then by steps; header and key decide between equals."""
+    return UNKNOWN_COST if cost is None else cost, steps, name, str(key)
+
+
+class _Shelf:
+    """The MACROPs of one signature, one bit each."""
+
+    def __init__(self) -> None:
+        self.entries: list[Entry | None] = []
+        self.present = 0
+        self.requiring: dict[str, dict[int, int]] = {}
+        self.order: list[str] = []
+
+    def add(self, entry: Entry, required: Iterable[Requirement]) -> int:
+        place = len(self.entries)
+        bit = 1 << place
+        self.entries.append(entry)
+        self.present |= bit
+        for feature, least in required:
+            sets = self.requiring.get(feature)
+            if sets is None:
+                sets = self.requiring[feature] = {}
+                self.order.clear()
+            sets[least] = sets.get(least, 0) | bit
+        return place
+
+    def remove(self, place: int) -> None:
+        self.entries[place] = None
+        self.present &= ~(1 << place)
+
+    def fitting(self, observed: Observed) -> list[Entry]:
+        """The entries whose requirements are met; what none of those left requires is not looked at."""
+        if not self.order:
+            self.order = sorted(
+                self.requiring, key=lambda text: not text.startswith("state\n\n")
+            )  # one look each
+        left = self.present
+        for text in self.order:
+            sets = self.requiring[text]
+            if any(left & those for those in sets.values()):
+                count = observed.count(text)
+                for least, those in sets.items():
+                    if count < least:
+                        left &= ~those
+        return [entry for place in _bits(left) if (entry := self.entries[place]) is not None]
+
+
+def _bits(number: int) -> Iterable[int]:
+    while number:
+        lowest = number & -number
+        yield lowest.bit_length() - 1
+        number ^= lowest
 
 
 class Index:
-    """MACROPs that are in memory. Keys are the caller's."""
+    """MACROPs that can be had. Keys are the caller's."""
 
     def __init__(self) -> None:
-        self._numbers: dict[Requirement, int] = {}
-        self._known: list[Requirement] = []
-        self._roots: dict[str, _Node] = {}
-        self._places: dict[Hashable, _Node] = {}
+        self._shelves: dict[str, _Shelf] = {}
+        self._places: dict[Hashable, tuple[_Shelf, int]] = {}
+        self._profiles = Profiles()
 
     def __len__(self) -> int:
         return len(self._places)
@@ -59,34 +109,25 @@ class Index:
 
     def add(self, key: Hashable, macrop: Macrop) -> None:
         """Put a MACROP in; one under the same key is replaced."""
-        self.remove(key)
-        node = self._roots.setdefault(signature_of(macrop), _Node())
-        for number in sorted(map(self._number, requirements(macrop))):
-            node = node.children.setdefault(number, _Node())
-        node.entries[key] = Entry(key, macrop)
-        self._places[key] = node
+        order = rank(key, str(macrop.name), macrop.cost, len(macrop.steps))
+        self.put(signature_of(macrop), Entry(key, order, lambda: macrop), requirements(macrop))
+
+    def put(self, signature: str, entry: Entry, required: Iterable[Requirement]) -> None:
+        """Put in what is known of a MACROP that may not have been read yet."""
+        self.remove(entry.key)
+        shelf = self._shelves.setdefault(signature, _Shelf())
+        self._places[entry.key] = shelf, shelf.add(entry, required)
 
     def remove(self, key: Hashable) -> None:
         """Take a MACROP out, if it is there."""
-        node = self._places.pop(key, None)
-        if node is not None:
-            del node.entries[key]
+        found = self._places.pop(key, None)
+        if found is not None:
+            shelf, place = found
+            shelf.remove(place)
 
     def candidates(self, asked: Query) -> list[Entry]:
         """The MACROPs for the query's goals whose requirements are met, the cheapest first."""
-        root = self._roots.get(signature_asked(asked))
-        if root is None:
+        shelf = self._shelves.get(signature_asked(asked))
+        if shelf is None:
             return []
-        return sorted(self._walk(root, Observed(asked)), key=lambda entry: entry.rank)
-
-    def _number(self, requirement: Requirement) -> int:
-        if requirement not in self._numbers:
-            self._numbers[requirement] = len(self._known)
-            self._known.append(requirement)
-        return self._numbers[requirement]
-
-    def _walk(self, node: _Node, observed: Observed) -> Iterator[Entry]:
-        yield from node.entries.values()
-        for number, child in node.children.items():
-            if observed.meets(self._known[number]):
-                yield from self._walk(child, observed)
+        return sorted(shelf.fitting(Observed(asked, self._profiles)), key=lambda entry: entry.rank)

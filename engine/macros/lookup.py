@@ -47,14 +47,17 @@ def look_up(
 
 
 def _instance(entry: Entry, asked: Query, work: Work) -> Hit | None:
-    for bindings in itertools.islice(matches(entry.program, asked, work), INSTANCES):
+    program = entry.program
+    if program is None:
+        return None
+    for bindings in itertools.islice(matches(program, asked, work), INSTANCES):
         try:
-            plan = instantiate(entry.macrop, bindings)
+            plan = instantiate(program.macrop, bindings)
         except NotGeneral:
             return None
         after = check(plan, asked)
         if isinstance(after, Situation):
-            return Hit(entry.key, entry.macrop, plan, after)
+            return Hit(entry.key, program.macrop, plan, after)
         if after.lost:
             return None
     return None
