@@ -14,7 +14,7 @@ from engine.grounding.limits import require_affordable_statics
 from engine.interop.pddl import PddlProblem, read_pddl
 from engine.model.outcome import Found, Outcome, Statistics
 from engine.model.task import Task
-from engine.planning import Limits
+from engine.planning import NO_MACROS, Limits, Macros
 from engine.planning import plan as plan_task
 from engine.validation import validate
 from kb.diagnostics import Diagnostic, InvalidInput, Source
@@ -66,10 +66,15 @@ def pddl_task(domain: str, problem: Path) -> PddlProblem:
 
 def plan(problem: Problem, limits: Limits = Limits()) -> Outcome:
     """A checked plan for a problem, the proof that there is none, or where the search stopped. Raises `InvalidInput`."""
+    return planned(problem, limits)[0]
+
+
+def planned(problem: Problem, limits: Limits = Limits(), macros: Macros = NO_MACROS) -> tuple[Outcome, Task]:
+    """`plan` with MACROPs that serve searches as operators; the ground task, too. Raises `InvalidInput`."""
     started = time.perf_counter()
     task = ground(problem)
     grounded = time.perf_counter()
-    outcome = plan_task(task, limits)
+    outcome = plan_task(task, limits, macros)
     finished = time.perf_counter()
     if isinstance(outcome, Found):
         outcome = replace(outcome, plan=accepted(problem, outcome.plan))
@@ -81,7 +86,8 @@ def plan(problem: Problem, limits: Limits = Limits()) -> Outcome:
         **outcome.statistics.counts,
     }
     seconds = {"grounding": grounded - started, "search": finished - grounded, "check": checked - finished}
-    return replace(outcome, statistics=Statistics(counts, seconds))
+    statistics = Statistics(counts, seconds, outcome.statistics.offer)
+    return replace(outcome, statistics=statistics), task
 
 
 def accepted(problem: Problem, made: Plan) -> Plan:

@@ -1,24 +1,34 @@
 """Answers: a plan was found, proved impossible, or the search gave up."""
 
 from collections.abc import Mapping
-from dataclasses import field
+from dataclasses import dataclass, field
 
 from kb.model.plan import Plan
-from kb.records import dataclass
 from kb.terms import Function
 
 
 @dataclass(frozen=True, slots=True)
-class Statistics:
-    """What a researcher wants to know of one run; times in seconds, never part of golden output.
+class Offer:
+    """The MACROPs, as steps with variables, that the search which answered had as operators, and those that it took.
 
-    `offered` are the MACROPs, as steps with variables, that searches had as operators; `used` those that the answer rests on.
+    `search` is `backward` or `forward`, empty if nothing was offered.
     """
+
+    search: str = ""
+    offered: tuple[tuple[Function, ...], ...] = ()
+    used: tuple[tuple[Function, ...], ...] = ()
+
+
+NO_OFFER = Offer()
+
+
+@dataclass(frozen=True, slots=True)
+class Statistics:
+    """What a researcher wants to know of one run; times in seconds, never part of golden output."""
 
     counts: Mapping[str, int] = field(default_factory=dict)
     seconds: Mapping[str, float] = field(default_factory=dict)
-    offered: tuple[tuple[Function, ...], ...] = ()
-    used: tuple[tuple[Function, ...], ...] = ()
+    offer: Offer = NO_OFFER
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,6 +1,6 @@
 """The task planner: search to a sequence, made cheaper, then freed of every order it does not need."""
 
-from engine.model.outcome import Found, GaveUp, Infeasible, Outcome, Statistics
+from engine.model.outcome import NO_OFFER, Found, GaveUp, Infeasible, Outcome, Statistics
 from engine.model.task import Task
 from engine.planning.anytime import best_plan
 from engine.planning.composites import NO_MACROS, Macros
@@ -33,7 +33,7 @@ def plan(task: Task, limits: Limits = Limits(), macros: Macros = NO_MACROS) -> O
         return GaveUp(str(error), "expansions", _statistics(effort))
     except MemoryError:
         return GaveUp("out of memory: raise the memory limit, or make the problem smaller", "memory")
-    statistics = _statistics(effort, setting, answer)
+    statistics = _statistics(effort, answer)
     if answer is None:
         stopped = "time" if effort.expanded < effort.limit else "expansions"
         return GaveUp(f"no plan after {effort.expanded} expansions", stopped, statistics)
@@ -46,7 +46,6 @@ def plan(task: Task, limits: Limits = Limits(), macros: Macros = NO_MACROS) -> O
     return Found(best, statistics, optimal=proved)
 
 
-def _statistics(effort: Effort, setting: Setting | None = None, answer: Answer | None = None) -> Statistics:
+def _statistics(effort: Effort, answer: Answer | None = None) -> Statistics:
     counts = {"expanded": effort.expanded, "generated": effort.generated}
-    offered = tuple(setting.offered) if setting else ()
-    return Statistics(counts, offered=offered, used=answer.patterns if answer else ())
+    return Statistics(counts, offer=answer.offer if answer else NO_OFFER)

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from operator import or_
 from typing import NamedTuple
 
+from engine.model.outcome import Offer
 from engine.model.task import Bits, GroundOperator, indices
 from engine.planning.composites import Composite, Pattern
 from engine.planning.effort import Answer
@@ -102,7 +103,10 @@ class Regression:
                 steps += self.composites[place].parts
                 used[self.composites[place].pattern] = None
             node = node.next
-        return Answer(steps, tuple(used))
+        if not self.composites:
+            return Answer(steps)
+        offered = dict.fromkeys(each.pattern for each in self.composites)
+        return Answer(steps, Offer("backward", tuple(offered), tuple(used)))
 
 
 class Backward:
@@ -162,7 +166,7 @@ class Backward:
         are the lightest."""
         weights = self.regression.weights
         unsatisfied = sorted(indices(conditions & ~self.initial), key=lambda atom: -weights[atom])
-        plans = [self.relaxed.plans[atom] or 0 for atom in unsatisfied]
+        plans = [self.relaxed.to(atom) or 0 for atom in unsatisfied]
         before = [0, *itertools.accumulate(plans, or_)]
         after = [0, *itertools.accumulate(reversed(plans), or_)]
         for place, atom in enumerate(unsatisfied):

@@ -3,8 +3,8 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from engine.model.outcome import NO_OFFER, Offer
 from engine.model.task import GroundOperator
-from kb.terms import Function
 
 Interrupted = Callable[[], bool]
 
@@ -48,13 +48,10 @@ class Effort:
 
 @dataclass(frozen=True, slots=True)
 class Answer:
-    """The steps of a plan; None if the whole space was searched and there is none.
-
-    `patterns` are the MACROPs, steps with variables, whose instances the search took as one step.
-    """
+    """The steps of a plan; None if the whole space was searched and there is none. MACROPs are in it by their steps."""
 
     steps: list[GroundOperator] | None
-    patterns: tuple[tuple[Function, ...], ...] = ()
+    offer: Offer = NO_OFFER
 
 
 NO_PLAN = Answer(None)

@@ -10,6 +10,7 @@ import random
 from collections.abc import Sequence
 from typing import NamedTuple
 
+from engine.model.outcome import Offer
 from engine.model.task import Bits, GroundOperator, Task, progress
 from engine.planning.composites import Pattern
 from engine.planning.effort import NO_PLAN, Answer, Effort
@@ -152,7 +153,8 @@ class Forward:
             return Answer([self.operators[each] for each in path if self.operators[each].instance != _MEETS])
         steps = [step for each in path for step in self._suggestions.unfolded(each)]
         used = [pattern for each in path if (pattern := self._suggestions.pattern(each)) is not None]
-        return Answer([step for step in steps if step.instance != _MEETS], tuple(dict.fromkeys(used)))
+        offer = Offer("forward", tuple(self._suggestions.patterns), tuple(dict.fromkeys(used)))
+        return Answer([step for step in steps if step.instance != _MEETS], offer)
 
 
 def forward(task: Task, seed: int, *, landmarks: bool = False, patterns: Sequence[Pattern] = ()) -> Forward:

@@ -6,7 +6,7 @@ from typing import Protocol
 
 from engine.model.task import Task
 from engine.planning.backward import Backward, Regression
-from engine.planning.composites import NO_MACROS, Macros, Pattern, composites
+from engine.planning.composites import NO_MACROS, Macros, composites
 from engine.planning.effort import NO_PLAN, Answer, Effort
 from engine.planning.mutexes import mutexes
 from engine.planning.regression import BestFirst, Climb
@@ -36,12 +36,6 @@ class Setting:
 
     def __init__(self, task: Task, seed: int = 0, macros: Macros = NO_MACROS) -> None:
         self.task, self.seed, self.macros = task, seed, macros
-        self.offered: dict[Pattern, None] = {}
-
-    def offer(self, patterns: Sequence[Pattern]) -> Sequence[Pattern]:
-        """Note that a search makes use of these MACROPs, which are returned."""
-        self.offered.update(dict.fromkeys(patterns))
-        return patterns
 
     @cached_property
     def regression(self) -> Regression | None:
@@ -64,14 +58,14 @@ class Setting:
         """The search forward by relaxed plans."""
         from engine.planning.forward import forward  # compiled kernels are loaded only when they are needed
 
-        return forward(self.task, self.seed, patterns=self.offer(self.macros.forward))
+        return forward(self.task, self.seed, patterns=self.macros.forward)
 
     @cached_property
     def landmarks(self) -> Search:
         """The search forward by relaxed plans and landmarks."""
         from engine.planning.forward import forward
 
-        return forward(self.task, self.seed, landmarks=True, patterns=self.offer(self.macros.forward))
+        return forward(self.task, self.seed, landmarks=True, patterns=self.macros.forward)
 
     @cached_property
     def models(self) -> Search:
@@ -100,7 +94,7 @@ class Chaining:
         """From all alternatives, with the composites that MACROPs make."""
         space, patterns = self.space, self._setting.macros.backward
         if patterns and self.roots:
-            made = composites(space.regression.operators, self._setting.offer(patterns), COMPOSITES)
+            made = composites(space.regression.operators, patterns, COMPOSITES)
             space = space.with_composites(made)
         return BestFirst(space, self.roots, GREED)
 

@@ -17,7 +17,7 @@ class Suggestions:
     """The operators of a search and, after them, every composite that was suggested so far."""
 
     def __init__(self, operators: Sequence[GroundOperator], patterns: Sequence[Pattern]) -> None:
-        self.operators = list(operators)
+        self.operators, self.patterns = list(operators), patterns
         self._plain = tuple(operators)
         self._joins = Joins(self._plain, patterns)
         self._numbers: dict[tuple[int, ...], int | None] = {}
@@ -43,7 +43,7 @@ class Suggestions:
 
     def pattern(self, number: int) -> Pattern | None:
         """The pattern behind a composite; None for an ordinary operator."""
-        return None if number < len(self._plain) else self._joins.patterns[self._source(number)[0]]
+        return None if number < len(self._plain) else self.patterns[self._source(number)[0]]
 
     def _source(self, number: int) -> tuple[int, tuple[int, ...]]:
         return self._sources[number - len(self._plain)]

@@ -158,4 +158,4 @@ def test_searches_that_take_composites_return_executable_steps(problem: Problem,
             assert step.preconditions & ~state == 0
             state = progress(state, step)
         assert answer.steps is None or task.goals[0] & ~state == 0
-        assert set(answer.patterns) <= set(chosen)
+        assert set(answer.offer.used) <= set(answer.offer.offered) <= set(chosen)
