@@ -5,7 +5,10 @@ BIN := $(VENV)/bin
 .PHONY: demo test slow check golden bench clean
 .DEFAULT_GOAL := test
 
-$(VENV)/ready: pyproject.toml constraints.txt setup.py engine/planning/kernels.py engine/planning/kernels.pxd
+# What is compiled: plain Python with its types beside it.
+TYPED := $(wildcard engine/*/*.pxd)
+
+$(VENV)/ready: pyproject.toml constraints.txt setup.py $(TYPED) $(TYPED:.pxd=.py)
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt --config-settings editable_mode=compat -e '.[dev]'
 	$(BIN)/python -m compileall -q kb engine
@@ -51,4 +54,4 @@ bench: $(PEERS)/ready
 	missed=0; for each in $(MEASURED); do $(BIN)/python benchmarks/$$each.py || missed=1; done; exit $$missed
 
 clean:
-	rm -rf $(VENV) $(PEERS) build dist *.egg-info engine/planning/*.so
+	rm -rf $(VENV) $(PEERS) build dist *.egg-info engine/*/*.so

@@ -1,12 +1,16 @@
-"""The kernels of forward search, compiled where there is a C compiler; elsewhere they run as plain Python."""
+"""The innermost loops of planning, compiled where there is a C compiler; elsewhere they run as plain Python."""
 
 from Cython.Build import cythonize
 from setuptools import Extension, setup
 
-SOURCE = Extension(
-    "engine.planning.kernels", ["engine/planning/kernels.py"], depends=["engine/planning/kernels.pxd"]
-)
-[kernels] = cythonize([SOURCE], build_dir="build")
-kernels.optional = True  # cythonize forgets it
+SOURCES = [
+    Extension(
+        f"engine.planning.{name}", [f"engine/planning/{name}.py"], depends=[f"engine/planning/{name}.pxd"]
+    )
+    for name in ("kernels", "supporters")
+]
+compiled = cythonize(SOURCES, build_dir="build")
+for each in compiled:
+    each.optional = True  # cythonize forgets it
 
-setup(ext_modules=[kernels])
+setup(ext_modules=compiled)

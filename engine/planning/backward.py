@@ -166,7 +166,7 @@ class Backward:
         are the lightest."""
         weights = self.regression.weights
         unsatisfied = sorted(indices(conditions & ~self.initial), key=lambda atom: -weights[atom])
-        plans = [self.relaxed.plans[atom] or 0 for atom in unsatisfied]
+        plans = [self.relaxed.to(atom) or 0 for atom in unsatisfied]
         before = [0, *itertools.accumulate(plans, or_)]
         after = [0, *itertools.accumulate(reversed(plans), or_)]
         for place, atom in enumerate(unsatisfied):

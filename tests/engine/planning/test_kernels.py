@@ -1,8 +1,6 @@
 """The kernels of forward search, compiled and interpreted, agree with each other and with sets."""
 
-import importlib.util
 from collections.abc import Sequence
-from pathlib import Path
 from types import ModuleType
 from typing import NamedTuple
 
@@ -11,23 +9,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from engine.planning import kernels
+from tests.engine.planning.interpreted import interpreted
 
 SIZE = 19  # atoms, more than two bytes of them
 Lists = list[list[int]]
 
 
-def interpreted() -> ModuleType:
-    """The kernels as plain Python, even where they are compiled."""
-    source = Path(kernels.__file__).with_name("kernels.py")
-    spec = importlib.util.spec_from_file_location("plain_kernels", source)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
-
-PLAIN = interpreted()
+PLAIN = interpreted(kernels)
 FAR: int = PLAIN.MOST
 BOTH = pytest.mark.parametrize("module", [kernels, PLAIN], ids=["imported", "interpreted"])
 atoms = st.lists(st.integers(0, SIZE - 1), max_size=4, unique=True)
