@@ -1,5 +1,6 @@
 """`cellwright check` and `cellwright schema`."""
 
+from contextlib import nullcontext
 from enum import StrEnum
 from typing import Annotated
 
@@ -27,7 +28,8 @@ def _check(target: str, reach: bool) -> Answer:
     from engine.report.findings import summary
     from kb.diagnostics import errors
 
-    with Console(stderr=True).status(f"checking {target}"):
+    console = Console(stderr=True)
+    with console.status(f"checking {target}") if console.is_terminal else nullcontext():
         report = pipeline.check(target, reach)
     found = report.diagnostics
     code = BAD_INPUT if errors(found) else FINDINGS if found else 0

@@ -37,16 +37,17 @@ def kept(
 
 def _history(domain: str, cases: "Cases", said: list[str], listed: bool) -> Answer:
     from rich.console import Group
-    from rich.table import Table
     from rich.text import Text
 
     from engine.report.diagnosis import number
+    from engine.report.rows import Rows
 
-    table = Table("exception", "cause", "counts for", "cost", "tests", box=None, header_style="bold")
     found = cases.history(domain)
-    for each in found if listed else ():
-        row = (each.exception, " and ".join(each.causes), number(each.weight), number(each.cost))
-        table.add_row(*row, str(len(each.observations)))
+    rows = [
+        (e.exception, " and ".join(e.causes), number(e.weight), number(e.cost), str(len(e.observations)))
+        for e in found
+    ]
+    table = Rows(("exception", "cause", "counts for", "cost", "tests"), rows)
     content = {
         "cases": [
             {"exception": e.exception, "causes": list(e.causes), "weight": e.weight, "cost": e.cost}

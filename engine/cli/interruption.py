@@ -4,6 +4,7 @@ import signal
 import sys
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from types import FrameType, TracebackType
 from typing import TYPE_CHECKING, Any
 
@@ -48,8 +49,7 @@ class Interruption:
         if self._progress:
             self._progress.clear()
         seconds = time.monotonic() - self.started
-        sys.stderr.write(f"{len(plan.steps)} steps, cost {plan.cost}, after {seconds:.1f} s\n")
-        sys.stderr.flush()
+        _say(f"{len(plan.steps)} steps, cost {plan.cost}, after {seconds:.1f} s\n")
 
     def _hear(self, _signal: int, _frame: FrameType | None) -> None:
         if self.heard:
@@ -67,15 +67,18 @@ class _Progress:
         now = time.monotonic()
         if now - self.shown >= 0.5:
             self.shown = now
-            sys.stderr.write(
-                f"\rsearching {now - self.started:5.1f} s; Ctrl-C stops with the best plan so far "
-            )
-            sys.stderr.flush()
+            _say(f"\rsearching {now - self.started:5.1f} s; Ctrl-C stops with the best plan so far ")
 
     def clear(self) -> None:
         if self.shown > self.started:
-            sys.stderr.write("\r\x1b[K")
-            sys.stderr.flush()
+            _say("\r\x1b[K")
+
+
+def _say(text: str) -> None:
+    """Write on standard error. Whoever cannot be told still gets the answer."""
+    with suppress(OSError):
+        sys.stderr.write(text)
+        sys.stderr.flush()
 
 
 def limit_memory(megabytes: int | None) -> None:

@@ -69,11 +69,11 @@ def remove(file: File, name: Name, format: Format = Form.TEXT) -> None:
 
 def _list(target: str) -> Answer:
     from rich.console import Group
-    from rich.table import Table
 
     from engine.inspection import partition
     from engine.inspection.places import with_places
     from engine.report.inspection import entry, parts
+    from engine.report.rows import Rows
     from kb.diagnostics import Diagnostic, InvalidInput, Source
     from kb.loader import find, load
 
@@ -83,16 +83,10 @@ def _list(target: str) -> Answer:
             [Diagnostic(Source(target), "K401", "this is a domain, not a problem", "name a problem")]
         )
     found = partition(with_places(problem))
-    table = Table(box=None, pad_edge=False)
-    for heading in ("measurement", "by", "reason"):
-        table.add_column(heading, overflow="fold")
-    for tool, names in found.groups.items():
-        for name in names:
-            table.add_row(name, tool, "")
-    for name in found.done:
-        table.add_row(name, "done", "")
-    for name, reason in found.impossible.items():
-        table.add_row(name, "-", reason)
+    rows = [(name, tool, "") for tool, names in found.groups.items() for name in names]
+    rows += [(name, "done", "") for name in found.done]
+    rows += [(name, "-", reason) for name, reason in found.impossible.items()]
+    table = Rows(("measurement", "by", "reason"), rows)
     return Answer("ok", entry(found), lambda: Group(table, parts(found)))
 
 

@@ -115,27 +115,23 @@ def _sequence(kept: "KeptSequence | None") -> dict[str, Any] | None:
 
 def _text(found: "Preparation") -> "RenderableType":
     from rich.console import Group
-    from rich.table import Table
     from rich.text import Text
 
     from engine.report.macros import origin
+    from engine.report.rows import Rows
 
-    table = Table(box=None, padding=(0, 2, 0, 0))
-    for title in ("problem", "answer", ""):
-        table.add_column(title, overflow="fold")
-    sequenced = any(each.sequence for each in found.problems)
-    if sequenced:
-        table.add_column("sequence", overflow="fold")
+    sequenced, rows = any(each.sequence for each in found.problems), []
     for each in found.problems:
         found_it = each.status == "found"
-        said = origin(each.origin, each.macrop, each.name, each.reason) if found_it else Text(each.reason)
-        last = [Text(_sequence_said(each.sequence))] if sequenced else []
-        table.add_row(Text(each.problem), Text(each.status), said, *last)
+        said = origin(each.origin, each.macrop, each.name, each.reason).plain if found_it else each.reason
+        last = [_sequence_said(each.sequence)] if sequenced else []
+        rows.append((each.problem, each.status, said, *last))
     stale = [
         Text(f"MACROP {n} was stale and is gone: {', '.join(p)} changed") for n, p in found.stale.items()
     ]
     learned = sum(each.origin == "planner" and each.macrop is not None for each in found.problems)
     known = sum(each.origin == "library" for each in found.problems)
+    table = Rows(("problem", "answer", "", *(("sequence",) if sequenced else ())), rows)
     return Group(*stale, table, Text(f"{len(found.problems)} problems: {learned} learned, {known} known"))
 
 

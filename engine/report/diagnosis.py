@@ -4,12 +4,12 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from rich.console import Group, RenderableType
-from rich.table import Table
 from rich.text import Text
 from rich.tree import Tree as RichTree
 
 from engine.model.diagnosis import Advice, Conclude, Tree, Troubleshooting
 from engine.model.faults import Diagnosis, Revision
+from engine.report.rows import Rows
 from kb.model.faults import FaultModel
 from kb.terms import Atom
 
@@ -71,34 +71,34 @@ def advice_entry(problem: Troubleshooting, advice: Advice) -> dict[str, Any]:
     }
 
 
-def reasons(problem: Troubleshooting, advice: Advice, compared: Sequence[tuple[int, float, bool]]) -> Table:
+def reasons(problem: Troubleshooting, advice: Advice, compared: Sequence[tuple[int, float, bool]]) -> Rows:
     """Why this action is next: what beginning with each of the others would cost."""
-    table = Table("begin with", "expected cost", "more than the best", box=None, header_style="bold")
+    rows = []
     for action, cost, exact in sorted(compared, key=lambda row: (row[1], row[0])):
         sign = "" if exact else "at least "
         more = cost - advice.expected_cost
         said = "chosen" if action == advice.action else number(max(0.0, more))
-        table.add_row(problem.actions[action].name, sign + number(cost), said)
-    return table
+        rows.append((problem.actions[action].name, sign + number(cost), said))
+    return Rows(("begin with", "expected cost", "more than the best"), rows)
 
 
-def belief(pairs: Sequence[tuple[str, float]], most: int = 8) -> Table:
+def belief(pairs: Sequence[tuple[str, float]], most: int = 8) -> Rows:
     """The causes still possible, most probable first."""
-    table = Table("cause", "probability", box=None, header_style="bold")
-    for name, probability in pairs[:most]:
-        table.add_row(name, f"{probability:.3f}")
+    rows = [(name, f"{probability:.3f}") for name, probability in pairs[:most]]
     if len(pairs) > most:
-        table.add_row(f"and {len(pairs) - most} more", f"{sum(p for _, p in pairs[most:]):.3f}")
-    return table
+        rows.append((f"and {len(pairs) - most} more", f"{sum(p for _, p in pairs[most:]):.3f}"))
+    return Rows(("cause", "probability"), rows)
 
 
 def case(
     model: FaultModel, made: Diagnosis, certain: Mapping[Atom, float], change: Revision
 ) -> RenderableType:
     """How a case went and how it ended."""
-    steps = Table("", "test or repair", "outcome", "cost", box=None, header_style="bold")
-    for place, stage in enumerate(made.stages, 1):
-        steps.add_row(str(place), stage.observed.action, stage.observed.outcome, number(stage.cost))
+    rows = [
+        (str(place), stage.observed.action, stage.observed.outcome, number(stage.cost))
+        for place, stage in enumerate(made.stages, 1)
+    ]
+    steps = Rows(("", "test or repair", "outcome", "cost"), rows)
     parts: list[RenderableType] = [Text(f"{made.exception}: {model.exceptions[made.exception].say}")]
     parts += [steps] if made.stages else []
     parts += [Text(line) for line in (*_ending(model, made), *_changes(certain, change))]

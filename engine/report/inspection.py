@@ -7,10 +7,10 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 from rich.console import Group, RenderableType
-from rich.table import Table
 from rich.text import Text
 
 from engine.model.tour import PoseProblem, Tour
+from engine.report.rows import Rows
 
 
 class Parts(Protocol):
@@ -55,13 +55,11 @@ def posed_entry(found: Posed) -> dict[str, Any]:
 
 def posed(tours: Sequence[Posed], partition: Parts) -> RenderableType:
     """The tours tool by tool, how long each takes, and what cannot be measured."""
-    table = Table(box=None, pad_edge=False)
-    for heading in ("tool", "arm", "s", "in order"):
-        table.add_column(heading, overflow="fold")
+    rows = []
     for each in tours:
         names = ", ".join(each.problem.visits[visit].name for visit in each.tour.order)
-        table.add_row(each.tool, each.arm, f"{each.tour.cost / 1e6:.2f}", names)
-    return Group(parts(partition), table)
+        rows.append((each.tool, each.arm, f"{each.tour.cost / 1e6:.2f}", names))
+    return Group(parts(partition), Rows(("tool", "arm", "s", "in order"), rows))
 
 
 def entry(partition: Parts) -> dict[str, Any]:
@@ -75,13 +73,9 @@ def entry(partition: Parts) -> dict[str, Any]:
 
 def parts(partition: Parts, title: str = "") -> RenderableType:
     """How many measurements each tool takes, and how many cannot be made for which reason."""
-    table = Table(box=None, pad_edge=False)
-    table.add_column("measurements", justify="right")
-    table.add_column("by", overflow="fold")
-    for tool, names in partition.groups.items():
-        table.add_row(str(len(names)), tool)
-    if partition.done:
-        table.add_row(str(len(partition.done)), "done")
-    for reason, count in sorted(Counter(partition.impossible.values()).items()):
-        table.add_row(str(count), f"impossible: {reason}")
+    rows = [(str(len(names)), tool) for tool, names in partition.groups.items()]
+    rows += [(str(len(partition.done)), "done")] if partition.done else []
+    impossible = sorted(Counter(partition.impossible.values()).items())
+    rows += [(str(count), f"impossible: {reason}") for reason, count in impossible]
+    table = Rows(("measurements", "by"), rows, right=("measurements",))
     return Group(Text(title), table) if title else table

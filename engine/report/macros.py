@@ -4,9 +4,9 @@ from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, Any
 
 from rich.console import Group, RenderableType
-from rich.table import Table
 from rich.text import Text
 
+from engine.report.rows import Rows
 from kb.model.domain import Domain
 from kb.model.macro import Macrop, MacroStep
 
@@ -28,55 +28,37 @@ def macrop(found: Macrop, domain: Domain | None = None) -> RenderableType:
         ("excluded", [", ".join(map(str, body)) for body in found.exclusions]),
         ("resources", found.resources),
     ]
-    table = Table(box=None, show_header=False, padding=(0, 2, 0, 0))
-    table.add_column(style="bold", no_wrap=True)
-    table.add_column(overflow="fold")
-    for title, lines in parts:
-        said = list(map(str, lines))
-        if said:
-            table.add_row(title, Text("\n".join(said)))
+    rows = [(title, "\n".join(map(str, lines))) for title, lines in parts]
+    table = Rows(("", ""), [(title, said) for title, said in rows if said], lead="bold")
     return Group(
         Text(f"MACROP {found.name}", style="bold"), table, Text("plan", style="bold"), _steps(found.steps)
     )
 
 
-def _steps(steps: Iterable[MacroStep]) -> Table:
-    table = Table(box=None, padding=(0, 2, 0, 0))
-    for title in ("step", "operator", "after"):
-        table.add_column(title, overflow="fold")
-    for step in steps:
-        table.add_row(str(step.id), str(step.operator), ", ".join(map(str, step.after)))
-    return table
+def _steps(steps: Iterable[MacroStep]) -> Rows:
+    rows = [(str(step.id), str(step.operator), ", ".join(map(str, step.after))) for step in steps]
+    return Rows(("step", "operator", "after"), rows)
 
 
 def listing(stored: "Iterable[Stored]", stale: Mapping[int, tuple[str, ...]]) -> RenderableType:
     """A library as a table; `stale` tells which parts of the domain have changed."""
-    table = Table(box=None, padding=(0, 2, 0, 0))
-    for title in ("no.", "MACROP", "steps", "cost", "uses", "saved s"):
-        table.add_column(title, justify="left" if title == "MACROP" else "right", overflow="fold")
-    if stale:
-        table.add_column("stale", overflow="fold")
-    rows = list(stored)
-    for each in rows:
+    numbers = ("no.", "steps", "cost", "uses", "saved s")
+    headings = ("no.", "MACROP", *numbers[1:], *(("stale",) if stale else ()))
+    rows = []
+    for each in stored:
         cost = "" if each.macrop.cost is None else str(each.macrop.cost)
         cells = [str(each.id), str(each.macrop.name), str(len(each.macrop.steps)), cost, str(each.uses)]
-        cells.append(f"{each.saved_s:.2f}")
-        table.add_row(*map(Text, cells), *([Text(", ".join(stale.get(each.id, ())))] if stale else []))
-    return table if rows else Text("The library is empty.")
+        rows.append([*cells, f"{each.saved_s:.2f}", *([", ".join(stale.get(each.id, ()))] if stale else [])])
+    return Rows(headings, rows, right=numbers) if rows else Text("The library is empty.")
 
 
 def folded(parts: Iterable[Mapping[str, Any]]) -> RenderableType | None:
     """A plan folded: one row for each MACROP in it, with its steps; None without any."""
-    rows = list(parts)
-    if not rows:
-        return None
-    table = Table(box=None, padding=(0, 2, 0, 0))
-    for title in ("MACROP", "for", "steps"):
-        table.add_column(title, overflow="fold")
-    for part in rows:
+    rows = []
+    for part in parts:
         number = f"{part['macrop']} " if part["macrop"] is not None else ""
-        table.add_row(Text(f"{number}{part['name']}"), Text(part["purpose"]), Text(_ranges(part["steps"])))
-    return table
+        rows.append((f"{number}{part['name']}", part["purpose"], _ranges(part["steps"])))
+    return Rows(("MACROP", "for", "steps"), rows) if rows else None
 
 
 def _ranges(numbers: Iterable[int]) -> str:
@@ -92,13 +74,10 @@ def _ranges(numbers: Iterable[int]) -> str:
 
 def figures(found: "Figures") -> RenderableType:
     """A library in numbers."""
-    table = Table(box=None, show_header=False, padding=(0, 2, 0, 0))
     rows = [("MACROPs", str(found.macrops)), ("goal shapes", str(found.shapes)), ("uses", str(found.uses))]
     rows.append(("planning saved", f"{found.saved_s:.2f} s"))
     rows += [(f"of {name}", str(count)) for name, count in found.domains.items()]
-    for title, said in [*rows, ("schema", str(found.schema))]:
-        table.add_row(title, said)
-    return table
+    return Rows(("", ""), [*rows, ("schema", str(found.schema))])
 
 
 def origin(kind: str, number: int | None, name: str, reason: str) -> Text:

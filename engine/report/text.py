@@ -13,11 +13,14 @@ from rich.text import Text
 
 from engine.model.outcome import Found, GaveUp, Infeasible, Outcome, Statistics
 from engine.model.schedule import History, earliest_starts, histories, makespan, purposes
+from engine.report.rows import Rows, headed
 from engine.report.wrapping import wrapped
 from kb.model.plan import Plan, StepId
 from kb.model.problem import Problem
 
 LIST = 12  # characters of a line of step numbers
+LEGIBLE = 40  # characters that operators and what they achieve need side by side
+WIDEST = 10_000
 JUDGED = 60  # steps that decide on the widths of columns
 
 
@@ -43,7 +46,7 @@ def plan_table(plan: Plan, problem: Problem) -> RenderableType:
         said.append(f"{makespan(plan)} {unit} when every step starts as early as it may")
     made = histories(problem, plan)
     steps = _Steps(plan, purposes(problem, plan), unit if timed else "")
-    between: list[RenderableType] = [Text(), _history_table(made, unit), Text()] if made else []
+    between: list[RenderableType] = [Text(), _Histories(made, unit), Text()] if made else []
     return Group(steps, *between, Text(", ".join(said)))
 
 
@@ -64,6 +67,23 @@ class _Steps:
         spare = options.max_width - sum(
             max(map(_width, cells)) + 2 for cells in zip(names, *rows, strict=True)
         )
+        yield self._stacked(options.max_width) if spare < LEGIBLE else self._table(names, rows, spare)
+
+    def _stacked(self, width: int) -> Table:
+        """On a narrow terminal: what the table says of a step, line under line."""
+        starts = earliest_starts(self.plan)
+        table = Table(box=None, pad_edge=False, show_header=False, padding=(0, 2, 0, 0))
+        table.add_column(justify="right", no_wrap=True, style="cyan")
+        table.add_column(overflow="fold")
+        room = width - 2 - max(len(str(step.id)) for step in self.plan.steps)
+        for step in self.plan.steps:
+            said = [f"after {', '.join(map(str, step.after))}"] if step.after else []
+            said += [_span(starts[step.id], step.duration, self.unit)] if self.unit else []
+            parts = ["; ".join(said), *_reasons(self.purposes.get(step.id, {}))]
+            table.add_row(str(step.id), headed(str(step.operator), filter(None, parts), room))
+        return table
+
+    def _table(self, names: Sequence[str], rows: Sequence[tuple[str, ...]], spare: int) -> Table:
         reasons = [_reasons(self.purposes.get(step.id, {})) for step in self.plan.steps]
         operators, achieved = _widths([str(step.operator) for step in self.plan.steps], reasons, spare - 2)
         table = Table(box=None, pad_edge=False)
@@ -77,7 +97,7 @@ class _Steps:
             operator = Text(wrapped(str(step.operator), operators))
             operator.highlight_regex(r"^\w+", "bold")
             table.add_row(number, operator, *rest, _reason_text(reason, achieved))
-        yield table
+        return table
 
     def _narrow(self) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
         """Head and rows of the columns that take what they need: numbers of steps, and times."""
@@ -88,6 +108,10 @@ class _Steps:
             for step in self.plan.steps
         ]
         return ("step", "after") + ((f"start ({self.unit})", "lasts") if self.unit else ()), rows
+
+
+def _span(start: int, duration: int, unit: str) -> str:
+    return f"from {start} for {duration} {unit}"
 
 
 def _width(cell: str) -> int:
@@ -136,15 +160,39 @@ def _reason_text(reasons: Sequence[str], width: int) -> Text:
     return made
 
 
+@dataclass(frozen=True, slots=True)
+class _Histories:
+    """What is done to each object, in order, as a table if there is room for it."""
+
+    made: Sequence[History]
+    unit: str
+
+    def __rich_console__(self, console: Console, options: ConsoleOptions) -> Iterator[RenderableType]:
+        table = _history_table(self.made, self.unit)
+        if console.measure(table, options=options.update(max_width=WIDEST)).maximum <= options.max_width:
+            yield table
+            return
+        for history in self.made:
+            stages = (
+                f"{each.stage} {_span(each.start, each.duration, self.unit)}, step {each.step}"
+                for each in history.happenings
+            )
+            yield headed(_named(history), stages, options.max_width)
+
+
+def _named(history: History) -> str:
+    return ", ".join([str(history.subject or history.chain), *history.names.values()])
+
+
 def _history_table(made: Sequence[History], unit: str) -> Table:
-    """What is done to each object, in order: one line for each stage."""
+    """One line for each stage."""
     table = Table(box=None, pad_edge=False)
     table.add_column("history of", style="bold", overflow="fold")
     table.add_column("done", overflow="fold")
     for name in (f"start ({unit})", "lasts", "step"):
         table.add_column(name, justify="right", no_wrap=True)
     for history in made:
-        name = ", ".join([str(history.subject or history.chain), *history.names.values()])
+        name = _named(history)
         for place, each in enumerate(history.happenings):
             times = (str(each.start), str(each.duration), str(each.step))
             table.add_row(Text(name if place == 0 else ""), Text(str(each.stage)), *times)
@@ -153,11 +201,7 @@ def _history_table(made: Sequence[History], unit: str) -> Table:
 
 def statistics(figures: Statistics) -> RenderableType:
     """Counts and seconds."""
-    table = Table(box=None, pad_edge=False, show_header=False)
-    table.add_column(justify="left")
-    table.add_column(justify="right")
-    for name, count in figures.counts.items():
-        table.add_row(name, str(count))
-    for name, seconds in figures.seconds.items():
-        table.add_row(f"{name} (s)", f"{seconds:.3f}")
-    return table
+    rows = [(name, str(count)) for name, count in figures.counts.items()]
+    rows += [(f"{name} (s)", f"{seconds:.3f}") for name, seconds in figures.seconds.items()]
+    widest = max((len(said) for _, said in rows), default=0)
+    return Rows(("", ""), [(name, said.rjust(widest)) for name, said in rows])

@@ -3,10 +3,10 @@
 from typing import Any
 
 from rich.console import Group, RenderableType
-from rich.table import Table
 from rich.text import Text
 
 from engine.model.tour import Tour, TourProblem
+from engine.report.rows import Rows
 
 SHOWN = 40
 SIZE, MARGIN = 800.0, 20.0
@@ -36,13 +36,11 @@ def entry(tour: Tour, problem: TourProblem) -> dict[str, Any]:
 
 def text(tour: Tour, problem: TourProblem) -> RenderableType:
     """The tour as a list of runs with one tool each, and a line that sums it up."""
-    table = Table(box=None, pad_edge=False)
-    for heading in ("tool", "visits", "in order"):
-        table.add_column(heading, overflow="fold")
+    rows = []
     for tool, names in _runs(tour, problem):
         shown = ", ".join(names[:SHOWN]) + (f", and {len(names) - SHOWN} more" if len(names) > SHOWN else "")
-        table.add_row(tool or "-", str(len(names)), shown)
-    return Group(table, Text(summary(tour, problem)))
+        rows.append((tool or "-", str(len(names)), shown))
+    return Group(Rows(("tool", "visits", "in order"), rows), Text(summary(tour, problem)))
 
 
 def summary(tour: Tour, problem: TourProblem) -> str:

@@ -112,6 +112,21 @@ def test_who_cannot_be_told_why_gets_the_exit_code() -> None:
         assert run("plan", "bulkhead/nosuch", capture_output=False, stderr=full).returncode == 2
 
 
+@needs_full
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ("check", "bulkhead/one_point", "--no-reach"),
+        ("plan", "bulkhead/one_point", "--anytime", "--time-limit", "5"),
+    ],
+)
+def test_who_cannot_be_told_of_progress_gets_the_answer(arguments: tuple[str, ...]) -> None:
+    with FULL.open("wb") as full:
+        result = run(*arguments, capture_output=False, stdout=subprocess.PIPE, stderr=full)
+    assert result.returncode == 0
+    assert result.stdout
+
+
 @pytest.mark.parametrize("sent", [signal.SIGINT, signal.SIGTERM])
 @pytest.mark.parametrize("options", [(), ("--race",)])
 def test_a_signal_ends_the_search_with_the_best_plan_so_far(

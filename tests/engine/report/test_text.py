@@ -102,7 +102,7 @@ def test_an_empty_plan_says_so() -> None:
 
 def test_a_narrow_terminal_loses_nothing() -> None:
     wide = "".join(printed("themse/one", 400).replace(";", "").split())
-    for width in (60, 80, 100):
+    for width in (76, 80, 100):
         assert sorted(wide) == sorted("".join(printed("themse/one", width).split()))
 
 
