@@ -21,9 +21,12 @@ def effects(operators: Sequence[GroundOperator]) -> tuple[list[GroundOperator], 
 
 
 class Evaluation:
-    """Relaxed plans from any state to one conjunction of goals, over atoms numbered below `size`."""
+    """Relaxed plans from any state to one conjunction of goals, over atoms numbered below `size`; `unit` makes them short
+    instead of cheap."""
 
-    def __init__(self, operators: Sequence[GroundOperator], goals: Bits, size: int) -> None:
+    def __init__(
+        self, operators: Sequence[GroundOperator], goals: Bits, size: int, *, unit: bool = False
+    ) -> None:
         self.operators, self._owners = effects(operators)
         self._plain = len(operators)
         self._width = (size + 7) // 8
@@ -33,7 +36,7 @@ class Evaluation:
         for number, needed in enumerate(needs):
             for atom in needed:
                 users[atom].append(number)
-        costs = [min(max(operator.cost, 1), DEAREST) for operator in self.operators]
+        costs = [1 if unit else min(max(operator.cost, 1), DEAREST) for operator in self.operators]
         self._plans = RelaxedPlans(costs, tuple(indices(goals)), Rows(needs), Rows(adds), Rows(users))
 
     def __call__(self, state: Bits) -> tuple[int, list[int], list[int]]:

@@ -46,7 +46,8 @@ class Batch(NamedTuple):
 class Forward:
     """One search from a state to one conjunction of goals of operators, which may have conditional effects; it can be resumed.
 
-    With `landmarks`, queues ordered by how many landmarks are left take turns with those ordered by relaxed plans. Instances
+    With `landmarks`, queues ordered by how many landmarks are left take turns with those ordered by relaxed plans, and every
+    operator counts as one step: cheap plans, which improvement looks for, are harder to find than short ones. Instances
     of `patterns` that stand in the relaxed plan of a state are operators, too, and preferred.
     """
 
@@ -64,7 +65,7 @@ class Forward:
         self.goals, self.initial = goals, initial
         self._suggestions = Suggestions(operators, patterns) if patterns else None
         self.operators = self._suggestions.operators if self._suggestions else operators
-        self.evaluate = Evaluation(operators, goals, size)
+        self.evaluate = Evaluation(operators, goals, size, unit=landmarks)
         self._landmarks = Landmarks(self.evaluate.operators, initial, goals, size) if landmarks else None
         self._counter = itertools.count()
         self._random = random.Random(seed) if seed else None

@@ -14,10 +14,10 @@ from engine.planning.variants import TooManyVariants, unconditional
 
 CLIMB = 2_000  # nodes that hill climbing may generate before others have a turn
 QUICK = 2_000  # nodes that best-first regression may generate before searches forward have a turn
-FORWARD = 4000  # expansions in the first turn forward; every turn is twice as long as the one before
+FORWARD = 1000  # expansions in the first turn forward; every turn is twice as long as the one before
 REGRESSION = 500
 RESTART = 200
-LANDMARKS = 1000
+LANDMARKS = 4000
 MODELS = 250
 ROOM = 1_500_000  # conditions and effects by steps that the portfolio grounds for stable models
 GREED = 5
@@ -147,18 +147,18 @@ def shortest(setting: Setting, effort: Effort) -> Answer | None:
 
 
 def auto(setting: Setting, effort: Effort) -> Answer | None:
-    """Regression while it is quick; then forward, backward, by landmarks and stable models in turns that double."""
+    """Regression while it is quick; then by landmarks, backward, forward and stable models in turns that double."""
     if setting.regression is None:
         return _in_turns(
-            [(_later(setting, forward), FORWARD), (_later(setting, landmarks), LANDMARKS)], effort
+            [(_later(setting, landmarks), LANDMARKS), (_later(setting, forward), FORWARD)], effort
         )
     chaining = setting.backward
     quick = _bounded(chaining.climb, effort, CLIMB) or _bounded(chaining.best_first, effort, QUICK)
     return quick or _in_turns(
         [
-            (_later(setting, forward), FORWARD),
-            (chaining.best_first, REGRESSION),
             (_later(setting, landmarks), LANDMARKS),
+            (chaining.best_first, REGRESSION),
+            (_later(setting, forward), FORWARD),
             (lambda part: setting.models.run(part), MODELS),
         ],
         effort,
