@@ -206,7 +206,7 @@ def _too_many(what: str, where: Source) -> Diagnostic:
 def contradictions(made: Instances, universe: Universe) -> Iterator[Diagnostic]:
     """One diagnostic per operator whose consequences contradict each other (Meaning 4)."""
     for operator, found in made.contradictions.items():
-        atom = universe.atoms[next(indices(found.atoms))]
+        atom = universe.atoms[indices(found.atoms)[0]]
         chain = _chain(made.deduction, universe, found.adds, atom)
         message = f"{found.instance} both adds and denies {atom}: {chain}"
         yield Diagnostic(

@@ -21,7 +21,7 @@ def ambiguities(
         if name in reported or not (open_atoms := doubt.atoms & ~rivals.of(doubt.preconditions)):
             continue
         reported.add(name)
-        atom = next(indices(open_atoms))
+        atom = indices(open_atoms)[0]
         message = f"{doubt.instance} denies {atoms[atom]}, which has consequences if it was true before"
         hint = f"name it in the preconditions of {name}, or name what excludes it"
         yield Diagnostic(schemas[name].where, "K302", message, hint)

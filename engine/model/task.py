@@ -1,11 +1,11 @@
 """The ground task: atoms numbered from 0, sets of atoms as integer bitsets (bit i is atom i)."""
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 
+from engine.model.bits import Bits as Bits
+from engine.model.bits import bitset as bitset
+from engine.model.bits import indices as indices
 from kb.terms import Atom, Function, Term
-
-Bits = int
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,22 +54,6 @@ class Task:
     def names(self, bits: Bits) -> tuple[Atom, ...]:
         """The atoms in a bitset."""
         return tuple(self.atoms[index] for index in indices(bits))
-
-
-def indices(bits: Bits) -> Iterator[int]:
-    """The positions of the set bits, lowest first."""
-    while bits:
-        low = bits & -bits
-        yield low.bit_length() - 1
-        bits ^= low
-
-
-def bitset(positions: "Iterator[int] | list[int] | tuple[int, ...]") -> Bits:
-    """The bitset of the given positions."""
-    bits = 0
-    for position in positions:
-        bits |= 1 << position
-    return bits
 
 
 def progress(state: Bits, operator: GroundOperator) -> Bits:

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from engine.planning import kernels
-from tests.engine.planning.interpreted import interpreted
+from tests.engine.interpreted import interpreted
 
 SIZE = 19  # atoms, more than two bytes of them
 Lists = list[list[int]]

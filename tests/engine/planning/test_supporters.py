@@ -12,7 +12,7 @@ from engine.model.task import Bits, GroundOperator, bitset, indices
 from engine.planning import supporters
 from engine.planning.relaxed import FAR, Relaxation
 from kb.terms import Function
-from tests.engine.planning.interpreted import interpreted
+from tests.engine.interpreted import interpreted
 
 SIZE = 11
 BOTH = pytest.mark.parametrize(
