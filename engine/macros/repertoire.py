@@ -99,7 +99,8 @@ class Repertoire:
         return bool(found)
 
     def _put(self, each: Stored) -> None:
-        if each.id not in self._index and pays(each) and self._digests.fresh(each.macrop.depends):
+        wanted = each.id not in self._index and not each.macrop.subsequence and pays(each)
+        if wanted and self._digests.fresh(each.macrop.depends):
             self._index.add(each.id, each.macrop)
 
     def _note(self, key: Hashable, times: int) -> None:

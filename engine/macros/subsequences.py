@@ -11,7 +11,7 @@ from kb.model.plan import Plan, Step
 from kb.terms import Function, Term, Variable, match
 
 LONGEST = 4  # steps of a sub-sequence
-LARGEST = 200  # steps of a plan that is searched for them
+LARGEST = 200  # steps of a plan that is worth searching for them
 Positions = int
 """A set of steps of a plan by their positions, as a bitset."""
 
@@ -31,9 +31,7 @@ class Recurring:
 
 
 def recurring(plan: Plan) -> list[Recurring]:
-    """The sub-sequences of a plan by shape, those that would save most steps first; none for a plan beyond `LARGEST`."""
-    if len(plan.steps) > LARGEST:
-        return []
+    """The sub-sequences of a plan by shape, those that would save most steps first."""
     kinds: dict[str, list[Positions]] = {}
     order = _Order(plan)
     for found in order.subsequences():

@@ -9,6 +9,7 @@ from engine import pipeline
 from engine.macros.generalise import NotGeneral, generalise
 from engine.macros.query import signature_of
 from engine.macros.world import World
+from engine.reuse.subsequences import SIGNATURE
 from engine.validation.semantics import Semantics
 from kb.diagnostics import Diagnostic, InvalidInput, Source
 from kb.loader.plan import load_plan
@@ -50,7 +51,7 @@ def lesson(file: Path, library: Library) -> Lesson:
 
 def records(macrops: Iterable[Macrop]) -> list[Record]:
     """MACROPs as a library keeps them."""
-    return [Record(each, signature_of(each)) for each in macrops]
+    return [Record(each, SIGNATURE if each.subsequence else signature_of(each)) for each in macrops]
 
 
 def write(file: Path, macrops: Iterable[Macrop]) -> None:

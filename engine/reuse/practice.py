@@ -17,6 +17,7 @@ from engine.model.outcome import Found, Outcome, Statistics
 from engine.model.schedule import makespan
 from engine.planning import Limits
 from engine.reuse.composition import Part, Served, compose, kinds_of, worth_composing
+from engine.reuse.subsequences import Subsequences
 from kb.diagnostics import InvalidInput
 from kb.model.domain import Domain
 from kb.model.macro import MacroPart
@@ -61,6 +62,7 @@ class Practice:
         self.library, self.limits, self.thorough, self.learns = library, limits, thorough, learns
         self._worlds = Worlds()
         self._repertoires: list[Repertoire] = []
+        self._subsequences: list[Subsequences] = []
 
     def __enter__(self) -> "Practice":
         return self
@@ -81,6 +83,14 @@ class Practice:
         if found is None:
             found = Repertoire(self.library, domain)
             self._repertoires.append(found)
+        return found
+
+    def subsequences(self, domain: Domain) -> Subsequences:
+        """The sub-sequences that the library holds for a domain."""
+        found = next((each for each in self._subsequences if each.domain is domain), None)
+        if found is None:
+            found = Subsequences(self.library, domain)
+            self._subsequences.append(found)
         return found
 
     def situation(self, problem: Problem) -> Situation:
@@ -122,9 +132,7 @@ class Practice:
         if found is not None and successes:
             return found
         here = problem.replace(ordered(asked.facts))
-        started = time.perf_counter()
-        rival = pipeline.plan(here, self.limits)
-        planning = time.perf_counter() - started
+        rival, planning = self._searched(here, asked.situation)
         better = found is not None and _pays(found.outcome, rival)
         self.library.note_trial(problem.domain.name, kinds, better)
         if found is None or not better:
@@ -166,7 +174,7 @@ class Practice:
             return None
         planned = answered is None
         if answered is None:
-            answered = self._planned(part.replace(ordered(here.facts)), here)
+            answered = self._planned(part.replace(ordered(here.facts)), here, whole=False)
         if not isinstance(answered.outcome, Found) or answered.after is None:
             return None
         return Served(answered.outcome.plan, answered.macrop, answered.after, planned, answered.name)
@@ -185,10 +193,22 @@ class Practice:
     def _approved(self, problem: Problem, here: Situation, plan: Plan) -> bool:
         return not self.thorough or not pipeline.check_plan(problem.replace(ordered(here.facts)), plan)
 
-    def _planned(self, problem: Problem, here: Situation) -> Answered:
+    def _planned(self, problem: Problem, here: Situation, whole: bool = True) -> Answered:
+        outcome, seconds = self._searched(problem, here, whole)
+        return self._learned(problem, outcome, seconds, here)
+
+    def _searched(self, problem: Problem, here: Situation, whole: bool = True) -> tuple[Outcome, float]:
+        """The planner's answer, with sub-sequences among its operators, and the seconds that it took; plans of whole problems
+        are searched for more of them."""
         started = time.perf_counter()
-        outcome = pipeline.plan(problem, self.limits)
-        return self._learned(problem, outcome, time.perf_counter() - started, here)
+        inner = self.subsequences(problem.domain)
+        outcome, task = pipeline.planned(problem, self.limits, inner.offered())
+        seconds = time.perf_counter() - started
+        if self.learns and isinstance(outcome, Found):
+            inner.note(outcome.statistics)
+            if whole:
+                inner.study(problem, outcome.plan, task, here, self.limits.interrupted)
+        return outcome, seconds
 
     def _learned(self, problem: Problem, outcome: Outcome, seconds: float, here: Situation) -> Answered:
         """The planner's answer, and what was learned from it."""
