@@ -99,9 +99,11 @@ def _distances(
     if rows is None:
         raise _wrong(Source(file.path), "there is no NODE_COORD_SECTION")
     positions = rows.reshape(n, 3)[:, 1:]
-    travel = np.concatenate([METRICS[kind](positions[i : i + 1], positions) for i in range(n)])
+    travel = np.empty((n, n), np.int64)
+    for i in range(n):
+        travel[i] = METRICS[kind](positions[i : i + 1], positions)[0]
     np.fill_diagonal(travel, 0)
-    return travel.astype(np.int64), rows
+    return travel, rows
 
 
 def _euclidean(a: Floats, b: Floats) -> Floats:

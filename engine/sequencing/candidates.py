@@ -5,6 +5,7 @@ from numpy.typing import NDArray
 
 Ints = NDArray[np.int32]
 COUNT = 6
+LIKELY = 64  # cities among which there is, most often, one in each quadrant
 
 
 def nearest(cost: NDArray[np.integer], count: int = COUNT) -> Ints:
@@ -30,12 +31,27 @@ def quadrant(positions: NDArray[np.floating], cost: NDArray[np.integer], count: 
     for city in range(n):
         far = cost[city].astype(np.int64)
         far[city] = np.iinfo(np.int64).max
-        near = np.argsort(far, kind="stable")[: n - 1]
-        step = positions[near] - positions[city]
-        quarter = 2 * (step[:, 0] >= 0) + (step[:, 1] >= 0)
+        near = _cheapest(far, min(LIKELY, n - 1))
+        quarter = _quarters(positions, city, near)
+        if len(near) < n - 1 and len(set(quarter)) < 4:  # at the rim: the others may lie far away
+            near = _cheapest(far, n - 1)
+            quarter = _quarters(positions, city, near)
         picked = {int(np.argmax(quarter == each)) for each in range(4) if (quarter == each).any()}
-        rest = (index for index in range(n - 1) if index not in picked)
+        rest = (index for index in range(len(near)) if index not in picked)
         while len(picked) < count:
             picked.add(next(rest))
         found[city] = near[sorted(picked)[:count]]
     return found
+
+
+def _cheapest(far: NDArray[np.int64], count: int) -> NDArray[np.intp]:
+    """The `count` cities (or more, at equal costs) of least cost, cheapest first, then as numbered."""
+    most = np.partition(far, count - 1)[count - 1]
+    among = np.flatnonzero(far <= most)
+    return among[np.argsort(far[among], kind="stable")]
+
+
+def _quarters(positions: NDArray[np.floating], city: int, others: NDArray[np.intp]) -> NDArray[np.int64]:
+    """In which quadrant about a city the others lie, 0 to 3."""
+    step = positions[others] - positions[city]
+    return np.asarray(2 * (step[:, 0] >= 0) + (step[:, 1] >= 0), np.int64)

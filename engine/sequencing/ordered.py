@@ -1,6 +1,7 @@
 """Orders under costs that depend on the direction, windows, and precedence: annealing, and CP-SAT for the proof."""
 
 import graphlib
+from heapq import heappop, heappush
 
 import numpy as np
 
@@ -32,13 +33,13 @@ def best_first_order(problem: TourProblem) -> tuple[int, ...] | None:
         sorter.prepare()
     except graphlib.CycleError:
         return None
-    ready: set[int] = set(sorter.get_ready())
-    while ready:
-        visit = min(ready, key=lambda each: _urgency(problem, each))
-        ready.remove(visit)
+    ready: list[tuple[int, int]] = []
+    while sorter.is_active():
+        for visit in sorter.get_ready():
+            heappush(ready, _urgency(problem, visit))
+        _, visit = heappop(ready)
         order.append(visit)
         sorter.done(visit)
-        ready |= set(sorter.get_ready())
     return tuple(order)
 
 

@@ -71,11 +71,12 @@ def _plain(problem: TourProblem, limits: Limits, method: str) -> Tour:
     circle = problem.closed and not fixed
     cost, extra = _circle(problem) if circle else _with_ends(problem)
     positions = _positions(problem) if circle else None
+    narrow = _narrow(cost)
     if method == "chain1987":
-        tour, work = chain(_narrow(cost), positions), 0
+        tour, work = chain(narrow, positions), 0
     else:
-        start = chain(_narrow(cost), positions) if n <= 12 else nearest_first(_narrow(cost))
-        found = symmetric.search(_narrow(cost), start, limits, positions)
+        start = chain(narrow, positions) if n <= 12 else nearest_first(narrow)
+        found = symmetric.search(narrow, start, limits, positions)
         tour, work = found.order, found.work
     order = _unrolled(problem, tour)
     if violations(problem, order):
@@ -162,13 +163,14 @@ def _bounded(problem: TourProblem, made: Tour, cost: Longs, extra: int, limits: 
 
     upper = made.cost - extra
     provable = len(problem.visits) <= PROVABLE or made.method == "exact"
-    lower, penalties = symmetric.bound(_narrow(cost), upper, 2000 if provable else 0)
+    narrow = _narrow(cost)
+    lower, penalties = symmetric.bound(narrow, upper, 2000 if provable else 0, limits.interrupted)
     made = replace(made, lower_bound=max(0, min(lower + extra, made.cost)))
     if made.proved or not provable or made.method == "chain1987" or limits.interrupted() or not limits.proof:
         return made
     from engine.sequencing.exact import solve_circuit
 
-    allowed = lower + excess(_narrow(cost), penalties) <= upper + 1
+    allowed = lower + excess(narrow, penalties) <= upper + 1
     rolled = _rolled(problem, made.order, cost)
     allowed[list(rolled), [*rolled[1:], rolled[0]]] = True
     allowed |= allowed.T

@@ -1,12 +1,13 @@
 """Closed tours under symmetric costs: annealed exchanges, and the bound of Held and Karp."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from engine.sequencing.candidates import nearest, quadrant
-from engine.sequencing.limits import Limits
+from engine.sequencing.limits import Limits, never
 
 Matrix = NDArray[np.int32]  # or of 64 bits, where costs are that large
 Order = NDArray[np.int32]
@@ -61,10 +62,12 @@ def default_work(n: int) -> int:
     return 20_000 + 40 * n
 
 
-def bound(cost: Matrix, upper: int, steps: int = 0) -> tuple[int, NDArray[np.float64]]:
+def bound(
+    cost: Matrix, upper: int, steps: int = 0, interrupted: Callable[[], bool] = never
+) -> tuple[int, NDArray[np.float64]]:
     """A lower bound on every closed tour, and the penalties (n,) that show it; n >= 3; `steps` 0: as suits n."""
     from engine.sequencing.kernels.bounds import ascend
 
     steps = steps or max(60, min(STEPS, 400_000 // len(cost)))
-    value, penalties, _ = ascend(cost, np.zeros(len(cost)), float(upper), steps, 1.0)
+    value, penalties, _ = ascend(cost, np.zeros(len(cost)), float(upper), steps, 1.0, interrupted)
     return int(np.ceil(value)), penalties

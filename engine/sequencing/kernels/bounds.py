@@ -4,6 +4,9 @@ Held & Karp 1970, 1971; the step as in Volgenant & Jonker 1982. Penalties are wh
 them with integer costs are exact in floating point: a bound is a bound, not one up to rounding.
 """
 
+from collections.abc import Callable
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -13,6 +16,8 @@ from engine.sequencing.kernels.arrays import Ints
 Floats = NDArray[np.float64]
 Truths = NDArray[np.bool_]
 GRAIN = 64.0
+SLICE = 50_000_000  # edges looked at between two questions whether to stop, a tenth of a second
+LEAST = 8  # such slices that a bound is worth, even when the time is up
 
 
 @compiled
@@ -70,38 +75,67 @@ def one_tree(cost: Ints, penalty: Floats, degree: Ints, parent: Ints) -> float:
     return float(total - 2 * penalty.sum())
 
 
-@compiled
-def ascend(cost: Ints, penalty: Floats, upper: float, steps: int, size: float) -> tuple[float, Floats, int]:
+class Ascent(NamedTuple):
+    """Where an ascent stands: penalties, the best ones, the last turns (n,), and in `pace` the best bound, the size of
+    a step, and the steps since the bound was last raised."""
+
+    penalty: Floats
+    kept: Floats
+    last: Floats
+    pace: Floats
+
+
+def ascend(
+    cost: Ints,
+    penalty: Floats,
+    upper: float,
+    steps: int,
+    size: float,
+    interrupted: Callable[[], bool] = lambda: False,
+) -> tuple[float, Floats, int]:
     """Raise the bound by subgradient steps, of `size` times the gap to `upper` at first, halved when they do not help.
 
     `penalty` (n,) is changed in place. The best bound, its penalties, and the steps that were made; it ends early when
-    the bound reaches `upper` or a 1-tree is a tour.
+    the bound reaches `upper` or a 1-tree is a tour, and when interrupted, but not before a second's worth of steps.
     """
+    state = Ascent(penalty, penalty.copy(), np.zeros(len(cost)), np.array([-np.inf, size, 0.0]))
+    patience, made = max(5, steps // 20), 0
+    share = max(1, SLICE // len(cost) ** 2)
+    while made < steps and (made < LEAST * share or not interrupted()):
+        now = min(share, steps - made)
+        done, ended = _climb(cost, state, upper, now, patience)
+        made += done
+        if ended:
+            break
+    return float(state.pace[0]), state.kept, made
+
+
+@compiled
+def _climb(cost: Ints, state: Ascent, upper: float, steps: int, patience: int) -> tuple[int, bool]:
+    """Some steps of an ascent; how many were made, and whether it has ended."""
     n = cost.shape[0]
     degree, parent = np.zeros(n, np.int32), np.zeros(n, np.int32)
-    last = np.zeros(n)
-    best, kept = -np.inf, penalty.copy()
-    patience, waited = max(5, steps // 20), 0
+    penalty, kept, last, pace = state
     for step in range(steps):
         bound = one_tree(cost, penalty, degree, parent)
-        waited += 1
-        if bound > best:
-            best, waited = bound, 0
+        pace[2] += 1
+        if bound > pace[0]:
+            pace[0], pace[2] = bound, 0
             kept[:] = penalty
         square = 0.0
         for city in range(n):
             square += (degree[city] - 2) ** 2
-        if square == 0 or best > upper - 1:
-            return best, kept, step + 1
-        if waited >= patience:
-            size, waited = size / 2, 0
+        if square == 0 or pace[0] > upper - 1:
+            return step + 1, True
+        if pace[2] >= patience:
+            pace[1], pace[2] = pace[1] / 2, 0
             penalty[:] = kept
-        pace = size * max(upper - bound, 1.0) / square
+        length = pace[1] * max(upper - bound, 1.0) / square
         for city in range(n):
             turn = degree[city] - 2.0
-            penalty[city] += np.rint(GRAIN * pace * (0.7 * turn + 0.3 * last[city])) / GRAIN
+            penalty[city] += np.rint(GRAIN * length * (0.7 * turn + 0.3 * last[city])) / GRAIN
             last[city] = turn
-    return best, kept, steps
+    return steps, False
 
 
 @compiled

@@ -9,6 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
+from engine.sequencing.candidates import quadrant
+from engine.sequencing.kernels import bounds
 from engine.sequencing.kernels.bounds import GRAIN, ascend, excess, one_tree
 
 Ints = NDArray[np.int32]
@@ -75,3 +77,42 @@ def test_the_bound_of_random_cities_comes_near_a_good_tour() -> None:
     upper = int(cost[tour, np.roll(tour, -1)].sum())
     bound, _, _ = ascend(cost, np.zeros(120), float(upper), 500, 1.0)
     assert 0.9 * upper < bound <= upper
+
+
+def test_an_interrupted_ascent_ends_soon_with_a_bound() -> None:
+    n = 4000
+    places = np.random.default_rng(5).integers(0, 10_000, (n, 2)).astype(np.float32)
+    cost = np.empty((n, n), np.int32)
+    for row in range(n):
+        cost[row] = np.hypot(*(places - places[row]).T)
+    bound, penalty, made = ascend(cost, np.zeros(n), 1e9, 60, 1.0, lambda: True)
+    assert made < 60
+    assert 0 < bound == pytest.approx(one_tree(cost, penalty, *np.zeros((2, n), np.int32)), abs=0)
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.integers(8, 60), seeds)
+def test_an_ascent_in_slices_is_the_ascent_at_once(n: int, seed: int) -> None:
+    cost, _ = drawn(n, seed)
+    whole = ascend(cost, np.zeros(n), 1e6, 40, 1.0)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(bounds, "SLICE", 3 * n * n)
+        sliced = ascend(cost, np.zeros(n), 1e6, 40, 1.0)
+    assert (sliced[0], sliced[2]) == (whole[0], whole[2])
+    assert (sliced[1] == whole[1]).all()
+
+
+@settings(max_examples=20, deadline=None)
+@given(st.integers(4, 200), seeds, st.booleans())
+def test_candidates_are_the_cheapest_in_each_quadrant_then_the_cheapest(
+    n: int, seed: int, flat: bool
+) -> None:
+    places = np.random.default_rng(seed).integers(0, 3 if flat else 500, (n, 2)).astype(float)
+    cost = np.rint(np.hypot(*(places[:, None] - places[None]).transpose(2, 0, 1))).astype(np.int64)
+    for city, found in enumerate(quadrant(places, cost)):
+        others = sorted((c for c in range(n) if c != city), key=lambda c: (cost[city, c], c))
+        side = {c: tuple(places[c] >= places[city]) for c in others}
+        firsts = {next(c for c in others if side[c] == each) for each in set(side.values())}
+        rest = [c for c in others if c not in firsts]
+        wanted = firsts | set(rest[: max(0, len(found) - len(firsts))])
+        assert list(found) == [c for c in others if c in wanted][: len(found)]
