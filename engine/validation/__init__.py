@@ -5,9 +5,10 @@ cannot disturb each other, so that all other linearisations do the same. It shar
 """
 
 from collections.abc import Iterator
+from functools import cached_property
 
 from engine.validation.datalog import Facts, holds
-from engine.validation.interference import Executed, Interference, denies, is_stage, signed
+from engine.validation.interference import Executed, Interference, is_stage, signed
 from engine.validation.semantics import Change, Semantics, State
 from engine.validation.workflow import Stages
 from kb.diagnostics import Diagnostic, Source
@@ -156,7 +157,7 @@ class _Check:
         if not self._produces(link.producer, atom, positive):
             self._report("K504", f"{said}: the producer does not achieve it")
             return
-        for executed in self.executed.values():
+        for executed in self._touching[atom]:
             other = executed.step.id
             early = link.producer != START and other in self.before[link.producer]
             late = link.consumer != GOAL and link.consumer in self.before[other]
@@ -167,6 +168,17 @@ class _Check:
                     "K504", f"{said}: step {other} {executed.step.operator} can come between and end it"
                 )
                 return
+
+    @cached_property
+    def _touching(self) -> dict[Atom, list[Executed]]:
+        """For the condition of each link the steps that may add or deny it, in their order."""
+        touching: dict[Atom, list[Executed]] = {signed(link.condition)[0]: [] for link in self.plan.links}
+        for executed in self.executed.values():
+            atoms = touching if executed.deductions else executed.denied | executed.change.adds
+            for atom in atoms:
+                if atom in touching:
+                    touching[atom].append(executed)
+        return touching
 
     def _produces(self, producer: StepId, atom: Atom, positive: bool) -> bool:
         if producer == START:
@@ -181,7 +193,7 @@ class _Check:
     def _destroys(self, executed: Executed, atom: Atom, positive: bool) -> bool:
         if not positive:
             return atom in executed.change.adds
-        return atom not in executed.change.adds and denies(self.semantics, executed, atom)
+        return atom not in executed.change.adds and executed.denies(atom, self.semantics.statics)
 
     def _interference(self) -> Interference:
         return Interference(self.problem, self.plan, self.semantics, self.executed, self.before, self.start)

@@ -5,8 +5,8 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 
-from engine.validation.datalog import Bindings, holds
-from engine.validation.semantics import Change, Semantics, State
+from engine.validation.datalog import Bindings, Facts, holds
+from engine.validation.semantics import Change, Denial, Semantics, State
 from kb.model.conditions import TRUE, Condition, bind, literals
 from kb.model.domain import Operator
 from kb.model.plan import Plan, Step, StepId
@@ -16,7 +16,7 @@ from kb.terms import ANYTHING, Atom, Function, match, substitute_atom, variables
 MAX_UNCERTAIN = 7  # atoms whose every combination is tried
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Executed:
     """A step with what it did in the canonical order."""
 
@@ -24,6 +24,20 @@ class Executed:
     operator: Operator
     bindings: Bindings
     change: Change
+
+    @cached_property
+    def denied(self) -> State:
+        """The atoms that it denies one by one."""
+        return frozenset(denial.pattern for denial in self.change.denials if denial.consequence is None)
+
+    @cached_property
+    def deductions(self) -> tuple[Denial, ...]:
+        """The denials that deduction makes, of whatever matches."""
+        return tuple(denial for denial in self.change.denials if denial.consequence is not None)
+
+    def denies(self, atom: Atom, statics: Facts) -> bool:
+        """Whether the step denies an atom, true at the moment or not."""
+        return atom in self.denied or any(each.matches(atom, statics) for each in self.deductions)
 
 
 @dataclass
@@ -69,7 +83,9 @@ class Interference:
         needed = reads[other.step.id]
         name = f"{one.step.operator}"
         exposed = (needed.true | other.change.adds) - one.change.adds
-        denied = [atom for atom in exposed if denies(self.semantics, one, atom)]
+        denied = exposed & one.denied
+        if one.deductions:
+            denied = {atom for atom in exposed if one.denies(atom, self.semantics.statics)}
         if denied:
             return f"{name} denies {min(map(str, denied))}, which {other.step.operator} needs or adds"
         added = needed.false & one.change.adds
@@ -154,8 +170,3 @@ def signed(condition: Atom) -> tuple[Atom, bool]:
 def is_stage(condition: Atom) -> bool:
     """Whether a condition counts the stages of a chain, which the workflow check follows by itself."""
     return signed(condition)[0].name == "_stage"
-
-
-def denies(semantics: Semantics, executed: Executed, atom: Atom) -> bool:
-    """Whether a step denies an atom, true at the moment or not."""
-    return any(denial.matches(atom, semantics.statics) for denial in executed.change.denials)
