@@ -16,12 +16,11 @@ from engine.macros.query import Query
 from engine.macros.world import World
 from kb.model.conditions import Literal, Parameter
 from kb.model.macro import Macrop
+from kb.store import Requirement
 from kb.store.notation import read_literal
 from kb.terms import Function, Term, Variable, match, substitute_atom, variables
 
 GOALS = 1 << 14  # whose features are remembered
-
-Requirement = tuple[str, int]
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,10 +9,11 @@ from collections.abc import Callable, Hashable, Iterable
 from dataclasses import dataclass, field
 from functools import cached_property
 
-from engine.macros.features import Observed, Profiles, Requirement, requirements
+from engine.macros.features import Observed, Profiles, requirements
 from engine.macros.matching import Program
 from engine.macros.query import Query, signature_asked, signature_of
 from kb.model.macro import Macrop
+from kb.store import Requirement
 
 UNKNOWN_COST = 1 << 62
 

@@ -1,15 +1,18 @@
 """What a library holds for one domain as it is now: fetched by goal signature when first asked for, stale ones left out."""
 
 import time
-from collections.abc import Callable, Hashable, Iterable
+from collections.abc import Callable, Hashable, Iterable, Iterator
+from dataclasses import replace
+from functools import partial
 
 from engine.macros.digests import Digests
-from engine.macros.index import Entry, Index
+from engine.macros.features import requirements
+from engine.macros.index import Entry, Index, rank
 from engine.macros.lookup import Hit, look_up
 from engine.macros.query import Query, readings, signature_asked, signature_of
 from kb.model.domain import Domain
 from kb.model.macro import Macrop
-from kb.store import Library, Record, Stored, Use
+from kb.store import Library, Outline, Record, Use
 
 FLUSH = 1024  # uses that are noted in memory before the library hears of them
 DOUBT_S = 1.0
@@ -26,6 +29,7 @@ class Repertoire:
         self._digests = Digests(domain)
         self._index = Index()
         self._seen: dict[str, int] = {}
+        self._fresh: dict[int, bool] = {}
         self._uses: dict[int, Use] = {}
         self._noted = 0
         self._since = clock()
@@ -35,7 +39,7 @@ class Repertoire:
 
     def load(self) -> None:
         """Fetch everything now."""
-        for each in self.library.all(self.domain.name):
+        for each in self._whole(self.library.outlines(self.domain.name)):
             self._seen[each.signature] = max(self._seen.get(each.signature, 0), each.id)
             self._put(each)
 
@@ -62,10 +66,11 @@ class Repertoire:
 
     def learn(self, macrop: Macrop, planning_s: float = 0.0) -> int | None:
         """Keep a MACROP; its number, or None if the library has it."""
-        signature = signature_of(macrop)
+        record = record_of(macrop, planning_s)
+        signature = record.signature
         if signature not in self._seen:
             self._fetch(signature)
-        (number,) = self.library.add([Record(macrop, signature, planning_s)])
+        (number,) = self.library.add([record])
         if number is not None:
             self._index.add(number, macrop)
         else:
@@ -92,16 +97,40 @@ class Repertoire:
 
     def _fetch(self, signature: str) -> bool:
         """Whether the library has more for a signature than was seen."""
-        found = self.library.serving(self.domain.name, signature, self._seen.get(signature, 0))
+        found = self.library.outlines(self.domain.name, signature, self._seen.get(signature, 0))
         self._seen[signature] = found[-1].id if found else self._seen.get(signature, 0)
-        for each in found:
+        for each in self._whole(found):
             self._put(each)
         return bool(found)
 
-    def _put(self, each: Stored) -> None:
-        wanted = each.id not in self._index and not each.macrop.subsequence and pays(each)
-        if wanted and self._digests.fresh(each.macrop.depends):
-            self._index.add(each.id, each.macrop)
+    def _whole(self, found: list[Outline]) -> Iterator[Outline]:
+        """The outlines; those that lack requirements, as older versions have left them, get them now and for later.
+
+        Sub-sequences have none and are left out: searches have them as operators.
+        """
+        bare = [each.id for each in found if each.requirements is None]
+        read = {each.id: each.macrop for each in self.library.among(bare)}
+        macrops = {number: macrop for number, macrop in read.items() if not macrop.subsequence}
+        worked_out = {number: requirements(macrop) for number, macrop in macrops.items()}
+        if worked_out:
+            self.library.outlined([(macrops[number], number, own) for number, own in worked_out.items()])
+        for each in found:
+            if each.requirements is not None:
+                yield each
+            elif each.id in macrops:
+                yield replace(each, cost=macrops[each.id].cost, requirements=worked_out[each.id])
+
+    def _put(self, each: Outline) -> None:
+        if each.proof not in self._fresh:
+            self._fresh[each.proof] = self._digests.fresh(each.depends)
+        if each.id not in self._index and pays(each) and self._fresh[each.proof]:
+            order = rank(each.id, each.name, each.cost, each.steps)
+            entry = Entry(each.id, order, partial(self._read, each.id))
+            self._index.put(each.signature, entry, each.requirements or ())
+
+    def _read(self, number: int) -> Macrop | None:
+        found = self.library.numbered(number)
+        return found.macrop if found is not None else None
 
     def _note(self, key: Hashable, times: int) -> None:
         """Charge a MACROP with the time since the last one was charged."""
@@ -115,7 +144,12 @@ class Repertoire:
             self.flush()
 
 
-def pays(each: Stored) -> bool:
+def record_of(macrop: Macrop, planning_s: float = 0.0) -> Record:
+    """A MACROP as a library keeps it."""
+    return Record(macrop, signature_of(macrop), planning_s, requirements(macrop))
+
+
+def pays(each: Outline) -> bool:
     """Whether a MACROP is worth offering: what it cost in vain is less than what it saved and may yet save.
 
     Utility is measured, not guessed (Minton 1988): seconds of planning saved less seconds of looking up; the benefit of the

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from engine import pipeline
 from engine.macros.generalise import NotGeneral, generalise
-from engine.macros.query import signature_of
+from engine.macros.repertoire import record_of
 from engine.macros.world import World
 from engine.reuse.subsequences import SIGNATURE
 from engine.validation.semantics import Semantics
@@ -51,7 +51,7 @@ def lesson(file: Path, library: Library) -> Lesson:
 
 def records(macrops: Iterable[Macrop]) -> list[Record]:
     """MACROPs as a library keeps them."""
-    return [Record(each, SIGNATURE if each.subsequence else signature_of(each)) for each in macrops]
+    return [Record(each, SIGNATURE) if each.subsequence else record_of(each) for each in macrops]
 
 
 def write(file: Path, macrops: Iterable[Macrop]) -> None:

@@ -3,12 +3,15 @@
 from kb.store.documents import document, dumps, loads, macrop_of
 from kb.store.library import Figures, Library, Record, Stored, Use
 from kb.store.notation import NotationError
+from kb.store.outlines import Outline, Requirement
 
 __all__ = [
     "Figures",
     "Library",
     "NotationError",
+    "Outline",
     "Record",
+    "Requirement",
     "Stored",
     "Use",
     "document",

@@ -1,6 +1,5 @@
 """MACROPs as readable documents: JSON of texts, the same bytes for the same MACROP."""
 
-import hashlib
 import json
 from collections.abc import Iterable, Mapping
 from typing import Any
@@ -136,8 +135,3 @@ def loads(text: str) -> Macrop:
     if not isinstance(found, dict):
         raise NotationError("not a MACROP: no JSON object")
     return macrop_of(found)
-
-
-def fingerprint(text: str) -> str:
-    """What tells MACROPs apart: a digest of the whole document."""
-    return hashlib.sha256(text.encode()).hexdigest()[:32]

@@ -1,6 +1,6 @@
 """A library of MACROPs: what was learned, what each proof depends on, and how often it served."""
 
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from types import TracebackType
@@ -9,22 +9,25 @@ from sqlalchemy import Connection, delete, func, select
 from sqlalchemy.dialects import postgresql, sqlite
 
 from kb.model.macro import Macrop
-from kb.store.documents import dumps, fingerprint, loads
+from kb.store.documents import dumps, loads
 from kb.store.engines import refusal, transaction
 from kb.store.notation import NotationError
 from kb.store.opening import opened
-from kb.store.schema import dependencies, macrops, trials, usage, version_of
-
-CHUNK = 500  # rows named in one statement
+from kb.store.outlines import Outline, Requirement, SharedTexts, chunks, words_of
+from kb.store.schema import depends_text, fingerprint, macrops, outlines, trials, usage, version_of
 
 
 @dataclass(frozen=True, slots=True)
 class Record:
-    """A MACROP to be kept, under the signature of its goals. `planning_s` is what planning took when it was learned."""
+    """A MACROP to be kept, under the signature of its goals. `planning_s` is what planning took when it was learned.
+
+    `requirements` are what an index demands of a query; without, they are worked out when it is first looked up.
+    """
 
     macrop: Macrop
     signature: str
     planning_s: float = 0.0
+    requirements: tuple[Requirement, ...] | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,6 +74,7 @@ class Library:
         """Open a library, make it, or bring it to the current schema. `target` is a file or a URL."""
         self.target = target
         self._engine = opened(target)
+        self._shared = SharedTexts()
 
     def __enter__(self) -> "Library":
         return self
@@ -90,40 +94,69 @@ class Library:
 
     def add(self, records: Iterable[Record]) -> list[int | None]:
         """Keep MACROPs; the number of each, None for those that are there already."""
-        with transaction(self._engine, self.target, writes=True) as connection:
-            return [self._add(connection, each) for each in records]
+        texts = [(each, dumps(each.macrop)) for each in records]
+        try:
+            with transaction(self._engine, self.target, writes=True) as connection:
+                numbers = [_insert(connection, each, text) for each, text in texts]
+                self._describe(connection, [(n, r) for n, (r, _) in zip(numbers, texts, strict=True) if n])
+        except BaseException:
+            self._shared.forget()
+            raise
+        return numbers
 
-    def _add(self, connection: Connection, record: Record) -> int | None:
-        macrop, text = record.macrop, dumps(record.macrop)
-        insert = sqlite.insert if connection.dialect.name == "sqlite" else postgresql.insert
-        made = insert(macrops).values(
-            domain=macrop.domain,
-            signature=record.signature,
-            name=str(macrop.name),
-            fingerprint=fingerprint(text),
-            document=text,
-            steps=len(macrop.steps),
-        )
-        row = connection.execute(made.on_conflict_do_nothing().returning(macrops.c.id)).first()
-        if row is None:
-            return None
-        number = int(row[0])
-        parts = [{"macrop": number, "part": p, "digest": d} for p, d in sorted(macrop.depends.items())]
-        if parts:
-            connection.execute(dependencies.insert(), parts)
-        connection.execute(
-            usage.insert().values(macrop=number, uses=0, planning_s=record.planning_s, lookup_s=0.0)
-        )
-        return number
+    def _describe(self, connection: Connection, new: list[tuple[int, Record]]) -> None:
+        """Keep the outlines of new MACROPs, and that they have not been used."""
+        if not new:
+            return
+        proofs = {number: depends_text(record.macrop.depends) for number, record in new}
+        required = (text for _, record in new for text, _ in record.requirements or ())
+        shared = self._shared.numbers(connection, {*proofs.values(), *required})
+        rows = [
+            {
+                "macrop": number,
+                "depends": shared[proofs[number]],
+                "cost": record.macrop.cost,
+                "requirements": _words(record.requirements, shared),
+            }
+            for number, record in new
+        ]
+        connection.execute(outlines.insert(), rows)
+        unused = [{"macrop": n, "uses": 0, "planning_s": r.planning_s, "lookup_s": 0.0} for n, r in new]
+        connection.execute(usage.insert(), unused)
 
-    def serving(self, domain: str, signature: str, above: int = 0) -> list[Stored]:
-        """The MACROPs for goals of one signature, in order of number; those beyond a number only."""
-        where = (macrops.c.domain == domain) & (macrops.c.signature == signature) & (macrops.c.id > above)
-        return self._read(where)
+    def outlines(self, domain: str, signature: str | None = None, above: int = 0) -> list[Outline]:
+        """The MACROPs of a domain, for goals of one signature if that is given, in order of number; those beyond a number only."""
+        where = (macrops.c.domain == domain) & (macrops.c.id > above)
+        if signature is not None:
+            where &= macrops.c.signature == signature
+        with transaction(self._engine, self.target) as connection:
+            return self._shared.outlines(connection, where)
+
+    def outlined(self, found: Iterable[tuple[Macrop, int, tuple[Requirement, ...]]]) -> None:
+        """Keep the requirements that were worked out for MACROPs of older versions, with their numbers."""
+        new = list(found)
+        try:
+            with transaction(self._engine, self.target, writes=True) as connection:
+                shared = self._shared.numbers(connection, {text for _, _, own in new for text, _ in own})
+                for macrop, number, own in new:
+                    values = {"cost": macrop.cost, "requirements": words_of(own, shared)}
+                    connection.execute(outlines.update().where(outlines.c.macrop == number).values(values))
+        except BaseException:
+            self._shared.forget()
+            raise
+
+    def serving(self, domain: str, signature: str) -> list[Stored]:
+        """The MACROPs kept under one signature, with their documents, in order of number."""
+        return self._read((macrops.c.domain == domain) & (macrops.c.signature == signature))
 
     def all(self, domain: str = "") -> list[Stored]:
         """Every MACROP, of one domain if that is named, in order of number."""
         return self._read(macrops.c.domain == domain if domain else None)
+
+    def among(self, numbers: Collection[int]) -> list[Stored]:
+        """The MACROPs with these numbers."""
+        found = (self._read(macrops.c.id.in_(chunk)) for chunk in chunks(sorted(numbers)))
+        return [each for chunk in found for each in chunk]
 
     def numbered(self, number: int) -> Stored | None:
         """One MACROP by its number."""
@@ -157,29 +190,22 @@ class Library:
 
     def outdated(self, domain: str, digest: Callable[[str], str]) -> dict[int, tuple[str, ...]]:
         """The MACROPs of a domain that rest on parts which `digest` knows otherwise now, with the names of these parts."""
-        own = macrops.c.domain == domain
-        pairs = (
-            select(dependencies.c.part, dependencies.c.digest)
-            .join_from(dependencies, macrops)
-            .where(own)
-            .distinct()
-        )
+        own = select(outlines.c.macrop, outlines.c.depends).join_from(outlines, macrops)
         with transaction(self._engine, self.target) as connection:
-            changed = [(part, old) for part, old in connection.execute(pairs) if digest(part) != old]
-            found: dict[int, list[str]] = {}
-            for part, old in changed:
-                rests = select(macrops.c.id).join_from(dependencies, macrops)
-                rests = rests.where(own & (dependencies.c.part == part) & (dependencies.c.digest == old))
-                for (number,) in connection.execute(rests):
-                    found.setdefault(number, []).append(part)
-        return {number: tuple(sorted(parts)) for number, parts in sorted(found.items())}
+            rests = connection.execute(own.where(macrops.c.domain == domain)).all()
+            depends = self._shared.depends(connection, {proof for _, proof in rests})
+        changed = {
+            proof: tuple(sorted(part for part, old in parts.items() if digest(part) != old))
+            for proof, parts in depends.items()
+        }
+        return {number: changed[proof] for number, proof in sorted(map(tuple, rests)) if changed[proof]}
 
     def forget(self, numbers: Collection[int]) -> int:
         """Remove MACROPs; how many were there."""
         with transaction(self._engine, self.target, writes=True) as connection:
             return sum(
                 connection.execute(delete(macrops).where(macrops.c.id.in_(chunk))).rowcount
-                for chunk in _chunks(sorted(numbers))
+                for chunk in chunks(sorted(numbers))
             )
 
     def used(self, uses: Mapping[int, Use]) -> None:
@@ -220,6 +246,21 @@ class Library:
         return Figures(sum(domains.values()), count, int(uses or 0), float(seconds or 0.0), domains, schema)
 
 
-def _chunks(numbers: list[int]) -> Iterator[list[int]]:
-    for start in range(0, len(numbers), CHUNK):
-        yield numbers[start : start + CHUNK]
+def _insert(connection: Connection, record: Record, text: str) -> int | None:
+    """The number of a new MACROP; None if it is there."""
+    macrop = record.macrop
+    insert = sqlite.insert if connection.dialect.name == "sqlite" else postgresql.insert
+    made = insert(macrops).values(
+        domain=macrop.domain,
+        signature=record.signature,
+        name=str(macrop.name),
+        fingerprint=fingerprint(text),
+        document=text,
+        steps=len(macrop.steps),
+    )
+    row = connection.execute(made.on_conflict_do_nothing().returning(macrops.c.id)).first()
+    return int(row[0]) if row is not None else None
+
+
+def _words(requirements: tuple[Requirement, ...] | None, numbers: Mapping[str, int]) -> str | None:
+    return words_of(requirements, numbers) if requirements is not None else None

@@ -3,7 +3,9 @@
 A new library goes through every migration from nothing, so the path that old files take is the one taken daily.
 """
 
-from collections.abc import Callable
+import hashlib
+import json
+from collections.abc import Callable, Mapping
 
 from sqlalchemy import (
     Column,
@@ -90,6 +92,25 @@ utility = Table(
     Column("beside", Integer, nullable=False, default=0),
 )
 
+# Texts that many MACROPs share: what they depend on, and what the index demands. Only ever added to.
+shared = Table(
+    "shared",
+    metadata,
+    Column("id", Integer, primary_key=True),
+    Column("fingerprint", String(32), nullable=False),
+    Column("text", Text, nullable=False),
+    UniqueConstraint("fingerprint", name="one_of_each_text"),
+)
+
+outlines = Table(
+    "outlines",
+    metadata,
+    Column("macrop", Integer, ForeignKey("macrops.id", ondelete="CASCADE"), primary_key=True),
+    Column("depends", Integer, ForeignKey("shared.id"), nullable=False, index=True),
+    Column("cost", Integer),
+    Column("requirements", Text),  # numbers of shared texts; nothing in what older versions have written
+)
+
 
 def _first(connection: Connection) -> None:
     metadata.create_all(connection, [macrops, dependencies])
@@ -113,12 +134,40 @@ def _with_utility(connection: Connection) -> None:
     metadata.create_all(connection, [utility])
 
 
+def _with_outlines(connection: Connection) -> None:
+    """What MACROPs depend on is kept once for all that depend on the same."""
+    metadata.create_all(connection, [shared, outlines])
+    depends: dict[int, dict[str, str]] = {n: {} for (n,) in connection.execute(select(macrops.c.id))}
+    for number, part, digest in connection.execute(select(dependencies)):
+        depends[number][part] = digest
+    texts = {number: depends_text(found) for number, found in sorted(depends.items())}
+    if texts:
+        rows = [{"fingerprint": fingerprint(text), "text": text} for text in sorted(set(texts.values()))]
+        connection.execute(insert(shared), rows)
+        numbers = {text: n for n, text in connection.execute(select(shared.c.id, shared.c.text))}
+        connection.execute(
+            insert(outlines), [{"macrop": n, "depends": numbers[text]} for n, text in texts.items()]
+        )
+    dependencies.drop(connection)
+
+
+def depends_text(depends: Mapping[str, str]) -> str:
+    """What a MACROP depends on, as a text: the same for the same."""
+    return json.dumps(dict(sorted(depends.items())), ensure_ascii=False)
+
+
+def fingerprint(text: str) -> str:
+    """What tells texts apart."""
+    return hashlib.sha256(text.encode()).hexdigest()[:32]
+
+
 MIGRATIONS: tuple[Callable[[Connection], None], ...] = (
     _first,
     _with_usage,
     _with_trials,
     _with_sequences,
     _with_utility,
+    _with_outlines,
 )
 CURRENT = len(MIGRATIONS)
 

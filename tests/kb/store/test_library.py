@@ -27,8 +27,8 @@ def test_what_is_added_is_there_once(target: str) -> None:
         assert library.add([record("go")]) == [None]
         assert [each.macrop for each in library.all()] == [macrop("go"), macrop("stay")]
     with Library(target) as library:
-        assert [each.signature for each in library.serving("bulkhead", "stay/0")] == ["stay/0"]
-        assert library.serving("bulkhead", "stay/0", above=library.all()[-1].id) == []
+        assert [each.signature for each in library.outlines("bulkhead", "stay/0")] == ["stay/0"]
+        assert library.outlines("bulkhead", "stay/0", above=library.all()[-1].id) == []
 
 
 def test_forgetting_removes_everything_that_belongs_to_a_macrop(target: str) -> None:
@@ -127,10 +127,18 @@ def test_a_library_of_the_first_schema_is_brought_up_to_date(target: str) -> Non
         from kb.store import dumps
 
         connection.execute(tables.macrops.insert().values(document=dumps(macrop("go")), **old))
+        connection.execute(tables.dependencies.insert().values(macrop=1, part="operator move", digest="a"))
     engine.dispose()
     with Library(target) as library:
         assert [str(each.macrop.name) for each in library.all()] == ["go"]
         assert library.figures().schema == tables.CURRENT
+        assert library.outdated("bulkhead", lambda _: "b") == {1: ("operator move",)}
+        assert library.outdated("bulkhead", lambda _: "a") == {}
+        assert [each.requirements for each in library.outlines("bulkhead")] == [None]
+        library.outlined([(macrop("go"), 1, (("state\n\ngo", 2), ("goal\ngo", 1)))])
+        assert [each.requirements for each in library.outlines("bulkhead", "go/0")] == [
+            (("state\n\ngo", 2), ("goal\ngo", 1))
+        ]
         library.used({1: Use(1, 0.1)})
         assert library.figures().uses == 1
 

@@ -61,7 +61,9 @@ def test_a_library_without_utilities_is_brought_up_to_date(target: str) -> None:
         filled(library)
     engine = connected(target)
     with transaction(engine, target, writes=True) as connection:
-        tables.utility.drop(connection)
+        for table in (tables.utility, tables.outlines, tables.shared):
+            table.drop(connection)
+        tables.dependencies.create(connection)
         connection.execute(tables.versions.update().values(version=4))
     engine.dispose()
     with Library(target) as library:

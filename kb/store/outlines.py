@@ -1,0 +1,134 @@
+"""Outlines of stored MACROPs: what has to be known before a document is read, in rows so short that thousands are read at once.
+
+What the MACROPs of a domain have in common (what they depend on, what an index demands of a query) is kept once as a
+text with a number.
+"""
+
+import json
+from collections.abc import Collection, Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from sqlalchemy import Connection, select
+from sqlalchemy.dialects import postgresql, sqlite
+
+from kb.store.schema import fingerprint, macrops, outlines, shared, usage
+
+CHUNK = 500  # rows named in one statement
+
+Requirement = tuple[str, int]
+
+
+@dataclass(frozen=True, slots=True)
+class Outline:
+    """A MACROP of a library without its document.
+
+    `requirements` are the index's own, with the least number of each; None where they have not been worked out. Those
+    with the same `proof` depend on the same.
+    """
+
+    id: int
+    signature: str
+    name: str
+    steps: int
+    cost: int | None
+    proof: int
+    depends: Mapping[str, str]
+    requirements: tuple[Requirement, ...] | None
+    uses: int = 0
+    planning_s: float = 0.0
+    lookup_s: float = 0.0
+
+    @property
+    def saved_s(self) -> float:
+        """Seconds of planning that it has saved, less what looking it up took."""
+        return self.uses * self.planning_s - self.lookup_s
+
+
+class SharedTexts:
+    """The shared texts of a library that were met so far, both ways."""
+
+    def __init__(self) -> None:
+        self._numbers: dict[str, int] = {}
+        self._texts: dict[int, str] = {}
+        self._depends: dict[int, Mapping[str, str]] = {}
+        self._required: dict[str, Requirement] = {}
+
+    def forget(self) -> None:
+        """Forget numbers that an undone transaction may have given."""
+        self._numbers.clear()
+
+    def numbers(self, connection: Connection, texts: Collection[str]) -> Mapping[str, int]:
+        """The numbers of texts, given where they have none."""
+        new = {fingerprint(text): text for text in sorted(set(texts) - self._numbers.keys())}
+        if new:
+            insert = sqlite.insert if connection.dialect.name == "sqlite" else postgresql.insert
+            rows = [{"fingerprint": digest, "text": text} for digest, text in new.items()]
+            connection.execute(insert(shared).on_conflict_do_nothing(), rows)
+            for chunk in chunks(sorted(new)):
+                asked = select(shared.c.id, shared.c.fingerprint).where(shared.c.fingerprint.in_(chunk))
+                self._numbers.update((new[digest], number) for number, digest in connection.execute(asked))
+        return self._numbers
+
+    def outlines(self, connection: Connection, where: object) -> list[Outline]:
+        """The outlines of MACROPs in order of number."""
+        columns = (macrops.c.id, macrops.c.signature, macrops.c.name, macrops.c.steps)
+        figures = (usage.c.uses, usage.c.planning_s, usage.c.lookup_s)
+        own = (outlines.c.cost, outlines.c.depends, outlines.c.requirements)
+        asked = select(*columns, *own, *figures).join_from(macrops, outlines).outerjoin(usage)
+        rows: list[tuple[Any, ...]] = [*connection.execute(asked.where(where).order_by(macrops.c.id))]  # type: ignore[arg-type]
+        self._meet(connection, rows)
+        return [self._outline(*row) for row in rows]
+
+    def depends(self, connection: Connection, numbers: Iterable[int]) -> dict[int, Mapping[str, str]]:
+        """What the proofs of these numbers depend on."""
+        wanted = set(numbers)
+        self._read(connection, wanted - self._depends.keys())
+        for number in wanted - self._depends.keys():
+            self._depends[number] = json.loads(self._texts[number])
+        return {number: self._depends[number] for number in wanted}
+
+    def _meet(self, connection: Connection, rows: Collection[tuple[Any, ...]]) -> None:
+        """Read the shared texts that rows name for the first time."""
+        words = {word for row in rows for word in (row[6] or "").split()} - self._required.keys()
+        parsed = {word: tuple(map(int, f"{word}*1".split("*")[:2])) for word in words}
+        self._read(connection, {number for number, _ in parsed.values()} - self._texts.keys())
+        self._required.update(
+            (word, (self._texts[number], least)) for word, (number, least) in parsed.items()
+        )
+        self.depends(connection, {row[5] for row in rows})
+
+    def _read(self, connection: Connection, numbers: Collection[int]) -> None:
+        for chunk in chunks(sorted(numbers)):
+            asked = select(shared.c.id, shared.c.text).where(shared.c.id.in_(chunk))
+            self._texts.update((number, text) for number, text in connection.execute(asked))
+
+    def _outline(
+        self,
+        number: int,
+        signature: str,
+        name: str,
+        steps: int,
+        cost: int | None,
+        proof: int,
+        words: str | None,
+        uses: int | None,
+        planning_s: float | None,
+        lookup_s: float | None,
+    ) -> Outline:
+        required = tuple([self._required[word] for word in words.split()]) if words is not None else None
+        figures = uses or 0, planning_s or 0.0, lookup_s or 0.0
+        return Outline(number, signature, name, steps, cost, proof, self._depends[proof], required, *figures)
+
+
+def words_of(requirements: Iterable[Requirement], numbers: Mapping[str, int]) -> str:
+    """Requirements as a column has them: the numbers of their texts, and how often each if not once."""
+    return " ".join(
+        f"{numbers[text]}*{least}" if least != 1 else str(numbers[text]) for text, least in requirements
+    )
+
+
+def chunks(found: list[Any]) -> Iterator[list[Any]]:
+    """A list in pieces that one statement can name."""
+    for start in range(0, len(found), CHUNK):
+        yield found[start : start + CHUNK]
