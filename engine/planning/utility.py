@@ -14,7 +14,7 @@ from engine.planning.effort import Effort, Interrupted
 from engine.planning.portfolio import COMPOSITES, GREED, Setting
 from engine.planning.regression import BestFirst
 
-SEEDS = (0, 1, 2)  # ties broken in so many ways, where a search breaks ties by chance
+SEEDS = (0, 1, 2, 3, 4)  # ties broken in so many ways, where a search breaks ties by chance
 MOST = 20_000  # nodes that a task may take; what takes more is no task to train on
 TOGETHER = 4  # patterns that are kept for one search
 PAYS = 0.95  # of the work without a pattern, that with it may be

@@ -13,6 +13,7 @@ from engine.macros.checking import executed
 from engine.macros.digests import Digests
 from engine.macros.generalise import NotGeneral, generalise
 from engine.macros.query import Situation
+from engine.macros.specialise import specialised
 from engine.macros.subsequences import LARGEST, Recurring, fits, occurring, recurring, shape
 from engine.model.outcome import Statistics
 from engine.model.task import Task
@@ -106,7 +107,7 @@ class Subsequences:
         small = len(task.operators) <= OPERATORS and 1 < len(plan.steps) <= LARGEST
         if tasks >= LESSONS or not small or stop():
             return
-        fresh = _distinct(_lifted(each, problem, here) for each in self._strangers(plan))
+        fresh = _distinct(lifted(each, problem, here) for each in self._strangers(plan))
         patterns = [*(each.pattern for each in self._known), *map(pattern_of, fresh)]
         trials = {search: measured(task, search, patterns, stop) for search in SEARCHES} if patterns else {}
         if stop():
@@ -173,7 +174,7 @@ def _distinct(macrops: Iterable[Macrop | None]) -> list[Macrop]:
     return list({shape(pattern_of(each)): each for each in macrops if each is not None}.values())
 
 
-def _lifted(found: Recurring, problem: Problem, here: Situation) -> Macrop | None:
+def lifted(found: Recurring, problem: Problem, here: Situation) -> Macrop | None:
     """A sub-sequence generalised as the plan that it is, from where it begins to what it adds; None if it cannot be."""
     start = executed(Plan(found.before), here)
     own = _in_sequence(found.steps)
@@ -186,6 +187,7 @@ def _lifted(found: Recurring, problem: Problem, here: Situation) -> Macrop | Non
         made = generalise(alone, own, start.world, start.state).macrop
     except NotGeneral:
         return None
+    made = specialised(made, found.operators)
     name = Function("_then_".join(step.operator.name for step in made.steps), made.name.arguments)
     return replace(made, name=name, subsequence=True)
 
