@@ -12,15 +12,11 @@ from engine.cli.options import Format, Library
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from rich.console import RenderableType
-
     from engine.macros.digests import Digests
-    from engine.model.outcome import Outcome
-    from engine.planning import Limits
     from kb.model.domain import Domain
-    from kb.model.problem import Problem
     from kb.store import Library as Opened
     from kb.store import Stored
+    from kb.store.utilities import Utility
 
 LARGEST = 2**63 - 1  # number that a database keeps
 DomainOf = Annotated[
@@ -129,14 +125,28 @@ def _entry(each: "Stored", stale: tuple[str, ...] = ()) -> dict[str, Any]:
 def _list(store: str, target: str) -> Answer:
     from engine.report import macros as report
     from kb.store import Library
+    from kb.store.utilities import Utilities
 
     digests = _digests(target) if target else None
     with Library(store) as library:
         name = digests.domain.name if digests else ""
         found = library.all(name)
         stale = library.outdated(name, digests.of) if digests else {}
-    content = {"macrops": [_entry(each, stale.get(each.id, ())) for each in found]}
-    return Answer("ok", content, lambda: report.listing(found, stale))
+        utilities = Utilities(library).of(name)
+    entries = [{**_entry(each, stale.get(each.id, ())), **_in_search(each.id, utilities)} for each in found]
+    return Answer("ok", {"macrops": entries}, lambda: report.listing(found, stale, utilities))
+
+
+def _in_search(number: int, utilities: "Mapping[tuple[int, str], Utility]") -> dict[str, Any]:
+    """What searches had of a sub-sequence; nothing for other MACROPs."""
+    from dataclasses import asdict
+
+    found = {
+        search: {**asdict(each), "pays": each.pays}
+        for (own, search), each in utilities.items()
+        if own == number
+    }
+    return {"in_search": found} if found else {}
 
 
 def _show(number: int, store: str) -> Answer:
@@ -231,37 +241,13 @@ def _stats(store: str) -> Answer:
 
     from engine.report import macros as report
     from kb.store import Library
+    from kb.store.utilities import Utilities, Utility
 
     with Library(store) as library:
         found = library.figures()
-    return Answer("ok", {**asdict(found), "saved_s": round(found.saved_s, 3)}, lambda: report.figures(found))
-
-
-def planned(problem: "Problem", limits: "Limits", store: str) -> "tuple[Outcome, dict[str, Any]]":
-    """The outcome for a problem and, with a library, where it comes from, as data."""
-    from engine import pipeline
-
-    if not store:
-        return pipeline.plan(problem, limits), {}
-    from engine.reuse import Practice
-    from kb.store import Library
-
-    with Library(store) as library, Practice(library, limits, thorough=True) as practice:
-        found = practice.plan(problem)
-    entry = {"origin": found.origin, "macrop": found.macrop, "name": found.name, "reason": found.reason}
-    parts = [
-        {"macrop": part.macrop, "name": part.name, "purpose": part.purpose, "steps": list(part.steps)}
-        for part in found.parts
-    ]
-    return found.outcome, {"source": {**entry, "parts": parts} if parts else entry}
-
-
-def origin_text(content: "Mapping[str, Any]") -> "list[RenderableType]":
-    """A line on where a plan comes from, if a library was asked, and the parts that it is made of."""
-    found = content.get("source")
-    if not found:
-        return []
-    from engine.report.macros import folded, origin
-
-    said = origin(found["origin"], found["macrop"], found["name"], found["reason"])
-    return [each for each in (folded(found.get("parts", ())), said) if each]
+        utilities = Utilities(library).of()
+    kept = len({number for number, _ in utilities})
+    inner = sum(utilities.values(), Utility())
+    figures = {**asdict(found), "saved_s": round(found.saved_s, 3)}
+    figures |= {"subsequences": {"macrops": kept, **asdict(inner)}}
+    return Answer("ok", figures, lambda: report.figures(found, kept, inner))

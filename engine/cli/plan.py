@@ -125,7 +125,7 @@ class Work:
 def _plan(wanted: Wanted, form: PlanForm, stats: bool, work: Work) -> Answer:
     from engine import pipeline
     from engine.cli.interruption import Interruption, limit_memory
-    from engine.cli.macros import planned
+    from engine.cli.origin import planned
     from engine.planning import Limits
     from engine.report import json
 
@@ -143,16 +143,23 @@ def _plan(wanted: Wanted, form: PlanForm, stats: bool, work: Work) -> Answer:
             improved=interrupted.tell if work.anytime else lambda _: None,
         )
         outcome, origin = planned(problem, limits, work.store)
-    content = {**json.outcome(outcome, problem), **origin}
-    if stats:
-        content["statistics"] = json.statistics(outcome.statistics)
     return Answer(
         json.status(outcome),
-        content,
+        _document(outcome, problem, origin, stats) if form is PlanForm.JSON else {},
         text=lambda: _text(outcome, problem, stats, origin, work.folded),
         code=INTERRUPTED if interrupted.heard else exit_code(outcome),
         raw=_ipc(outcome, task) if form is PlanForm.IPC else _picture(outcome, problem, form),
     )
+
+
+def _document(
+    outcome: "Outcome", problem: "Problem", origin: "Mapping[str, Any]", stats: bool
+) -> dict[str, Any]:
+    """The outcome as data, with its statistics if they were asked for."""
+    from engine.report import json
+
+    content = {**json.outcome(outcome, problem), **origin}
+    return {**content, "statistics": json.statistics(outcome.statistics)} if stats else content
 
 
 def _require_strategy(name: str) -> None:
@@ -182,7 +189,7 @@ def _text(
 ) -> "RenderableType":
     from rich.console import Group
 
-    from engine.cli.macros import origin_text
+    from engine.cli.origin import origin_text
     from engine.report import text
 
     parts = [text.outcome(outcome, problem), *origin_text(origin)]

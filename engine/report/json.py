@@ -1,6 +1,8 @@
-"""Answers for programs: one envelope `{version, status, data, diagnostics}` for every command."""
+"""Answers for programs: one envelope `{version, status, data, diagnostics}` for every command.
 
-import json
+Other forms of answers ask here for the status alone, so what only documents need is imported when one is made.
+"""
+
 from collections.abc import Iterable, Mapping
 from typing import Any
 
@@ -10,13 +12,14 @@ from kb.diagnostics import Diagnostic
 from kb.model.conditions import And
 from kb.model.plan import Plan
 from kb.model.problem import Chain, Problem
-from kb.targets import reference
 
 VERSION = 1
 
 
 def envelope(status: str, content: Mapping[str, Any], diagnostics: Iterable[Diagnostic] = ()) -> str:
     """The answer of a command as JSON text, the same bytes for the same answer."""
+    import json
+
     whole = {
         "version": VERSION,
         "status": status,
@@ -55,6 +58,8 @@ def status(outcome: Outcome) -> str:
 
 def outcome(result: Outcome, problem: Problem, domain: str = "") -> dict[str, Any]:
     """What an outcome says: the plan, or the reason why there is none. `domain` is how the file names the domain."""
+    from kb.targets import reference
+
     entry = problem_entry(problem, domain or reference(problem.domain))
     match result:
         case Found(plan):
