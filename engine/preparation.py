@@ -10,6 +10,7 @@ import threading
 from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from dataclasses import dataclass, field
+from multiprocessing.synchronize import Event
 from pathlib import Path
 
 from engine.inspection import chooses_tools
@@ -23,6 +24,8 @@ from kb.loader import load
 from kb.model.domain import Domain
 from kb.model.problem import Problem
 from kb.store import Library
+
+SPAWN = multiprocessing.get_context("spawn")
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,7 +84,7 @@ def prepare(
     processes: int,
     progress: Callable[[int, int], None] = silent,
 ) -> Preparation:
-    """Plan every problem file and keep what was learned; `limits.interrupted` ends it between problems.
+    """Plan every problem file and keep what was learned; `limits.interrupted` ends the searches and what is left.
 
     A domain's stale MACROPs are removed first. Raises `InvalidInput` where the library refuses.
     """
@@ -121,23 +124,25 @@ def _run(
     """Answers as they come. Processes are spawned, so that none inherits a connection or a thread's lock."""
     if processes == 1:
         for job in jobs:
-            if interrupted():
-                return
-            yield job, work(job)
+            yield job, work(job, interrupted)
         return
-    with _pool(min(processes, len(jobs) or 1)) as pool:
+    stop = SPAWN.Event()
+    with _pool(min(processes, len(jobs) or 1), stop) as pool:
         with _deaf():
             waiting: dict[Future[Prepared], Job] = {pool.submit(work, job): job for job in jobs}
         while waiting and not interrupted():
             done, _ = wait(waiting, timeout=0.2, return_when=FIRST_COMPLETED)
             for each in done:
                 yield waiting.pop(each), each.result()
+        stop.set()
+        for each, job in waiting.items():
+            yield job, each.result()
 
 
 @contextlib.contextmanager
-def _pool(processes: int) -> Iterator[ProcessPoolExecutor]:
-    """Processes that finish what they have begun; at the second Ctrl-C they are killed."""
-    pool = ProcessPoolExecutor(processes, mp_context=multiprocessing.get_context("spawn"))
+def _pool(processes: int, stop: Event) -> Iterator[ProcessPoolExecutor]:
+    """Processes whose searches end when `stop` is set; at the second Ctrl-C they are killed."""
+    pool = ProcessPoolExecutor(processes, SPAWN, _listen, (stop,))
     try:
         yield pool
         pool.shutdown(wait=True, cancel_futures=True)
@@ -160,14 +165,27 @@ def _deaf() -> Iterator[None]:
         signal.signal(signal.SIGINT, before)
 
 
-def work(job: Job) -> Prepared:
+_STOPS: list[Event] = []  # in a process of the pool: what is set when it is to end
+
+
+def _listen(stop: Event) -> None:
+    _STOPS.append(stop)
+
+
+def _stopped() -> bool:
+    return any(each.is_set() for each in _STOPS)
+
+
+def work(job: Job, interrupted: Callable[[], bool] = _stopped) -> Prepared:
     """Sequence and plan one problem through the store."""
+    if interrupted():
+        return Prepared(job.path.stem, "gave up", reason="interrupted")
     try:
         problem = load(job.path).problem
         if problem is None:
             return Prepared(str(job.path), "bad input", reason="this is no problem")
         kept = _kept(job.store, problem) if chooses_tools(problem.domain) else None
-        limits = Limits(job.expansions, seed=job.seed)
+        limits = Limits(job.expansions, seed=job.seed, interrupted=interrupted)
         with Library(job.store) as library, Practice(library, limits, thorough=True) as practice:
             answered = practice.plan(problem)
     except InvalidInput as error:

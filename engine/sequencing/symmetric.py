@@ -38,6 +38,8 @@ def search(
     from engine.sequencing.kernels.exchange import improve
 
     n = len(cost)
+    if limits.interrupted():
+        return Searched(start, length(cost, start), 0)
     near = nearest(cost, 8) if positions is None else quadrant(positions, cost)
     toll = np.take_along_axis(cost, near, 1)
     best, _, _, _ = improve(start.copy(), cost, near, toll, 0, 1.0, 1.0, limits.seed)

@@ -165,6 +165,21 @@ def test_ctrl_c_at_a_terminal_ends_a_preparation_quietly(tmp_path: Path, presses
     assert json.loads(told)["status"] in ends
 
 
+@pytest.mark.parametrize("jobs", ["1", "2"])
+def test_at_the_first_ctrl_c_a_preparation_tells_of_every_problem(tmp_path: Path, jobs: str) -> None:
+    words = ("prepare", "themse", "--store", str(tmp_path / "store.db"), "--jobs", jobs, "--format", "json")
+    with subprocess.Popen([*COMMAND, *words], stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
+        while not (tmp_path / "store.db").exists():
+            time.sleep(0.01)
+        time.sleep(0.6)
+        process.send_signal(signal.SIGINT)
+        told, _ = process.communicate(timeout=60)
+    problems = json.loads(told)["data"]["problems"]
+    assert (process.returncode, len(problems)) == (130, 8)
+    assert problems[-1]["status"] == "gave up"
+    assert "interrupted" in problems[-1]["reason"]
+
+
 def _started(*arguments: str) -> subprocess.Popen[bytes]:
     """A search that has told of its first plan."""
     process = subprocess.Popen([*COMMAND, *arguments], stdout=subprocess.PIPE, stderr=subprocess.PIPE)
