@@ -31,12 +31,14 @@ def planned(problem: "Problem", limits: "Limits", store: str) -> "tuple[Outcome,
     return found.outcome, {"source": {**entry, "parts": parts} if parts else entry}
 
 
-def origin_text(content: "Mapping[str, Any]") -> "list[RenderableType]":
-    """A line on where a plan comes from, if a library was asked, and the parts that it is made of."""
+def origin_text(content: "Mapping[str, Any]", parts: bool) -> "list[RenderableType]":
+    """A line on where a plan comes from, if a library was asked, and the parts that it was composed of; with `parts` also
+    those that were found in it."""
     found = content.get("source")
     if not found:
         return []
     from engine.report.macros import folded, origin
 
     said = origin(found["origin"], found["macrop"], found["name"], found["reason"])
-    return [each for each in (folded(found.get("parts", ())), said) if each]
+    shown = found.get("parts", ()) if parts or found["origin"] != "planner" else ()
+    return [each for each in (folded(shown), said) if each]

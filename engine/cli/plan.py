@@ -192,7 +192,7 @@ def _text(
     from engine.cli.origin import origin_text
     from engine.report import text
 
-    parts = [text.outcome(outcome, problem), *origin_text(origin)]
+    parts = [text.outcome(outcome, problem), *origin_text(origin, folded)]
     if folded and origin.get("source", {}).get("parts"):
         parts = parts[1:]
     return Group(*parts, *([text.statistics(outcome.statistics)] if stats else []))

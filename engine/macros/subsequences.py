@@ -4,10 +4,10 @@ What recurs in the plans of a domain is found here (the steps that the causal gr
 & Schaeffer 2005); whether it pays to offer it to a search is measured elsewhere.
 """
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
-from kb.model.plan import Plan, Step
+from kb.model.plan import Plan, Step, StepId
 from kb.terms import Function, Term, Variable, match
 
 LONGEST = 4  # steps of a sub-sequence
@@ -40,10 +40,12 @@ def recurring(plan: Plan) -> list[Recurring]:
     return [Recurring(len(own), order.steps(order.before(own[0])), order.steps(own[0])) for _, own in ranked]
 
 
-def occurring(plan: Plan, pattern: Sequence[Function]) -> Iterator[tuple[Step, ...]]:
-    """The sub-sequences of a plan that are instances of a pattern; none overlaps another."""
+def occurring(
+    plan: Plan, pattern: Sequence[Function], but: Collection[StepId] = ()
+) -> Iterator[tuple[Step, ...]]:
+    """The sub-sequences of a plan that are instances of a pattern; none overlaps another, or the steps of `but`."""
     order = _Order(plan)
-    taken = 0
+    taken = sum(1 << place for place, step in enumerate(plan.steps) if step.id in but)
     for found in sorted(order.subsequences(len(pattern))):
         free = found.bit_count() == len(pattern) and not found & taken
         if free and fits(pattern, order.operators(found)):

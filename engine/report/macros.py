@@ -12,6 +12,7 @@ from kb.model.macro import Macrop, MacroStep
 
 if TYPE_CHECKING:
     from kb.store import Figures, Stored
+    from kb.store.utilities import Utility
 
 
 def macrop(found: Macrop, domain: Domain | None = None) -> RenderableType:
@@ -40,16 +41,36 @@ def _steps(steps: Iterable[MacroStep]) -> Rows:
     return Rows(("step", "operator", "after"), rows)
 
 
-def listing(stored: "Iterable[Stored]", stale: Mapping[int, tuple[str, ...]]) -> RenderableType:
-    """A library as a table; `stale` tells which parts of the domain have changed."""
+def listing(
+    stored: "Iterable[Stored]",
+    stale: Mapping[int, tuple[str, ...]],
+    utilities: "Mapping[tuple[int, str], Utility]",
+) -> RenderableType:
+    """A library as a table; `stale` tells which parts of the domain have changed, `utilities` what searches had of some."""
     numbers = ("no.", "steps", "cost", "uses", "saved s")
-    headings = ("no.", "MACROP", *numbers[1:], *(("stale",) if stale else ()))
+    headings = (
+        "no.",
+        "MACROP",
+        *numbers[1:],
+        *(("in search",) if utilities else ()),
+        *(("stale",) if stale else ()),
+    )
     rows = []
     for each in stored:
         cost = "" if each.macrop.cost is None else str(each.macrop.cost)
         cells = [str(each.id), str(each.macrop.name), str(len(each.macrop.steps)), cost, str(each.uses)]
-        rows.append([*cells, f"{each.saved_s:.2f}", *([", ".join(stale.get(each.id, ()))] if stale else [])])
+        cells.append(f"{each.saved_s:.2f}")
+        cells += [_in_search(each.id, utilities)] if utilities else []
+        rows.append([*cells, *([", ".join(stale.get(each.id, ()))] if stale else [])])
     return Rows(headings, rows, right=numbers) if rows else Text("The library is empty.")
+
+
+def _in_search(number: int, utilities: "Mapping[tuple[int, str], Utility]") -> str:
+    """The searches that are offered a sub-sequence, with the share of work left and its uses: `forward 0.62, 3/4`."""
+    mine = {search: found for (own, search), found in sorted(utilities.items()) if own == number}
+    offered = {search: found for search, found in mine.items() if found.pays}
+    said = [f"{search} {found.share:.2f}, {found.used}/{found.offered}" for search, found in offered.items()]
+    return "; ".join(said) if said or not mine else "not offered"
 
 
 def folded(parts: Iterable[Mapping[str, Any]]) -> RenderableType | None:
@@ -72,10 +93,12 @@ def _ranges(numbers: Iterable[int]) -> str:
     return ", ".join("..".join(map(str, run)) for run in runs)
 
 
-def figures(found: "Figures") -> RenderableType:
-    """A library in numbers."""
+def figures(found: "Figures", subsequences: int, inner: "Utility") -> RenderableType:
+    """A library in numbers; `inner` sums up what searches had of its sub-sequences."""
     rows = [("MACROPs", str(found.macrops)), ("goal shapes", str(found.shapes)), ("uses", str(found.uses))]
     rows.append(("planning saved", f"{found.saved_s:.2f} s"))
+    if subsequences:
+        rows.append(("sub-sequences", f"{subsequences}, used {inner.used} of {inner.offered} times offered"))
     rows += [(f"of {name}", str(count)) for name, count in found.domains.items()]
     return Rows(("", ""), [*rows, ("schema", str(found.schema))])
 

@@ -195,7 +195,10 @@ class Practice:
 
     def _planned(self, problem: Problem, here: Situation, whole: bool = True) -> Answered:
         outcome, seconds = self._searched(problem, here, whole)
-        return self._learned(problem, outcome, seconds, here)
+        found = self._learned(problem, outcome, seconds, here)
+        if not isinstance(outcome, Found) or not outcome.statistics.offer.used:
+            return found
+        return replace(found, parts=self.subsequences(problem.domain).folded(outcome.plan))
 
     def _searched(self, problem: Problem, here: Situation, whole: bool = True) -> tuple[Outcome, float]:
         """The planner's answer, with sub-sequences among its operators, and the seconds that it took; plans of whole problems

@@ -21,6 +21,7 @@ from engine.planning import Macros
 from engine.planning.composites import Pattern
 from engine.planning.effort import Interrupted
 from engine.planning.utility import TOGETHER, Trial, measured
+from engine.reuse.composition import Part
 from kb.model.conditions import And, Literal
 from kb.model.domain import Domain
 from kb.model.macro import Macrop, MacroPart
@@ -101,6 +102,21 @@ class Subsequences:
             self._utilities.note(more)
             self._known = self._fetched()
 
+    def folded(self, plan: Plan) -> tuple[Part, ...]:
+        """A plan as sub-sequences, the longest first where they overlap, and the steps that are in none."""
+        parts: list[Part] = []
+        taken: set[StepId] = set()
+        for each in sorted(self._known, key=lambda known: (-len(known.pattern), known.stored.id)):
+            for steps in occurring(plan, each.pattern, taken):
+                purpose = ", ".join(str(step.operator) for step in steps)
+                parts.append(Part(each.stored.id, str(each.stored.macrop.name), purpose, _ids(steps)))
+                taken.update(parts[-1].steps)
+        single = [
+            Part(None, str(each.operator), "", (each.id,)) for each in plan.steps if each.id not in taken
+        ]
+        places = {step.id: place for place, step in enumerate(plan.steps)}
+        return tuple(sorted([*parts, *single], key=lambda part: places[part.steps[0]]))
+
     def study(self, problem: Problem, plan: Plan, task: Task, here: Situation, stop: Interrupted) -> None:
         """Learn from the plan for a task from a situation: try what recurs in it and what is known."""
         tasks = sum(self._library.tried(self.domain.name, self._lessons))
@@ -155,6 +171,10 @@ class Subsequences:
 def pattern_of(macrop: Macrop) -> Pattern:
     """The steps of a MACROP in an order in which they can run."""
     return tuple(step.operator for step in macrop.steps)
+
+
+def _ids(steps: Sequence[Step]) -> tuple[StepId, ...]:
+    return tuple(step.id for step in steps)
 
 
 def _names(domain: Domain) -> set[str]:

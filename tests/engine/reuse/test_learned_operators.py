@@ -1,11 +1,15 @@
 """Sub-sequences that recur and pay become operators of later searches; those that do not, or have gone stale, do not."""
 
+import json
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from typer.testing import CliRunner
 
 from engine import pipeline
+from engine.cli import app
+from engine.macros.subsequences import fits
 from engine.model.outcome import Found, Offer, Statistics
 from engine.planning import Limits
 from engine.planning.utility import measured
@@ -177,3 +181,40 @@ def test_what_no_search_was_offered_is_not_counted(library: Library, tmp_path: P
     known.note(Statistics())
     known.note(Statistics(offer=Offer("forward", (), ())))
     assert Utilities(library).of() == before
+
+
+def test_a_folded_plan_has_every_step_once_and_shows_the_macrops_in_it(
+    library: Library, tmp_path: Path
+) -> None:
+    problem = parcels(tmp_path, "ab bc cd da ac bd")
+    known = taught(library, problem)
+    outcome = pipeline.plan(problem)
+    assert isinstance(outcome, Found)
+    parts = known.folded(outcome.plan)
+    assert sorted(step for part in parts for step in part.steps) == [step.id for step in outcome.plan.steps]
+    steps = {step.id: step.operator for step in outcome.plan.steps}
+    patterns = {each.id: pattern_of(each.macrop) for each in library.serving("parcels", SIGNATURE)}
+    inner = [part for part in parts if part.macrop is not None]
+    assert inner
+    for part in inner:
+        assert part.macrop is not None
+        assert fits(patterns[part.macrop], [steps[each] for each in part.steps])
+
+
+def test_commands_tell_what_searches_had_of_subsequences(library: Library, tmp_path: Path) -> None:
+    taught(library, parcels(tmp_path, "ab bc cd da ac bd"))
+    listed, told = (
+        CliRunner().invoke(app, ["macros", verb, "--store", library.target, "--format", "json"])
+        for verb in ("list", "stats")
+    )
+    kept = {each.id for each in library.serving("parcels", SIGNATURE)}
+    figures = Utilities(library).of()
+    for entry in json.loads(listed.stdout)["data"]["macrops"]:
+        assert ("in_search" in entry) == (entry["number"] in kept)
+        for search, found in entry.get("in_search", {}).items():
+            assert found["without"] == figures[entry["number"], search].without
+    assert json.loads(told.stdout)["data"]["subsequences"]["macrops"] == len(kept)
+    text = (
+        CliRunner().invoke(app, ["macros", "list", "--store", library.target], env={"COLUMNS": "200"}).stdout
+    )
+    assert "in search" in text
