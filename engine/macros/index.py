@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 from engine.macros.features import Observed, Profiles, requirements
-from engine.macros.matching import Program
+from engine.macros.program import Program
 from engine.macros.query import Query, signature_asked, signature_of
 from kb.model.macro import Macrop
 from kb.store import Requirement

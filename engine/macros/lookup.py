@@ -1,10 +1,11 @@
 """Lookup: the first MACROP of an index with an instance that serves a query and passes the check."""
 
 import itertools
-from collections.abc import Callable, Hashable
+from collections.abc import Callable, Hashable, Mapping
 from dataclasses import dataclass
 
 from engine.macros.checking import check
+from engine.macros.facts import Facts
 from engine.macros.index import Entry, Index
 from engine.macros.instantiate import instantiate
 from engine.macros.matching import OutOfWork, Work, matches
@@ -12,6 +13,7 @@ from engine.macros.query import Query, Situation
 from engine.macros.schema import NotGeneral
 from kb.model.macro import Macrop
 from kb.model.plan import Plan
+from kb.terms import Term, Variable, is_ground, substitute_atom
 
 INSTANCES = 8  # of one MACROP that are checked before the next is tried
 
@@ -51,6 +53,8 @@ def _instance(entry: Entry, asked: Query, work: Work) -> Hit | None:
     if program is None:
         return None
     for bindings in itertools.islice(matches(program, asked, work), INSTANCES):
+        if gives_up(program.macrop, bindings, asked):
+            return None
         try:
             plan = instantiate(program.macrop, bindings)
         except NotGeneral:
@@ -61,3 +65,23 @@ def _instance(entry: Entry, asked: Query, work: Work) -> Hit | None:
         if after.lost:
             return None
     return None
+
+
+def gives_up(macrop: Macrop, bindings: Mapping[Variable, Term], asked: Query) -> bool:
+    """Whether an instance ends a goal that held, and does not achieve it again: seen from its last steps alone.
+
+    False where that takes more than the steps themselves to tell.
+    """
+    open_ = {goal.atom for goal in asked.kept if goal.positive and is_ground(goal.atom)}
+    statics = asked.world.statics
+    for step in reversed(macrop.steps) if open_ else ():
+        operator = substitute_atom(step.operator, bindings)
+        known = asked.world.ground_step(operator) if is_ground(operator) else None
+        if known is None or known.refusal:
+            return False
+        open_ -= set(known.adds)
+        if not open_:
+            return False
+        if known.ended(Facts(open_), statics):
+            return True
+    return False

@@ -1,20 +1,21 @@
 """Bindings under which a MACROP serves a query: a join over its goals, preconditions and constraints.
 
-Goals bind first, one after another, each followed by all tests that it decides; then preconditions over the few facts of
-a state, then statics. Tests of variables that nothing binds wait until the end.
+Goals bind first, each with all tests that it decides; then preconditions over the few facts of a state, then statics.
+Tests of variables that nothing binds wait until the end. Which of the goals that are asked for a goal can stand for is found
+out once for all MACROPs that ask the same of it, and the goals with the fewest choices are given first.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 from engine.macros.bodies import Bindings, compare, satisfiable, solve
 from engine.macros.facts import Facts
+from engine.macros.program import Item, Program, Wanted
 from engine.macros.query import Query
-from kb.model.conditions import Aggregate, Comparison, Literal, Parameter, part_variables
-from kb.model.macro import MacroChain, Macrop
+from kb.model.conditions import Comparison, Literal, Parameter
+from kb.model.macro import MacroChain
 from kb.model.problem import Chain
 from kb.terms import ANYTHING, Function, Term, Text, Variable, is_ground, match, substitute, substitute_atom
-from kb.terms import variables as variables_of
 
 MAX_WORK = 5_000
 
@@ -36,83 +37,105 @@ class Work:
             raise OutOfWork
 
 
-@dataclass(frozen=True, slots=True)
-class Item:
-    """One part to satisfy: a `goal` or `chain` by one that is asked for, the others by `state`, `static` or `type`."""
-
-    kind: str
-    part: Literal | Parameter | Comparison | MacroChain
-    variables: frozenset[Variable]
-
-
-@dataclass(frozen=True)
-class Program:
-    """The order in which the parts of a MACROP are matched, made once per MACROP."""
-
-    macrop: Macrop
-    items: tuple[Item, ...] = field(init=False)
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "items", tuple(_ordered(self.macrop)))
-
-
-def _ordered(macrop: Macrop) -> Iterator[Item]:
-    asked = [_item("goal", each) for each in macrop.goals] + [
-        _item("chain", each) for each in _in_order(macrop.chains)
-    ]
-    pending = [_item("state", each) for each in macrop.preconditions]
-    tests = (*macrop.constraints, *macrop.disequalities)
-    pending += [_item("static", each) for each in tests if not isinstance(each, Aggregate)]
-    pending += [_item("type", each) for each in macrop.types]
-    bound: set[Variable] = set()
-    while pending or asked:
-        index = min(range(len(pending)), key=lambda i: _rank(pending[i], bound), default=None)
-        if asked and (index is None or pending[index].variables - bound):
-            item = asked.pop(0)
-        else:
-            item = pending.pop(index or 0)
-        yield item
-        bound |= item.variables
-
-
-def _in_order(chains: Sequence[MacroChain]) -> list[MacroChain]:
-    """Chains behind those that they come after."""
-    placed: list[MacroChain] = []
-    waiting = list(chains)
-    while waiting:
-        known = {chain.name for chain in placed}
-        ready = [chain for chain in waiting if known.issuperset(chain.after)] or waiting
-        placed += ready
-        waiting = [chain for chain in waiting if chain not in ready]
-    return placed
-
-
-def _item(kind: str, part: Literal | Parameter | Comparison | MacroChain) -> Item:
-    if isinstance(part, Parameter):
-        return Item(kind, part, frozenset({part.variable}))
-    if isinstance(part, MacroChain):
-        terms = [part.name, *part.stages, *([part.subject] if part.subject is not None else [])]
-        return Item(kind, part, frozenset(v for term in terms for v in variables_of(term)))
-    return Item(kind, part, frozenset(part_variables(part)))
-
-
-def _rank(item: Item, bound: set[Variable]) -> tuple[int, int]:
-    open_ = len(item.variables - bound)
-    if not open_:
-        return 0, 0 if item.kind == "type" else 1
-    if isinstance(item.part, Literal) and item.part.positive:
-        return (1 if item.kind == "state" else 2), open_
-    return (3, open_) if isinstance(item.part, Parameter) else (4, open_)
-
-
 def matches(program: Program, asked: Query, work: Work) -> Iterator[dict[Variable, Term]]:
     """Every binding that satisfies the MACROP's goals, preconditions and constraints. Raises `OutOfWork`."""
     macrop = program.macrop
     if (len(macrop.goals), len(macrop.chains)) != (len(asked.goals), len(asked.chains)):
         return
-    for found in _Matching(program.items, asked, work).solutions(0, {}, (), frozenset()):
+    for found in _solutions(program, asked, work):
         if not any(satisfiable(body, asked.world.statics, found) for body in macrop.exclusions):
             yield found
+
+
+def joined(program: Program, asked: Query, work: Work) -> Iterator[dict[Variable, Term]]:
+    """The bindings, exclusions left aside, goal by goal in the MACROP's own order: for chains and goals with `_`, too."""
+    return _Matching(program.items, asked, work).solutions(0, {}, (), frozenset())
+
+
+def _solutions(program: Program, asked: Query, work: Work) -> Iterator[dict[Variable, Term]]:
+    if asked.chains or not all(is_ground(goal.atom) for goal in asked.goals):
+        yield from joined(program, asked, work)
+        return
+    rest = _Matching(program.rest, asked, work)
+    for bindings in _Assignment(program, asked, work).solutions():
+        yield from rest.solutions(0, bindings, (), frozenset())
+
+
+@dataclass(frozen=True, slots=True)
+class _Assignment:
+    """Goals that are asked for, all of them ground, given to the goals of a MACROP: those with the fewest choices first."""
+
+    program: Program
+    asked: Query
+    work: Work
+
+    def solutions(self) -> Iterator[Bindings]:
+        """Bindings of the goals' variables under which all is true that these decide."""
+        choices = [self._choices(wanted) for wanted in self.program.wanted]
+        if all(choices):
+            order = sorted(range(len(choices)), key=lambda place: len(choices[place]))
+            yield from self._given(
+                [choices[place] for place in order], order, {}, 0, list(self.program.between)
+            )
+
+    def _choices(self, wanted: Wanted) -> tuple[tuple[int, tuple[Term, ...]], ...]:
+        """Goals by number, with the values of the variables; the same for all MACROPs with the same tests."""
+        known = self.asked.memory.get(wanted.key)
+        if known is None:
+            known = self.asked.memory[wanted.key] = tuple(self._fitting(wanted))
+        return known
+
+    def _fitting(self, wanted: Wanted) -> Iterator[tuple[int, tuple[Term, ...]]]:
+        tests = _Matching((), self.asked, self.work)
+        for number, goal in enumerate(self.asked.goals):
+            self.work.spend()
+            found = match(wanted.part.atom, goal.atom, {}) if goal.positive == wanted.part.positive else None
+            if found is not None and all(tests.test(item, found) for item in wanted.tests):
+                yield number, tuple(found[variable] for variable in wanted.variables)
+
+    def _given(
+        self,
+        choices: Sequence[tuple[tuple[int, tuple[Term, ...]], ...]],
+        order: Sequence[int],
+        bindings: dict[Variable, Term],
+        taken: int,
+        open_: list[Item],
+    ) -> Iterator[Bindings]:
+        if not order:
+            yield bindings
+            return
+        variables = self.program.wanted[order[0]].variables
+        for number, values in choices[0]:
+            if taken >> number & 1:
+                continue
+            self.work.spend()
+            extended = _extended(bindings, variables, values)
+            if extended is None:
+                continue
+            left = self._untested(open_, extended)
+            if left is not None:
+                yield from self._given(choices[1:], order[1:], extended, taken | 1 << number, left)
+
+    def _untested(self, open_: list[Item], bindings: dict[Variable, Term]) -> list[Item] | None:
+        """The tests that have still open variables; None if another is false."""
+        tests = _Matching((), self.asked, self.work)
+        left = []
+        for item in open_:
+            if not item.variables <= bindings.keys():
+                left.append(item)
+            elif not tests.test(item, bindings):
+                return None
+        return left
+
+
+def _extended(
+    bindings: dict[Variable, Term], variables: Sequence[Variable], values: Sequence[Term]
+) -> dict[Variable, Term] | None:
+    extended = bindings.copy()
+    for variable, value in zip(variables, values, strict=True):
+        if extended.setdefault(variable, value) != value:
+            return None
+    return extended
 
 
 @dataclass(frozen=True, slots=True)
@@ -133,7 +156,7 @@ class _Matching:
                 for given, extended in self._served(item, bindings, taken):
                     yield from self.solutions(place, extended, waiting, taken | {given})
                 return
-            truth = self._test(item, bindings)
+            truth = self.test(item, bindings)
             if truth is None and _must_wait(item.part):
                 waiting = (*waiting, item)
             elif not truth:
@@ -162,7 +185,7 @@ class _Matching:
             if found is not None:
                 yield each, found
 
-    def _test(self, item: Item, bindings: Bindings) -> bool | None:
+    def test(self, item: Item, bindings: Bindings) -> bool | None:
         """Whether an item holds, or None while it has open variables."""
         part = item.part
         if isinstance(part, Parameter):

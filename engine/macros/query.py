@@ -2,7 +2,8 @@
 
 import itertools
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from typing import Any
 
 from engine.macros.facts import Facts
 from engine.macros.world import World, holds, with_derived
@@ -34,12 +35,16 @@ class Situation:
 
 @dataclass(frozen=True, slots=True)
 class Query:
-    """A problem as lookup sees it. In goals `_` stands for anything; those of `kept` hold already, and at the end again."""
+    """A problem as lookup sees it. In goals `_` stands for anything; those of `kept` hold already, and at the end again.
+
+    `memory` is matching's, for what many MACROPs ask of the same goals.
+    """
 
     situation: Situation
     goals: tuple[Literal, ...]
     chains: tuple[Chain, ...]
     kept: tuple[Literal, ...] = ()
+    memory: dict[str, Any] = field(default_factory=dict, init=False, compare=False, repr=False)
 
     @property
     def served(self) -> bool:

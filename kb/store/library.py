@@ -5,7 +5,7 @@ from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from types import TracebackType
 
-from sqlalchemy import Connection, delete, func, select
+from sqlalchemy import Connection, bindparam, delete, func, select
 from sqlalchemy.dialects import postgresql, sqlite
 
 from kb.model.macro import Macrop
@@ -210,10 +210,19 @@ class Library:
 
     def used(self, uses: Mapping[int, Use]) -> None:
         """Add to what MACROPs have been good for."""
+        more = {
+            "uses": usage.c.uses + bindparam("times"),
+            "lookup_s": usage.c.lookup_s + bindparam("seconds"),
+        }
+        rows = [
+            {"number": number, "times": use.times, "seconds": use.lookup_s}
+            for number, use in sorted(uses.items())
+        ]
         with transaction(self._engine, self.target, writes=True) as connection:
-            for number, use in sorted(uses.items()):
-                more = {"uses": usage.c.uses + use.times, "lookup_s": usage.c.lookup_s + use.lookup_s}
-                connection.execute(usage.update().where(usage.c.macrop == number).values(more))
+            if rows:
+                connection.execute(
+                    usage.update().where(usage.c.macrop == bindparam("number")).values(more), rows
+                )
 
     def tried(self, domain: str, signature: str) -> tuple[int, int]:
         """How often plans for goals of a kind could be composed of MACROPs, and how often not."""

@@ -12,7 +12,8 @@ from macro_cells import GOLDEN, Example, atom, bundled, golden
 from engine.macros.bodies import satisfiable
 from engine.macros.generalise import NotGeneral, generalise
 from engine.macros.instantiate import instantiate
-from engine.macros.matching import Program, Work, matches
+from engine.macros.matching import Work, matches
+from engine.macros.program import Program
 from engine.macros.query import Query, Situation
 from engine.macros.world import World
 from engine.validation import validate

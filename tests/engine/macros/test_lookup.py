@@ -12,7 +12,8 @@ from macro_cells import GOLDEN, Example, atom, bundled, golden
 from engine.macros.checking import Refused, check
 from engine.macros.index import Index
 from engine.macros.lookup import look_up
-from engine.macros.matching import Program, Work, matches
+from engine.macros.matching import Work, joined, matches
+from engine.macros.program import Program
 from engine.macros.query import Query, Situation, query, readings
 from engine.validation import validate
 from kb.model.conditions import And, Literal
@@ -83,6 +84,24 @@ def test_the_index_offers_every_macrop_that_matches(data: st.DataObject) -> None
             key for key, macrop in enumerate(taught) if next(matches(Program(macrop), each, Work()), None)
         }
         assert fitting <= offered
+
+
+@given(data=st.data())
+@settings(max_examples=40, deadline=None, suppress_health_check=list(HealthCheck))
+def test_goals_with_few_choices_first_gives_the_bindings_of_the_plain_join(data: st.DataObject) -> None:
+    found = data.draw(st.sampled_from(PLAIN))
+    here = data.draw(st.sampled_from(states(found)))
+    goals = data.draw(st.lists(st.sampled_from(goals_of(found)), min_size=1, max_size=3, unique=True))
+    whole = query(dataclasses.replace(found.problem, goal=And(tuple(goals)), chains=()), here)
+    assert whole is not None
+    for each in readings(whole):
+        for macrop in data.draw(st.lists(st.sampled_from(_lessons()), max_size=12)):
+            program = Program(macrop)
+            if len(macrop.goals) != len(each.goals):
+                continue
+            bare = Program(dataclasses.replace(macrop, exclusions=()))
+            fast = {frozenset(bindings.items()) for bindings in matches(bare, each, Work(100_000))}
+            assert fast == {frozenset(bindings.items()) for bindings in joined(program, each, Work(100_000))}
 
 
 def _lessons() -> list[object]:

@@ -1,0 +1,146 @@
+"""The order in which the parts of a MACROP are matched, worked out once per MACROP."""
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+from kb.model.conditions import (
+    Aggregate,
+    Comparison,
+    Literal,
+    Parameter,
+    part_variables,
+    substitute_part,
+)
+from kb.model.macro import MacroChain, Macrop
+from kb.terms import Variable
+from kb.terms import variables as variables_of
+
+
+@dataclass(frozen=True, slots=True)
+class Item:
+    """One part to satisfy: a `goal` or `chain` by one that is asked for, the others by `state`, `static` or `type`."""
+
+    kind: str
+    part: Literal | Parameter | Comparison | MacroChain
+    variables: frozenset[Variable]
+
+
+@dataclass(frozen=True, slots=True)
+class Wanted:
+    """A goal with the tests of its variables alone. Goals of the same `key` are met by the same goals that are asked for."""
+
+    part: Literal
+    variables: tuple[Variable, ...]
+    tests: tuple[Item, ...]
+    key: str
+
+
+@dataclass(frozen=True)
+class Program:
+    """The order in which the parts of a MACROP are matched, made once per MACROP."""
+
+    macrop: Macrop
+
+    @cached_property
+    def items(self) -> tuple[Item, ...]:
+        """The parts, goals and chains first, each followed by all that it decides."""
+        chains = [_item("chain", each) for each in _in_order(self.macrop.chains)]
+        return tuple(_ordered([*_goals(self.macrop), *chains], _tests(self.macrop), set()))
+
+    @cached_property
+    def wanted(self) -> tuple[Wanted, ...]:
+        """The goals, each with the tests of its own variables."""
+        tests = _tests(self.macrop)
+        return tuple(_wanted(goal, tests) for goal in _goals(self.macrop))
+
+    @cached_property
+    def between(self) -> tuple[Item, ...]:
+        """The tests that several goals decide together."""
+        bound = {variable for goal in self.wanted for variable in goal.variables}
+        own = {item for goal in self.wanted for item in goal.tests}
+        return tuple(item for item in _tests(self.macrop) if item not in own and item.variables <= bound)
+
+    @cached_property
+    def rest(self) -> tuple[Item, ...]:
+        """What is left when all goals are bound."""
+        bound = {variable for goal in self.wanted for variable in goal.variables}
+        open_ = [item for item in _tests(self.macrop) if not item.variables <= bound]
+        return tuple(_ordered([], open_, bound))
+
+
+def _goals(macrop: Macrop) -> list[Item]:
+    return [_item("goal", each) for each in macrop.goals]
+
+
+def _tests(macrop: Macrop) -> list[Item]:
+    found = [_item("state", each) for each in macrop.preconditions]
+    tests = (*macrop.constraints, *macrop.disequalities)
+    found += [_item("static", each) for each in tests if not isinstance(each, Aggregate)]
+    return found + [_item("type", each) for each in macrop.types]
+
+
+def _wanted(goal: Item, tests: Iterable[Item]) -> Wanted:
+    assert isinstance(goal.part, Literal)
+    order = tuple(dict.fromkeys(variables_of(goal.part.atom)))
+    own = tuple(item for item in tests if item.variables and item.variables <= goal.variables)
+    names = {variable: Variable(f"V{number}") for number, variable in enumerate(order)}
+    said = [f"{item.kind} {_renamed(item.part, names)}" for item in (goal, *own)]
+    return Wanted(goal.part, order, own, "\n".join(said))
+
+
+def _renamed(part: Literal | Parameter | Comparison | MacroChain, names: Mapping[Variable, Variable]) -> str:
+    if isinstance(part, Parameter):
+        return f"{part.type} {names[part.variable]}"
+    return str(substitute_part(part, names)) if not isinstance(part, MacroChain) else str(part)
+
+
+def _ordered(asked: list[Item], pending: list[Item], bound: set[Variable]) -> Iterator[Item]:
+    bound = set(bound)
+    while asked:
+        yield from _decided(pending, bound)
+        item = asked.pop(0)
+        yield item
+        bound |= item.variables
+    while pending:
+        item = min(pending, key=lambda each: _rank(each, bound))
+        pending.remove(item)
+        yield item
+        bound |= item.variables
+
+
+def _decided(pending: list[Item], bound: set[Variable]) -> list[Item]:
+    """Take out the items that have no open variable, types first."""
+    found = [item for item in pending if item.variables <= bound]
+    pending[:] = [item for item in pending if not item.variables <= bound]
+    return sorted(found, key=lambda item: item.kind != "type")
+
+
+def _in_order(chains: Sequence[MacroChain]) -> list[MacroChain]:
+    """Chains behind those that they come after."""
+    placed: list[MacroChain] = []
+    waiting = list(chains)
+    while waiting:
+        known = {chain.name for chain in placed}
+        ready = [chain for chain in waiting if known.issuperset(chain.after)] or waiting
+        placed += ready
+        waiting = [chain for chain in waiting if chain not in ready]
+    return placed
+
+
+def _item(kind: str, part: Literal | Parameter | Comparison | MacroChain) -> Item:
+    if isinstance(part, Parameter):
+        return Item(kind, part, frozenset({part.variable}))
+    if isinstance(part, MacroChain):
+        terms = [part.name, *part.stages, *([part.subject] if part.subject is not None else [])]
+        return Item(kind, part, frozenset(v for term in terms for v in variables_of(term)))
+    return Item(kind, part, frozenset(part_variables(part)))
+
+
+def _rank(item: Item, bound: set[Variable]) -> tuple[int, int]:
+    open_ = len(item.variables - bound)
+    if not open_:
+        return 0, 0 if item.kind == "type" else 1
+    if isinstance(item.part, Literal) and item.part.positive:
+        return (1 if item.kind == "state" else 2), open_
+    return (3, open_) if isinstance(item.part, Parameter) else (4, open_)
