@@ -2,9 +2,10 @@
 
 from collections.abc import Iterator, Sequence
 
-from engine.model.task import Bits, GroundOperator, Task, progress
+from engine.model.task import GroundOperator, Task
 from engine.planning.deorder import deorder
 from engine.planning.effort import Effort
+from engine.planning.elimination import reached
 from engine.planning.improvement import Improvement, Steps, cost
 from engine.planning.limits import Limits
 from engine.planning.portfolio import STRATEGIES, Setting
@@ -64,14 +65,6 @@ def _other(setting: Setting, name: str, most: int, effort: Effort) -> Sequence[G
     except TooManyVariants:
         return None
     return answer.steps if answer else None
-
-
-def reached(task: Task, steps: Sequence[GroundOperator]) -> Bits:
-    """The alternative of the goals in which a sequence ends."""
-    state = task.initial
-    for operator in steps:
-        state = progress(state, operator)
-    return next(goal for goal in task.goals if goal & ~state == 0)
 
 
 def _deordered(task: Task, steps: Sequence[GroundOperator]) -> Plan:

@@ -7,7 +7,7 @@ one pass.
 
 from collections.abc import Sequence
 
-from engine.model.task import Bits, GroundOperator, indices
+from engine.model.task import Bits, GroundOperator, Task, indices, progress
 
 
 def eliminate(initial: Bits, steps: Sequence[GroundOperator], goals: Bits) -> list[GroundOperator]:
@@ -85,3 +85,11 @@ class _Trial:
         for atom in indices(atoms):
             found |= self.touching.get(atom, 0)
         return found
+
+
+def reached(task: Task, steps: Sequence[GroundOperator]) -> Bits:
+    """The alternative of the goals in which a sequence ends."""
+    state = task.initial
+    for operator in steps:
+        state = progress(state, operator)
+    return next(goal for goal in task.goals if goal & ~state == 0)

@@ -8,14 +8,18 @@ from engine.model.task import Task
 from engine.planning.backward import Backward, Regression
 from engine.planning.composites import NO_MACROS, Macros, composites
 from engine.planning.effort import NO_PLAN, Answer, Effort
+from engine.planning.elimination import eliminate, reached
 from engine.planning.mutexes import mutexes
 from engine.planning.regression import BestFirst, Climb
-from engine.planning.variants import TooManyVariants, unconditional
+from engine.planning.variants import TooManyVariants, plainly, unconditional
 
 CLIMB = 2_000  # nodes that hill climbing may generate before others have a turn
 QUICK = 2_000  # nodes that best-first regression may generate before searches forward have a turn
 FORWARD = 1000  # expansions in the first turn forward; every turn is twice as long as the one before
 REGRESSION = 500
+BEST_FIRST = 4000  # the same for best-first regression, where it is alone with restarts
+DETOUR = 2  # a plan so many times as costly as a relaxed one may be far from the best
+SECOND = 1000  # expansions that may be spent on another
 RESTART = 200
 LANDMARKS = 4000
 MODELS = 250
@@ -110,6 +114,11 @@ class Chaining:
         root = self.roots[self._restarts % len(self.roots)]
         return self._sure(Climb(self.space, root, self._seed * 1_000_003 + self._restarts).run(effort))
 
+    def roundabout(self, answer: Answer) -> bool:
+        """Whether a plan costs so much more than the goals' relaxed plan that others are worth a look."""
+        steps, charge = answer.steps or (), self.space.regression.relaxation.charge
+        return bool(steps) and sum(map(charge, steps)) > DETOUR * self.space.estimate(self.roots[0].open)
+
     def _sure(self, answer: Answer | None) -> Answer | None:
         return None if answer is NO_PLAN and len(self.roots) > 1 else answer
 
@@ -122,7 +131,7 @@ def backward(setting: Setting, effort: Effort) -> Answer | None:
     """Hill climbing while it is quick, then best first, which is complete, with restarts of the climb in between."""
     chaining = setting.backward
     return _bounded(chaining.climb, effort, CLIMB) or _in_turns(
-        [(chaining.best_first, FORWARD), (chaining.restart, RESTART)], effort
+        [(chaining.best_first, BEST_FIRST), (chaining.restart, RESTART)], effort
     )
 
 
@@ -154,7 +163,9 @@ def auto(setting: Setting, effort: Effort) -> Answer | None:
         )
     chaining = setting.backward
     quick = _bounded(chaining.climb, effort, CLIMB) or _bounded(chaining.best_first, effort, QUICK)
-    return quick or _in_turns(
+    if quick:
+        return _second(setting, quick, effort) if chaining.roundabout(quick) else quick
+    return _in_turns(
         [
             (_later(setting, landmarks), LANDMARKS),
             (chaining.best_first, REGRESSION),
@@ -163,6 +174,22 @@ def auto(setting: Setting, effort: Effort) -> Answer | None:
         ],
         effort,
     )
+
+
+def _second(setting: Setting, first: Answer, effort: Effort) -> Answer:
+    """The cheaper one of a plan and what the search by landmarks finds soon, both without needless steps."""
+    part = effort.part(expansions=SECOND)
+    other = landmarks(setting, part)
+    effort.add(part)
+    if other is None or other.steps is None:
+        return first
+    return min(first, other, key=lambda each: _price(setting, each))
+
+
+def _price(setting: Setting, answer: Answer) -> tuple[int, int]:
+    steps = plainly(setting.task, answer.steps or ())
+    kept = eliminate(setting.task.initial, steps, reached(setting.task, steps))
+    return sum(step.cost for step in kept), len(kept)
 
 
 Strategy = Callable[[Setting, Effort], Answer | None]

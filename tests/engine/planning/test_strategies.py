@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from engine import pipeline
 from engine.grounding import ground
 from engine.model.outcome import Found, GaveUp, Infeasible
-from engine.model.task import indices
+from engine.model.task import GroundOperator, Task, bitset, indices
 from engine.planning import Limits, plan
 from engine.planning.forward import Forward
 from engine.planning.portfolio import STRATEGIES
@@ -15,6 +15,7 @@ from engine.planning.variants import unconditional
 from kb.diagnostics import InvalidInput
 from kb.loader import load_problem
 from kb.model.problem import Problem
+from kb.terms import Function, Number
 from tests.properties.problems import problems, shortest
 
 
@@ -90,3 +91,38 @@ def test_a_goal_that_holds_in_some_way_needs_no_step(strategy: str) -> None:
     outcome = pipeline.plan(problem, Limits(strategy=strategy))
     assert isinstance(outcome, Found)
     assert outcome.plan.steps == ()
+
+
+def hanoi(discs: int) -> Task:
+    """The tower of Hanoi: which disc lies on which disc or peg, and what is clear; larger things have higher numbers."""
+    things = range(discs + 3)
+    atoms = [Function("clear", (Number(thing),)) for thing in things]
+    atoms += [Function("on", (Number(disc), Number(below))) for disc in range(discs) for below in things]
+
+    def on(disc: int, below: int) -> int:
+        return discs + 3 + disc * (discs + 3) + below
+
+    moves = [
+        GroundOperator(
+            Function("move", (Number(disc), Number(source), Number(target))),
+            bitset([disc, on(disc, source), target]),
+            bitset([source, on(disc, target)]),
+            bitset([target, on(disc, source)]),
+        )
+        for disc in range(discs)
+        for source in range(disc + 1, discs + 3)
+        for target in range(disc + 1, discs + 3)
+        if source != target
+    ]
+    start = bitset([0, discs + 1, discs + 2, *(on(disc, disc + 1) for disc in range(discs))])
+    goal = bitset([on(disc, disc + 1 if disc + 1 < discs else discs + 2) for disc in range(discs)])
+    return Task(tuple(atoms), tuple(moves), start, (goal,), (1,) * len(atoms), ())
+
+
+def test_a_roundabout_plan_gives_way_to_a_shorter_one() -> None:
+    lengths = {}
+    for strategy in ("auto", "backward", "landmarks"):
+        outcome = plan(hanoi(6), Limits(strategy=strategy))
+        assert isinstance(outcome, Found)
+        lengths[strategy] = len(outcome.plan.steps)
+    assert 63 <= lengths["auto"] <= min(lengths["landmarks"], lengths["backward"])
