@@ -40,10 +40,12 @@ class _Search:
         self.adders: dict[int, list[int]] = defaultdict(list)
         alike: dict[tuple[Bits, Bits, tuple[ConditionalEffect, ...]], int] = {}
         self.members: list[list[int]] = []  # operators that differ in preconditions alone, by their first one
+        self.sets: list[tuple[Bits, Bits]] = []  # what they add and delete always
         for number, operator in enumerate(operators):
             kind = alike.setdefault((operator.adds, operator.deletes, operator.conditional), len(alike))
             if kind == len(self.members):
                 self.members.append([])
+                self.sets.append((0, 0) if operator.conditional else (operator.adds, operator.deletes))
                 for atom in indices(_all_adds(operator)):
                     self.adders[atom].append(kind)
             self.members[kind].append(number)
@@ -83,20 +85,24 @@ class _Search:
 
     def _broken_by(self, group: Bits) -> int | None:
         """None if the group is an invariant; else an operator that breaks it, or -1 for the initial state."""
+        if group & (group - 1) == 0:
+            return None
         if (group & self.initial).bit_count() > 1:
             return -1
-        return self._first(
-            lambda operator: not keeps(group, operator),
-            [
-                kind
-                for kind in self._adding(group)
-                if not renews(group, self.operators[self.members[kind][0]])
-            ],
-        )
+        return self._first(lambda operator: not keeps(group, operator), self._doubtful(group))
 
     def _adding(self, group: Bits) -> list[int]:
         """The kinds of operators that add an atom of the group, in order of their first operators."""
         return sorted(set[int]().union(*(self.adders.get(atom, ()) for atom in indices(group))))
+
+    def _doubtful(self, group: Bits) -> list[int]:
+        """The kinds that add an atom of the group, without those after which just that one holds, whatever held before."""
+        sets = self.sets
+        return [
+            kind
+            for kind in self._adding(group)
+            if (added := sets[kind][0] & group) & (added - 1) or group & ~(added | sets[kind][1])
+        ]
 
     def _first(self, wanted: Callable[[GroundOperator], bool], kinds: Iterable[int]) -> int | None:
         """The lowest number of a wanted operator of these kinds."""
@@ -105,8 +111,10 @@ class _Search:
             members = self.members[kind]
             if best is not None and members[0] > best:
                 break
-            found = next((number for number in members if wanted(self.operators[number])), None)
-            best = found if best is None else min(best, found if found is not None else best)
+            for number in members:
+                if wanted(self.operators[number]):
+                    best = number if best is None else min(best, number)
+                    break
         return best
 
     def _adding_without_taking(self, group: Bits) -> int:
@@ -135,13 +143,6 @@ class _Search:
                 if self.atoms[number].name == name:
                     return tuple(self.atoms[number].arguments[position] for position in positions)
         return None
-
-
-def renews(group: Bits, operator: GroundOperator) -> bool:
-    """Whether exactly one atom of `group` holds after the operator, whatever held before."""
-    added = operator.adds & group
-    single = added != 0 and added & (added - 1) == 0 and not operator.conditional
-    return single and group & ~added & ~operator.deletes == 0
 
 
 def keeps(group: Bits, operator: GroundOperator) -> bool:
