@@ -138,14 +138,14 @@ class Backward:
         charge = self.regression.charges[successor.operator]
         return Node(successor.open, successor.operator, node, node.depth + 1, node.cost + charge)
 
-    def successors(self, node: Node) -> Iterator[Successor]:
-        """The nodes one step further back.
+    def successors(self, node: Node, room: int = FAR) -> Iterator[Successor]:
+        """The nodes one step further back whose operator and estimate together cost less than `room`.
 
         An operator counts for the heaviest unsatisfied condition that it achieves; one that achieves only what holds
         already comes last.
         """
         open_, regression = node.open, self.regression
-        conflicts, needs = regression.conflicts, self._needs
+        conflicts, charges, needs = regression.conflicts, regression.charges, self._needs
         several: set[int] = set()
         for lightness, atom, others in self._ranked(open_):
             for number in regression.achievers[atom]:
@@ -158,8 +158,10 @@ class Backward:
                 if achieved & (achieved - 1):
                     several.add(number)
                     rest = self.relaxed.plan(open_ & ~achieved) or 0
-                conditions = open_ & ~achieved | regression.preconditions[number]
-                yield Successor(lightness, (plan | rest).bit_count(), number, conditions)
+                estimate = (plan | rest).bit_count()
+                if charges[number] + estimate < room:
+                    conditions = open_ & ~achieved | regression.preconditions[number]
+                    yield Successor(lightness, estimate, number, conditions)
 
     def _ranked(self, conditions: Bits) -> Iterator[tuple[int, int, Bits]]:
         """Open conditions with their lightness and what reaches all others, heaviest first; those that hold initially

@@ -90,10 +90,8 @@ class BestFirst:
     def _expand(self, node: Node, effort: Effort) -> None:
         effort.expanded += 1
         best, charges = self._best, self.space.regression.charges
-        for successor in self.space.successors(node):
+        for successor in self.space.successors(node, self.below - node.cost):
             cost = node.cost + charges[successor.operator]
-            if cost + successor.estimate >= self.below:
-                continue
             known = best.get(successor.open)
             if known is None or cost < known:
                 best[successor.open] = cost
