@@ -12,7 +12,7 @@ from engine.cli.options import Format
 def init(
     folder: Annotated[Path, typer.Argument(help="a folder that is new or empty")], format: Format = Form.TEXT
 ) -> None:
-    """Write a small commented domain into FOLDER: it checks, plans, and has a golden plan."""
+    """Write a small commented domain into FOLDER: it checks, plans, diagnoses, and has a golden plan."""
     give(lambda: _init(folder), format)
 
 
@@ -22,5 +22,11 @@ def _init(folder: Path) -> Answer:
     from engine.starter import create
 
     written = [str(path) for path in create(folder)]
-    advice = f"try: cellwright check {folder}; cellwright plan {folder}/problems/two_items.yaml"
-    return Answer("ok", {"written": written}, lambda: Text("\n".join([*written, advice])))
+    verbs = (
+        f"check {folder}",
+        f"plan {folder}/problems/two_items.yaml",
+        f"test {folder}",
+        f"diagnose {folder} --exception not_gripped --tree",
+    )
+    advice = ["try", *(f"  cellwright {verb}" for verb in verbs)]
+    return Answer("ok", {"written": written}, lambda: Text("\n".join([*written, *advice])))

@@ -1,4 +1,5 @@
-"""A new domain to grow from: a small commented cell that checks, plans, and has a golden plan and its own schemas."""
+"""A new domain to grow from: a small commented cell that checks, plans, diagnoses, and has a golden plan and
+its own schemas."""
 
 import json
 import re
@@ -10,7 +11,7 @@ from engine.testing.golden import compare_all, update
 from kb.diagnostics import Diagnostic, InvalidInput, Source
 from kb.schema import json_schema
 
-SCHEMAS = ("domain", "problem")
+SCHEMAS = ("domain", "problem", "faults")
 
 
 def create(folder: Path) -> list[Path]:
@@ -42,7 +43,9 @@ def _copy(source: Traversable, target: Path, name: str) -> "list[Path]":
         if each.is_dir():
             written += _copy(each, target / each.name, name)
         else:
-            text = re.sub(r"^(domain: )CELL$", rf"\g<1>{name}", each.read_text("utf-8"), flags=re.MULTILINE)
+            text = re.sub(
+                r"^((?:domain|faults): )CELL$", rf"\g<1>{name}", each.read_text("utf-8"), flags=re.MULTILINE
+            )
             (target / each.name).write_text(text, "utf-8")
             written.append(target / each.name)
     return written
