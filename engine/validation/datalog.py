@@ -3,6 +3,7 @@
 import operator
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from functools import cached_property
 from typing import Any
 
 from kb.model.conditions import (
@@ -41,24 +42,29 @@ RELATIONS: dict[str, Callable[[Any, Any], bool]] = {
 
 
 class Facts:
-    """Ground atoms by predicate, over a layer of facts that never change."""
+    """Ground atoms, over a layer of facts that never change; by predicate from when some predicate's are asked for."""
 
     def __init__(self, atoms: Iterable[Atom], below: "Facts | None" = None) -> None:
         self.below = below
-        self._by_name: dict[str, set[Atom]] = defaultdict(set)
-        for atom in atoms:
-            self._by_name[atom.name].add(atom)
+        self._atoms = set(atoms)
+
+    @cached_property
+    def _by_name(self) -> dict[str, set[Atom]]:
+        index: dict[str, set[Atom]] = defaultdict(set)
+        for atom in self._atoms:
+            index[atom.name].add(atom)
+        return index
 
     def add(self, atom: Atom) -> bool:
         """Add one; whether it is new."""
         if atom in self:
             return False
         self._by_name[atom.name].add(atom)
+        self._atoms.add(atom)
         return True
 
     def __contains__(self, atom: Atom) -> bool:
-        known = self._by_name.get(atom.name)
-        return (known is not None and atom in known) or (self.below is not None and atom in self.below)
+        return atom in self._atoms or (self.below is not None and atom in self.below)
 
     def named(self, name: str) -> Iterator[Atom]:
         """Every atom of a predicate."""

@@ -33,6 +33,12 @@ class Denial:
     consequence: Consequence | None = None
     deduced: bool = True
 
+    def among(self, facts: Facts, statics: Facts) -> list[Atom]:
+        """Those of some facts that this denies."""
+        if self.consequence is None:
+            return [self.pattern] if self.pattern in facts else []
+        return [atom for atom in facts.named(self.pattern.name) if self.matches(atom, statics)]
+
     def matches(self, atom: Atom, statics: Facts) -> bool:
         """Whether this denies `atom`."""
         if self.consequence is None:
@@ -228,7 +234,7 @@ class Semantics:
                 continue
             denial = fresh.pop()
             denials.append(denial)
-            for atom in [a for a in current.named(denial.pattern.name) if denial.matches(a, self.statics)]:
+            for atom in denial.among(current, self.statics):
                 if atom not in ended:
                     ended[atom] = None
                     if self._consequences(atom, False, waiting, fresh):
