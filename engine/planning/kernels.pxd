@@ -24,7 +24,7 @@ cdef class Queue:
 cdef class RelaxedPlans:
     cdef int atoms, operators, _found, _helpful, _length
     cdef long long[::1] costs, reached, spent
-    cdef int[::1] goals, supporter, missing, marked, stack, _applicable, _preferred, _relaxed
+    cdef int[::1] goals, wanted, supporter, missing, marked, stack, _applicable, _preferred, _relaxed
     cdef Rows need, add, users
     cdef Queue queue
 
@@ -34,7 +34,7 @@ cdef class RelaxedPlans:
     @cython.locals(atom=int, operator=int)
     cdef void _begin(self, const unsigned char[::1] state) noexcept
 
-    @cython.locals(atom=int, operator=int, place=int, cost="long long")
+    @cython.locals(atom=int, operator=int, place=int, open_goals=int, cost="long long")
     cdef void _reach(self) noexcept
 
     @cython.locals(atom=int, place=int, cost="long long")

@@ -90,6 +90,8 @@ class RelaxedPlans:
         self.atoms, self.operators = users.count, need.count
         self.costs, self.goals = array("q", costs), array("i", goals)
         self.need, self.add, self.users = need, add, users
+        wanted = set(goals)
+        self.wanted = array("i", [atom in wanted for atom in range(self.atoms)])
         self.reached, self.supporter = longs(self.atoms), ints(self.atoms)
         self.spent, self.missing = longs(self.operators), ints(self.operators)
         self.marked, self.stack = ints(self.operators), ints(need.length + len(goals))
@@ -140,12 +142,16 @@ class RelaxedPlans:
                 self._ready(operator)
 
     def _reach(self) -> None:
-        """Settle atoms, cheapest first, until none is left."""
+        """Settle atoms, cheapest first, until all goals and all atoms of the state are settled, or none is left."""
+        open_goals = len(self.goals)
         while self.queue.size > 0:
             atom, cost = self.queue.heap[0], self.queue.keys[0]
+            if open_goals == 0 and cost > 0:
+                break
             self.queue.pop()
             if cost > self.reached[atom]:
                 continue
+            open_goals -= self.wanted[atom]
             for place in range(self.users.starts[atom], self.users.starts[atom + 1]):
                 operator = self.users.items[place]
                 self.missing[operator] -= 1
