@@ -4,9 +4,10 @@
 
 `probes`: THEMSE with more depots in the drawer, with a library that one small problem filled, beside planning without.
 `pddl`: MACROPs learned on levels 1 and 2 of a domain, used on 3 to 5 (FOLDER/DOMAIN/LEVEL_NAME/{domain,problem}.pddl;
-default: the folder pddl in CELLWRIGHT_DATA). `revision`: plans of both cells, disturbed in the middle. Times are of the
-processor. Exits with 1 when a bar is missed: cost not worse by more than 5 %, growth close to linear in the number of
-probes, no harm on later levels, revised plans valid and cheaper to find in the median.
+default: the folder pddl in CELLWRIGHT_DATA), as whole plans and inside searches; work is nodes generated. `revision`: plans of
+both cells, disturbed in the middle. Times are of the processor. Exits with 1 when a bar is missed: cost not worse by
+more than 5 %, growth close to linear in the number of probes, no harm on later levels (in time, work and cost, geometric
+means), revised plans valid and cheaper to find in the median.
 """
 
 import argparse
@@ -39,9 +40,9 @@ from kb.store import Library
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "engine" / "revision"))
 from disturbances import PLANS, course, moment
 
-DOMAINS = ("blocks", "logistics00", "rovers")
-LIMIT_S = 5.0  # of one planning task
-HARM = 1.10  # and a tenth of a second: what noise may add
+LIMIT_S = 20.0  # of one planning task
+HARM = 1.05  # of time and cost in the mean
+REPEATED_S = 0.5  # tasks that take less are timed three times, and the least time counts
 console = Console()
 Row = dict[str, Any]
 
@@ -102,23 +103,42 @@ def _practised(library: Library, problem: Problem, learns: bool = True) -> Any:
         return practice.plan(problem)
 
 
-def pddl(data: Path) -> Iterator[Row]:
+def pddl(data: Path, domains: list[str]) -> Iterator[Row]:
     """Levels 3 to 5 with what levels 1 and 2 taught, and without."""
-    for domain in DOMAINS:
-        levels = sorted((data / domain).iterdir())
+    for domain in domains or sorted(each.name for each in data.iterdir()):
         with tempfile.TemporaryDirectory() as folder, Library(f"{folder}/{domain}.db") as library:
-            for level in levels:
-                plain_s, plain = seconds(lambda f=level: pipeline.plan(_task(f), limited()))  # type: ignore[misc]
-                early = level.name[0] in "12"
-                with_s, answered = seconds(lambda f=level, e=early: _practised(library, _task(f), e))  # type: ignore[misc]
-                found = {
-                    "origin": answered.origin,
-                    "why": answered.reason,
-                    "with_s": with_s,
-                    "plain_s": plain_s,
-                }
-                costs = {"cost": cost(answered.outcome), "plain_cost": cost(plain)}
-                yield {"domain": domain, "level": level.name[0], **found, **costs}
+            for level in sorted((data / domain).iterdir()):
+                if level.name[0] in "12":
+                    _practised(library, _task(level))
+                else:
+                    yield {"domain": domain, "level": level.name[0], **_compared(library, level)}
+
+
+def _compared(library: Library, level: Path) -> Row:
+    """One task without the library and with it; the library stays as it is."""
+    plain_s, plain = _least(lambda task: pipeline.plan(task, limited()), level)
+    with_s, answered = _least(lambda task: _practised(library, task, learns=False), level)
+    found = answered.outcome
+    offer = found.statistics.offer
+    row: Row = {"origin": answered.origin, "search": offer.search, "macrops": len(offer.used)}
+    row |= {"with_s": with_s, "plain_s": plain_s, "cost": cost(found), "plain_cost": cost(plain)}
+    return {**row, "work": _work(found), "plain_work": _work(plain)}
+
+
+def _work(outcome: Outcome) -> int:
+    return outcome.statistics.counts.get("generated", 0)
+
+
+def _least(run: Callable[[Problem], Any], level: Path) -> tuple[float, Any]:
+    """The least time of three runs, or of one that takes long, each from a problem read anew."""
+    times = []
+    while len(times) < 3:
+        task = _task(level)
+        took, found = seconds(lambda t=task: run(t))  # type: ignore[misc]
+        times.append(took)
+        if took > REPEATED_S:
+            break
+    return min(times), found
 
 
 def _task(level: Path) -> Problem:
@@ -161,15 +181,36 @@ def judged_probes(rows: list[Row]) -> Iterator[tuple[str, bool]]:
 
 
 def judged_pddl(rows: list[Row]) -> Iterator[tuple[str, bool]]:
-    """No harm on levels 3 to 5: answered where planning answers, in no more time."""
-    for row in rows:
-        if row["level"] in "345":
-            answered = row["cost"] is not None or row["plain_cost"] is None
-            quick = row["with_s"] <= row["plain_s"] * HARM + 0.1
-            yield (
-                f"{row['domain']} {row['level']}: {row['with_s']:.2f} s, {row['plain_s']:.2f} s",
-                answered and quick,
-            )
+    """No harm: answered where planning answers, in no more time and at no more cost in the mean; by domain, and over all."""
+    lost = [row for row in rows if row["cost"] is None and row["plain_cost"] is not None]
+    won = sum(row["cost"] is not None and row["plain_cost"] is None for row in rows)
+    yield f"{len(lost)} tasks lost, {won} won", not lost
+    for domain in sorted({row["domain"] for row in rows}):
+        yield f"{domain}: {_means([row for row in rows if row['domain'] == domain])}", True
+    both = [row for row in rows if row["cost"] and row["plain_cost"]]
+    time_ratio, cost_ratio = _mean(both, "with_s", "plain_s"), _mean(both, "cost", "plain_cost")
+    yield f"all: {_means(rows)}", time_ratio <= HARM and cost_ratio <= HARM
+
+
+def _means(rows: list[Row]) -> str:
+    both = [row for row in rows if row["cost"] and row["plain_cost"]]
+    if not both:
+        return "no task answered both ways"
+    ratios = (
+        ("time", "with_s", "plain_s"),
+        ("work", "work", "plain_work"),
+        ("cost", "cost", "plain_cost"),
+    )
+    return ", ".join(f"{name} {_mean(both, one, other):.2f}" for name, one, other in ratios)
+
+
+def _mean(rows: list[Row], one: str, other: str) -> float:
+    """The geometric mean of ratios."""
+    return (
+        statistics.geometric_mean(max(row[one], 1e-3) / max(row[other], 1e-3) for row in rows)
+        if rows
+        else 1.0
+    )
 
 
 def judged_revisions(rows: list[Row]) -> Iterator[tuple[str, bool]]:
@@ -192,6 +233,9 @@ def main() -> None:
     )
     parser.add_argument("--part", action="append", choices=["probes", "pddl", "revision"])
     parser.add_argument("--probes", type=int, nargs="+", default=[4, 8, 16, 32])
+    parser.add_argument(
+        "--domain", action="append", default=[], help="of planning competitions; default: all"
+    )
     parser.add_argument("--each", type=int, default=10, help="disturbances of each plan")
     parser.add_argument("--data", type=Path, default=Path(os.environ.get("CELLWRIGHT_DATA", "data")) / "pddl")
     parser.add_argument("--json", type=Path)
@@ -203,7 +247,7 @@ def main() -> None:
         found["probes"] = list(probes(options.probes))
         verdicts += judged_probes(found["probes"])
     if "pddl" in parts:
-        found["pddl"] = list(pddl(options.data))
+        found["pddl"] = list(pddl(options.data, options.domain))
         verdicts += judged_pddl(found["pddl"])
     for part, rows in found.items():
         table(part, rows)

@@ -12,8 +12,10 @@ if TYPE_CHECKING:
     from kb.model.problem import Problem
 
 
-def planned(problem: "Problem", limits: "Limits", store: str) -> "tuple[Outcome, dict[str, Any]]":
-    """The outcome for a problem and, with a library, where it comes from, as data."""
+def planned(
+    problem: "Problem", limits: "Limits", store: str, folded: bool
+) -> "tuple[Outcome, dict[str, Any]]":
+    """The outcome for a problem and, with a library, where it comes from, as data; its parts, if it is to be `folded`."""
     from engine import pipeline
 
     if not store:
@@ -23,6 +25,7 @@ def planned(problem: "Problem", limits: "Limits", store: str) -> "tuple[Outcome,
 
     with Library(store) as library, Practice(library, limits, thorough=True) as practice:
         found = practice.plan(problem)
+        found = practice.folded(problem, found) if folded else found
     entry = {"origin": found.origin, "macrop": found.macrop, "name": found.name, "reason": found.reason}
     parts = [
         {"macrop": part.macrop, "name": part.name, "purpose": part.purpose, "steps": list(part.steps)}
@@ -31,14 +34,12 @@ def planned(problem: "Problem", limits: "Limits", store: str) -> "tuple[Outcome,
     return found.outcome, {"source": {**entry, "parts": parts} if parts else entry}
 
 
-def origin_text(content: "Mapping[str, Any]", parts: bool) -> "list[RenderableType]":
-    """A line on where a plan comes from, if a library was asked, and the parts that it was composed of; with `parts` also
-    those that were found in it."""
+def origin_text(content: "Mapping[str, Any]") -> "list[RenderableType]":
+    """A line on where a plan comes from, if a library was asked, and the parts that it is made of."""
     found = content.get("source")
     if not found:
         return []
     from engine.report.macros import folded, origin
 
     said = origin(found["origin"], found["macrop"], found["name"], found["reason"])
-    shown = found.get("parts", ()) if parts or found["origin"] != "planner" else ()
-    return [each for each in (folded(shown), said) if each]
+    return [each for each in (folded(found.get("parts", ())), said) if each]

@@ -142,7 +142,7 @@ def _plan(wanted: Wanted, form: PlanForm, stats: bool, work: Work) -> Answer:
             seed=work.seed,
             improved=interrupted.tell if work.anytime else lambda _: None,
         )
-        outcome, origin = planned(problem, limits, work.store)
+        outcome, origin = planned(problem, limits, work.store, work.folded)
     return Answer(
         json.status(outcome),
         _document(outcome, problem, origin, stats) if form is PlanForm.JSON else {},
@@ -192,7 +192,7 @@ def _text(
     from engine.cli.origin import origin_text
     from engine.report import text
 
-    parts = [text.outcome(outcome, problem), *origin_text(origin, folded)]
+    parts = [text.outcome(outcome, problem), *origin_text(origin)]
     if folded and origin.get("source", {}).get("parts"):
         parts = parts[1:]
     return Group(*parts, *([text.statistics(outcome.statistics)] if stats else []))

@@ -6,6 +6,7 @@ What recurs in the plans of a domain is found here (the steps that the causal gr
 
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 from kb.model.plan import Plan, Step, StepId
 from kb.terms import Function, Term, Variable, match
@@ -33,20 +34,19 @@ class Recurring:
 def recurring(plan: Plan) -> list[Recurring]:
     """The sub-sequences of a plan by shape, those that would save most steps first."""
     kinds: dict[str, list[Positions]] = {}
-    order = _Order(plan)
-    for found in order.subsequences():
+    order = Order(plan)
+    for found in order.subsequences:
         kinds.setdefault(shape(order.operators(found)), []).append(found)
     ranked = sorted(kinds.items(), key=lambda kind: (-len(kind[1]) * (kind[1][0].bit_count() - 1), kind[0]))
     return [Recurring(len(own), order.steps(order.before(own[0])), order.steps(own[0])) for _, own in ranked]
 
 
 def occurring(
-    plan: Plan, pattern: Sequence[Function], but: Collection[StepId] = ()
+    order: "Order", pattern: Sequence[Function], but: Collection[StepId] = ()
 ) -> Iterator[tuple[Step, ...]]:
     """The sub-sequences of a plan that are instances of a pattern; none overlaps another, or the steps of `but`."""
-    order = _Order(plan)
-    taken = sum(1 << place for place, step in enumerate(plan.steps) if step.id in but)
-    for found in sorted(order.subsequences(len(pattern))):
+    taken = sum(1 << place for place, step in enumerate(order.plan.steps) if step.id in but)
+    for found in sorted(order.subsequences):
         free = found.bit_count() == len(pattern) and not found & taken
         if free and fits(pattern, order.operators(found)):
             taken |= found
@@ -74,7 +74,7 @@ def fits(pattern: Sequence[Function], operators: Sequence[Function]) -> bool:
     return bindings is not None
 
 
-class _Order:
+class Order:
     """The steps of a plan with what is before and after each, and which of them causal links join."""
 
     def __init__(self, plan: Plan) -> None:
@@ -92,11 +92,12 @@ class _Order:
                 self._joined[places[link.producer]] |= 1 << places[link.consumer]
                 self._joined[places[link.consumer]] |= 1 << places[link.producer]
 
-    def subsequences(self, longest: int = LONGEST) -> list[Positions]:
+    @cached_property
+    def subsequences(self) -> list[Positions]:
         """All connected sets of at least two steps between which no other step must come."""
         found: dict[Positions, None] = {}
         grown = dict.fromkeys(1 << place for place in range(len(self.plan.steps)))
-        for _ in range(longest - 1):
+        for _ in range(LONGEST - 1):
             grown = dict.fromkeys(
                 each | 1 << place for each in grown for place in _places(_union(self._joined, each) & ~each)
             )

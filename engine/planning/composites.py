@@ -138,14 +138,18 @@ def _shared(pattern: Pattern) -> Iterator[tuple[Variable, ...]]:
 def composites(
     operators: Sequence[GroundOperator], patterns: Sequence[Pattern], most: int
 ) -> list[Composite]:
-    """All instances of patterns among operators; a pattern that would make them more than `most` is left out whole."""
+    """The instances of patterns among operators, no more than `most`, nor than there are operators: beyond that a search
+    looks at more than it saves. A pattern that would make them more is left out whole, with all that come after it."""
     found: list[Composite] = []
+    most = min(most, len(operators))
     everything = range(len(operators))
     for pattern in patterns:
         instances = Joins(operators, [pattern]).sequences(everything, everything)
-        own = [numbers for _, numbers in islice(instances, most - len(found) + 1)]
-        if len(found) + len(own) <= most:
-            found += _composites([tuple(operators[each] for each in numbers) for numbers in own], pattern)
+        own = [numbers for _, numbers in islice(instances, most + 1)]
+        most -= len(own)
+        if most < 0:
+            break
+        found += _composites([tuple(operators[each] for each in numbers) for numbers in own], pattern)
     return found
 
 

@@ -25,7 +25,7 @@ LANDMARKS = 4000
 MODELS = 250
 ROOM = 1_500_000  # conditions and effects by steps that the portfolio grounds for stable models
 GREED = 5
-COMPOSITES = 10_000  # instances of MACROPs that regression may have to look at
+COMPOSITES = 5_000  # instances of MACROPs that are made for regression
 
 
 class Search(Protocol):

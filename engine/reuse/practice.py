@@ -93,6 +93,12 @@ class Practice:
             self._subsequences.append(found)
         return found
 
+    def folded(self, problem: Problem, found: Answered) -> Answered:
+        """An answer with the parts of its plan: those that it is composed of, else the sub-sequences in it."""
+        if found.parts or not isinstance(found.outcome, Found):
+            return found
+        return replace(found, parts=self.subsequences(problem.domain).folded(found.outcome.plan))
+
     def situation(self, problem: Problem) -> Situation:
         """The initial state of a problem, in its world. Raises `InvalidInput` as grounding would."""
         require_affordable_statics(problem)
@@ -195,10 +201,7 @@ class Practice:
 
     def _planned(self, problem: Problem, here: Situation, whole: bool = True) -> Answered:
         outcome, seconds = self._searched(problem, here, whole)
-        found = self._learned(problem, outcome, seconds, here)
-        if not isinstance(outcome, Found) or not outcome.statistics.offer.used:
-            return found
-        return replace(found, parts=self.subsequences(problem.domain).folded(outcome.plan))
+        return self._learned(problem, outcome, seconds, here)
 
     def _searched(self, problem: Problem, here: Situation, whole: bool = True) -> tuple[Outcome, float]:
         """The planner's answer, with sub-sequences among its operators, and the seconds that it took; plans of whole problems

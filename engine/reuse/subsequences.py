@@ -14,7 +14,7 @@ from engine.macros.digests import Digests
 from engine.macros.generalise import NotGeneral, generalise
 from engine.macros.query import Situation
 from engine.macros.specialise import specialised
-from engine.macros.subsequences import LARGEST, Recurring, fits, occurring, recurring, shape
+from engine.macros.subsequences import LARGEST, Order, Recurring, fits, occurring, recurring, shape
 from engine.model.outcome import Statistics
 from engine.model.task import Task
 from engine.planning import Macros
@@ -106,8 +106,9 @@ class Subsequences:
         """A plan as sub-sequences, the longest first where they overlap, and the steps that are in none."""
         parts: list[Part] = []
         taken: set[StepId] = set()
+        order = Order(plan)
         for each in sorted(self._known, key=lambda known: (-len(known.pattern), known.stored.id)):
-            for steps in occurring(plan, each.pattern, taken):
+            for steps in occurring(order, each.pattern, taken):
                 purpose = ", ".join(str(step.operator) for step in steps)
                 parts.append(Part(each.stored.id, str(each.stored.macrop.name), purpose, _ids(steps)))
                 taken.update(parts[-1].steps)
@@ -132,7 +133,8 @@ class Subsequences:
         self._library.note_trial(self.domain.name, self._lessons, bool(paying))
         self._keep(paying)
         self._count(self._figures(trials))
-        self._library.used({each.stored.id: Use(_times(plan, each), 0.0) for each in self._known})
+        order = Order(plan)
+        self._library.used({each.stored.id: Use(_times(order, each), 0.0) for each in self._known})
         self._drop()
 
     def _strangers(self, plan: Plan) -> list[Recurring]:
@@ -185,8 +187,8 @@ def _is(known: Known, found: Recurring) -> bool:
     return len(known.pattern) == len(found.operators) and fits(known.pattern, found.operators)
 
 
-def _times(plan: Plan, known: Known) -> int:
-    return sum(1 for _ in occurring(plan, known.pattern))
+def _times(order: Order, known: Known) -> int:
+    return sum(1 for _ in occurring(order, known.pattern))
 
 
 def _distinct(macrops: Iterable[Macrop | None]) -> list[Macrop]:

@@ -7,7 +7,7 @@ import pytest
 
 from engine.macros.checking import executed
 from engine.macros.query import Situation
-from engine.macros.subsequences import LONGEST, fits, occurring, recurring, shape
+from engine.macros.subsequences import LONGEST, Order, fits, occurring, recurring, shape
 from engine.macros.world import World
 from engine.validation.semantics import Semantics
 from kb.loader import load_plan
@@ -79,7 +79,7 @@ def test_occurrences_fit_the_pattern_and_do_not_overlap(made: tuple[Problem, Pla
             Function(op.name, tuple(Variable(f"A{n}{m}") for m in range(len(op.arguments))))
             for n, op in enumerate(each.operators)
         )
-        found = list(occurring(plan, pattern))
+        found = list(occurring(Order(plan), pattern))
         assert found
         assert all(fits(pattern, [step.operator for step in steps]) for steps in found)
         ids = [step.id for steps in found for step in steps]
