@@ -93,16 +93,18 @@ class Forward:
 
     def _next(self) -> tuple[int, int] | None:
         """The next successor to make: from the queue whose turn it is."""
-        for number in sorted(range(4), key=self._priorities.__getitem__):
-            queue = self._queues[number]
-            if queue:
-                self._priorities[number] += 1
-                batch = queue[0]
-                operator = batch.operators.pop()
-                if not batch.operators:
-                    heapq.heappop(queue)
-                return batch.node, operator
-        return None
+        number, least = -1, UNKNOWN
+        for place, queue in enumerate(self._queues):
+            if queue and self._priorities[place] < least:
+                number, least = place, self._priorities[place]
+        if number < 0:
+            return None
+        self._priorities[number] += 1
+        batch = self._queues[number][0]
+        operator = batch.operators.pop()
+        if not batch.operators:
+            heapq.heappop(self._queues[number])
+        return batch.node, operator
 
     def _expand(self, state: Bits, parent: int, operator: int, effort: Effort) -> bool:
         """Evaluate a state and queue its successors; whether it satisfies the goals."""
