@@ -46,27 +46,39 @@ class Program:
     def items(self) -> tuple[Item, ...]:
         """The parts, goals and chains first, each followed by all that it decides."""
         chains = [_item("chain", each) for each in _in_order(self.macrop.chains)]
-        return tuple(_ordered([*_goals(self.macrop), *chains], _tests(self.macrop), set()))
+        return tuple(_ordered([*_goals(self.macrop), *chains], list(self.tests), set()))
+
+    @cached_property
+    def tests(self) -> tuple[Item, ...]:
+        """Preconditions, constraints and types."""
+        return tuple(_tests(self.macrop))
 
     @cached_property
     def wanted(self) -> tuple[Wanted, ...]:
         """The goals, each with the tests of its own variables."""
-        tests = _tests(self.macrop)
-        return tuple(_wanted(goal, tests) for goal in _goals(self.macrop))
+        return tuple(_wanted(goal, self.tests) for goal in _goals(self.macrop))
 
     @cached_property
     def between(self) -> tuple[Item, ...]:
         """The tests that several goals decide together."""
-        bound = {variable for goal in self.wanted for variable in goal.variables}
-        own = {item for goal in self.wanted for item in goal.tests}
-        return tuple(item for item in _tests(self.macrop) if item not in own and item.variables <= bound)
+        return tuple(
+            each for each in self.tests if each.variables <= self._bound and id(each) not in self._own
+        )
 
     @cached_property
     def rest(self) -> tuple[Item, ...]:
         """What is left when all goals are bound."""
-        bound = {variable for goal in self.wanted for variable in goal.variables}
-        open_ = [item for item in _tests(self.macrop) if not item.variables <= bound]
-        return tuple(_ordered([], open_, bound))
+        return tuple(
+            _ordered([], [each for each in self.tests if not each.variables <= self._bound], self._bound)
+        )
+
+    @cached_property
+    def _bound(self) -> set[Variable]:
+        return {variable for goal in self.wanted for variable in goal.variables}
+
+    @cached_property
+    def _own(self) -> set[int]:
+        return {id(item) for goal in self.wanted for item in goal.tests}
 
 
 def _goals(macrop: Macrop) -> list[Item]:

@@ -59,7 +59,12 @@ class Practice:
 
         Without `learns` the library is used and stays as it is.
         """
-        self.library, self.limits, self.thorough, self.learns = library, limits, thorough, learns
+        self.library, self.limits, self.thorough, self.learns = (
+            library,
+            limits,
+            thorough,
+            learns and library.writable,
+        )
         self._worlds = Worlds()
         self._repertoires: list[Repertoire] = []
         self._subsequences: list[Subsequences] = []
@@ -222,9 +227,8 @@ class Practice:
             return Answered(outcome, "planner")
         left = executed(outcome.plan, here)
         if not self.learns or len(outcome.plan.steps) > LARGEST:
-            why = (
-                f"{len(outcome.plan.steps)} steps are too many" if self.learns else "nothing is to be learned"
-            )
+            idle = "nothing is to be learned" if self.library.writable else "the library may only be read"
+            why = f"{len(outcome.plan.steps)} steps are too many" if self.learns else idle
             return Answered(outcome, "planner", reason=why, after=left)
         try:
             learned = generalise(problem, outcome.plan, here.world, here.state).macrop

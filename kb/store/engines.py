@@ -5,15 +5,16 @@ state and block nobody. A process that is killed leaves its last transaction und
 """
 
 import contextlib
+import os
 import sqlite3
 import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
+from urllib.parse import quote
 
 from sqlalchemy import URL, Connection, Engine, create_engine, event, make_url, text
 from sqlalchemy.exc import ArgumentError, SQLAlchemyError
-from sqlalchemy.pool import NullPool
 
 from kb.diagnostics import Diagnostic, InvalidInput, Source
 
@@ -60,13 +61,35 @@ def connected(target: str) -> Engine:
 
 
 def _sqlite(url: URL) -> Engine:
-    folder = Path(url.database or "").parent
-    if not folder.is_dir():
+    file = Path(url.database or "")
+    if not file.parent.is_dir():
         raise refusal(str(url.database), "there is no such folder for a library", "make the folder first")
-    engine = create_engine(url, connect_args={"timeout": BUSY_S}, poolclass=NullPool)
+    engine = create_engine(
+        _reading(file) if _is_kept_from_writing(file) else url, connect_args={"timeout": BUSY_S}
+    )
     event.listen(engine, "connect", _prepare)
     event.listen(engine, "begin", _begin)
     return engine
+
+
+def _is_kept_from_writing(file: Path) -> bool:
+    """Whether a file is there that may be read only; the log beside it needs a folder that may be written, too."""
+    try:
+        return file.is_file() and not all(os.access(each, os.W_OK) for each in (file, file.parent))
+    except (OSError, ValueError):  # opening it says why
+        return False
+
+
+def _reading(file: Path) -> URL:
+    """A file as it stands, or, where a log beside it shows that others write, with what they write."""
+    logged = file.with_name(f"{file.name}-wal").exists()
+    asked = "mode=ro" if logged else "mode=ro&immutable=1"
+    return URL.create("sqlite", database=f"file:{quote(str(file))}?{asked}", query={"uri": "true"})
+
+
+def is_writable(engine: Engine) -> bool:
+    """Whether a database may be written."""
+    return engine.url.query.get("uri") != "true"
 
 
 def _prepare(raw: Any, _record: object) -> None:

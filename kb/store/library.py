@@ -10,7 +10,7 @@ from sqlalchemy.dialects import postgresql, sqlite
 
 from kb.model.macro import Macrop
 from kb.store.documents import dumps, loads
-from kb.store.engines import refusal, transaction
+from kb.store.engines import is_writable, refusal, transaction
 from kb.store.notation import NotationError
 from kb.store.opening import opened
 from kb.store.outlines import Outline, Requirement, SharedTexts, chunks, words_of
@@ -68,12 +68,16 @@ class Figures:
 
 
 class Library:
-    """A library in a database. Every method is one transaction; all of them raise `InvalidInput` where it refuses."""
+    """A library in a database. Every method is one transaction; all of them raise `InvalidInput` where it refuses.
+
+    A library that is not `writable` serves all the same; what it has been good for is not counted then.
+    """
 
     def __init__(self, target: str) -> None:
         """Open a library, make it, or bring it to the current schema. `target` is a file or a URL."""
         self.target = target
         self._engine = opened(target)
+        self.writable = is_writable(self._engine)
         self._shared = SharedTexts()
 
     def __enter__(self) -> "Library":
@@ -135,6 +139,8 @@ class Library:
     def outlined(self, found: Iterable[tuple[Macrop, int, tuple[Requirement, ...]]]) -> None:
         """Keep the requirements that were worked out for MACROPs of older versions, with their numbers."""
         new = list(found)
+        if not self.writable:
+            return
         try:
             with transaction(self._engine, self.target, writes=True) as connection:
                 shared = self._shared.numbers(connection, {text for _, _, own in new for text, _ in own})
@@ -218,11 +224,10 @@ class Library:
             {"number": number, "times": use.times, "seconds": use.lookup_s}
             for number, use in sorted(uses.items())
         ]
+        if not rows or not self.writable:
+            return
         with transaction(self._engine, self.target, writes=True) as connection:
-            if rows:
-                connection.execute(
-                    usage.update().where(usage.c.macrop == bindparam("number")).values(more), rows
-                )
+            connection.execute(usage.update().where(usage.c.macrop == bindparam("number")).values(more), rows)
 
     def tried(self, domain: str, signature: str) -> tuple[int, int]:
         """How often plans for goals of a kind could be composed of MACROPs, and how often not."""
@@ -233,6 +238,8 @@ class Library:
 
     def note_trial(self, domain: str, signature: str, success: bool) -> None:
         """Count one more attempt to compose a plan."""
+        if not self.writable:
+            return
         one, other = int(success), int(not success)
         with transaction(self._engine, self.target, writes=True) as connection:
             insert = sqlite.insert if connection.dialect.name == "sqlite" else postgresql.insert

@@ -5,19 +5,33 @@ import sqlite3
 from sqlalchemy import Engine
 from sqlalchemy.exc import SQLAlchemyError
 
-from kb.store.engines import connected, lock_schema, refusal, transaction, write_ahead
+from kb.store.engines import connected, is_writable, lock_schema, refusal, transaction, write_ahead
 from kb.store.schema import CURRENT, NewerSchema, migrate, version_of
 
 
 def opened(target: str) -> Engine:
-    """The engine of a database, a file or a URL, with all tables in it. Raises `InvalidInput`."""
+    """The engine of a database, a file or a URL, with all tables in it; a file that may not be written is only read.
+
+    Raises `InvalidInput`.
+    """
     engine = connected(target)
     try:
-        _prepared(engine, target)
+        if is_writable(engine):
+            _prepared(engine, target)
+        else:
+            _require_current(engine, target)
     except BaseException:
         engine.dispose()
         raise
     return engine
+
+
+def _require_current(engine: Engine, target: str) -> None:
+    with transaction(engine, target) as connection:
+        version = version_of(connection)
+    if version != CURRENT:
+        said = f"the library has schema {version}, not {CURRENT}, and may not be written"
+        raise refusal(target, said, "let someone who may write it open it once")
 
 
 def _prepared(engine: Engine, target: str) -> None:

@@ -12,7 +12,7 @@ from macro_cells import GOLDEN, Example, atom, bundled, golden
 from engine.macros.checking import Refused, check
 from engine.macros.index import Index
 from engine.macros.lookup import look_up
-from engine.macros.matching import Work, joined, matches
+from engine.macros.matching import OutOfWork, Work, joined, matches
 from engine.macros.program import Program
 from engine.macros.query import Query, Situation, query, readings
 from engine.validation import validate
@@ -100,8 +100,12 @@ def test_goals_with_few_choices_first_gives_the_bindings_of_the_plain_join(data:
             if len(macrop.goals) != len(each.goals):
                 continue
             bare = Program(dataclasses.replace(macrop, exclusions=()))
+            try:
+                plain = {frozenset(bindings.items()) for bindings in joined(program, each, Work(20_000))}
+            except OutOfWork:
+                continue
             fast = {frozenset(bindings.items()) for bindings in matches(bare, each, Work(100_000))}
-            assert fast == {frozenset(bindings.items()) for bindings in joined(program, each, Work(100_000))}
+            assert fast == plain
 
 
 def _lessons() -> list[object]:
