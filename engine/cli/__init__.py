@@ -1,30 +1,20 @@
 """The command `cellwright`: parse, call, print, exit. Heavy imports wait until a command needs them."""
 
-import gc
-
-import typer
-
-from engine.cli.answers import open_streams
-from engine.cli.ending import leave
-from engine.cli.verbs import Verbs
-
-app = typer.Typer(
-    name="cellwright", cls=Verbs, no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False
-)
-
-
-@app.callback()
-def cellwright() -> None:
-    """Plan and diagnose for robot work cells."""
+import signal
 
 
 def main() -> None:
-    """Run the command line."""
-    gc.set_threshold(100_000)  # hardly anything here is part of a cycle
-    open_streams()
-    try:
-        app()
-    except SystemExit as end:
-        if isinstance(end.code, int):
-            leave(end.code)
-        raise
+    """Run the command line. Until a verb has begun, and when it has ended, Ctrl-C ends the process without a word."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+    from engine.cli.command import run
+
+    run()
+
+
+def __getattr__(name: str) -> object:
+    """The application is made when it is asked for."""
+    if name == "app":
+        from engine.cli.command import app
+
+        return app
+    raise AttributeError(name)

@@ -7,7 +7,9 @@ memory and bugs become exit codes here, so that no command prints a traceback.
 import errno
 import io
 import os
+import signal
 import sys
+import threading
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
@@ -45,7 +47,8 @@ class Answer:
 
 def give(make: Callable[[], Answer], form: Form) -> NoReturn:
     """Make the answer, print it and exit with its code."""
-    answer = _made(make)
+    with _hearing():
+        answer = _made(make)
     if form is Form.TEXT or answer.raw is not None:
         with suppress(OSError):  # whoever cannot be told why still gets the exit code
             _report(answer)
@@ -86,6 +89,19 @@ def open_streams() -> None:
             setattr(sys, name, open(os.devnull, mode))  # noqa: SIM115 - open as long as the process
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="replace")
+
+
+@contextmanager
+def _hearing() -> Iterator[None]:
+    """A context in which Ctrl-C is an exception: there is an answer to give then."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
 
 
 def _made(make: Callable[[], Answer]) -> Answer:

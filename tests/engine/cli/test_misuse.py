@@ -186,3 +186,21 @@ def _started(*arguments: str) -> subprocess.Popen[bytes]:
     assert process.stderr is not None
     assert b"steps" in process.stderr.readline()
     return process
+
+
+@pytest.mark.parametrize("arguments", [("--help",), ("plan", "themse/four"), ("check", "bulkhead")])
+def test_ctrl_c_while_modules_are_loaded_ends_the_process_without_a_word(arguments: tuple[str, ...]) -> None:
+    """Interrupted at the import of the module that everything is loaded by."""
+    code = (
+        "import os, signal, sys\n"
+        "class Interrupting:\n"
+        "    def find_spec(self, name, path=None, target=None):\n"
+        "        if name == 'typer': os.kill(os.getpid(), signal.SIGINT)\n"
+        "sys.meta_path.insert(0, Interrupting())\n"
+        "from engine.cli import main\n"
+        "main()\n"
+    )
+    result = subprocess.run(
+        [sys.executable, "-c", code, *arguments], capture_output=True, timeout=60, check=False
+    )
+    assert (result.returncode, result.stdout, result.stderr) == (-signal.SIGINT, b"", b"")
