@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 from engine.model.outcome import Offer
 from engine.model.task import Bits, GroundOperator, indices
-from engine.planning.composites import Composite, Pattern
+from engine.planning.composites import Composite, Pattern, composites
 from engine.planning.effort import Answer
 from engine.planning.relaxed import FAR, Relaxation
 
@@ -62,16 +62,16 @@ class Regression:
             for atom in indices(operator.adds & ~operator.preconditions):
                 self.achievers[atom].append(number)
 
-    def with_composites(self, composites: Sequence[Composite]) -> "Regression":
+    def with_composites(self, made: Sequence[Composite]) -> "Regression":
         """The same with composites beside the operators. They are no part of relaxed plans, so that estimates stay."""
         extended = copy.copy(self)
-        extended.composites = tuple(composites)
-        joined = [each.operator for each in composites]
+        extended.composites = tuple(made)
+        joined = [each.operator for each in made]
         extended.adds = self.adds + [each.adds for each in joined]
         extended.preconditions = self.preconditions + [each.preconditions for each in joined]
         extended.conflicts = self.conflicts + [self._conflicts(each) for each in joined]
         charge = self.relaxation.charge
-        extended.charges = self.charges + [sum(map(charge, each.parts)) for each in composites]
+        extended.charges = self.charges + [sum(map(charge, each.parts)) for each in made]
         extended.achievers = [list(each) for each in self.achievers]
         for number, operator in enumerate(joined, len(self.operators)):
             extended._index(number, operator)
@@ -117,10 +117,14 @@ class Backward:
         self.relaxed = regression.relaxation.plans(initial, bound)
         self._needs: dict[int, Bits | None] = {}
 
-    def with_composites(self, composites: Sequence[Composite]) -> "Backward":
-        """The same space with composites beside the operators."""
+    def offered(self, patterns: Sequence[Pattern], most: int) -> "Backward":
+        """The same space with instances of patterns, at most so many, beside the operators."""
+        made = composites(self.regression.operators, patterns, most) if patterns else []
+        if not made:
+            return self
         extended = copy.copy(self)
-        extended.regression = self.regression.with_composites(composites)
+        extended.regression = self.regression.with_composites(made)
+        extended._needs = dict(self._needs)
         return extended
 
     def root(self, goals: Bits) -> Node | None:

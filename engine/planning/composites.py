@@ -122,8 +122,16 @@ class Joins:
         if number not in known:
             operator = self.operators[number]
             step = self.patterns[pattern][place]
-            known[number] = None if operator.conditional else match(step, operator.instance, {})
+            known[number] = None if operator.conditional else _matched(step, operator.instance)
         return known[number]
+
+
+def _matched(step: Function, instance: Function) -> dict[Variable, Term] | None:
+    """`match` from no bindings; at once where all arguments are different variables."""
+    plain = [each for each in step.arguments if isinstance(each, Variable)]
+    if len(set(plain)) == len(step.arguments) == len(instance.arguments):
+        return dict(zip(plain, instance.arguments, strict=True))
+    return match(step, instance, {})
 
 
 def _shared(pattern: Pattern) -> Iterator[tuple[Variable, ...]]:

@@ -6,7 +6,7 @@ from typing import Protocol
 
 from engine.model.task import Task
 from engine.planning.backward import Backward, Regression
-from engine.planning.composites import NO_MACROS, Macros, composites
+from engine.planning.composites import NO_MACROS, Macros
 from engine.planning.effort import NO_PLAN, Answer, Effort
 from engine.planning.elimination import eliminate, reached
 from engine.planning.mutexes import mutexes
@@ -96,11 +96,8 @@ class Chaining:
     @cached_property
     def _best_first(self) -> BestFirst:
         """From all alternatives, with the composites that MACROPs make."""
-        space, patterns = self.space, self._setting.macros.backward
-        if patterns and self.roots:
-            made = composites(space.regression.operators, patterns, COMPOSITES)
-            space = space.with_composites(made)
-        return BestFirst(space, self.roots, GREED)
+        patterns = self._setting.macros.backward if self.roots else ()
+        return BestFirst(self.space.offered(patterns, COMPOSITES), self.roots, GREED)
 
     def climb(self, effort: Effort) -> Answer | None:
         """Hill climbing towards the nearest alternative of the goals; only if there is one alone is its end a proof."""

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 from engine.model.task import Task
 from engine.planning.backward import Backward
-from engine.planning.composites import Pattern, composites
+from engine.planning.composites import Pattern
 from engine.planning.effort import Effort, Interrupted
 from engine.planning.portfolio import COMPOSITES, GREED, Setting
 from engine.planning.regression import BestFirst
@@ -76,10 +76,8 @@ def _backward(setting: Setting, interrupted: Interrupted) -> Work:
     roots = [root for goal in setting.task.goals if (root := plain.root(goal)) is not None]
 
     def work(patterns: Sequence[Pattern], most: int) -> int:
-        made = composites(plain.regression.operators, patterns, COMPOSITES)
-        space = plain.with_composites(made) if made else plain
         effort = Effort(most, interrupted, most=most)
-        answer = BestFirst(space, roots, GREED).run(effort)
+        answer = BestFirst(plain.offered(patterns, COMPOSITES), roots, GREED).run(effort)
         return most if answer is None else min(effort.generated, most)
 
     return work

@@ -10,7 +10,7 @@ from engine.model.outcome import Found, Infeasible
 from engine.model.task import GroundOperator, Task, progress
 from engine.planning import STRATEGIES, Limits, Macros, plan
 from engine.planning.backward import Backward, Regression
-from engine.planning.composites import Joins, Pattern, composed, composites
+from engine.planning.composites import Joins, Pattern, composed
 from engine.planning.effort import Effort
 from engine.planning.forward import forward
 from engine.planning.mutexes import mutexes
@@ -145,8 +145,7 @@ def test_searches_that_take_composites_return_executable_steps(problem: Problem,
     assume(len(task.goals) == 1)
     chosen = _chosen(task, data).forward
     regression = Regression(task.operators, task.weights, mutexes(task))
-    space = Backward(regression, task.initial)
-    extended = space.with_composites(composites(task.operators, chosen, 1000))
+    extended = Backward(regression, task.initial).offered(chosen, 1000)
     root = extended.root(task.goals[0])
     searches = [forward(task, 0, patterns=chosen), *([BestFirst(extended, [root], 5)] if root else [])]
     for search in searches:
