@@ -1,7 +1,7 @@
 """Whether unordered steps can disturb each other: then a plan does not do the same in every order and overlap."""
 
 import itertools
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Set
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -77,25 +77,26 @@ class Interference:
 
     def _conflict(self, one: Executed, other: Executed, reads: dict[StepId, Reads]) -> str:
         """How `one` disturbs `other`, or nothing."""
-        shared = set(one.step.resources) & set(other.step.resources)
-        if shared:
+        if one.step.resources and (shared := set(one.step.resources) & set(other.step.resources)):
             return f"both hold {min(map(str, shared))}"
         needed = reads[other.step.id]
-        name = f"{one.step.operator}"
-        exposed = (needed.true | other.change.adds) - one.change.adds
-        denied = exposed & one.denied
-        if one.deductions:
-            denied = {atom for atom in exposed if one.denies(atom, self.semantics.statics)}
-        if denied:
-            return f"{name} denies {min(map(str, denied))}, which {other.step.operator} needs or adds"
+        if denied := self._denied(one, (needed.true, other.change.adds)):
+            return f"{one.step.operator} denies {min(map(str, denied))}, which {other.step.operator} needs or adds"
         added = needed.false & one.change.adds
         if added:
-            return f"{name} adds {min(map(str, added))}, which {other.step.operator} needs false"
-        for pattern in sorted(needed.watched, key=str):
+            return f"{one.step.operator} adds {min(map(str, added))}, which {other.step.operator} needs false"
+        for pattern in sorted(needed.watched, key=str) if needed.watched else ():
             changed = (*one.change.adds, *one.change.ends)
             if any(match(pattern, atom, {}) is not None for atom in changed):
-                return f"{name} changes {pattern}, which {other.step.operator} depends on"
+                return f"{one.step.operator} changes {pattern}, which {other.step.operator} depends on"
         return ""
+
+    def _denied(self, executed: Executed, exposed: Iterable[Set[Atom]]) -> set[Atom]:
+        """The exposed atoms that a step denies and does not add."""
+        if executed.deductions:
+            atoms = set[Atom]().union(*exposed) - executed.change.adds
+            return {atom for atom in atoms if executed.denies(atom, self.semantics.statics)}
+        return {atom for atoms in exposed for atom in executed.denied & atoms} - executed.change.adds
 
     def _reads(self, executed: Executed) -> Reads:
         """Causal links where they prove the precondition; else everything that it mentions."""
