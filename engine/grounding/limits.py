@@ -1,7 +1,8 @@
 """Runaway grounding: what may have too many instances is tried under limits before it is grounded for good."""
 
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections import Counter
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from math import prod
 
@@ -18,10 +19,10 @@ from engine.grounding.program import (
 from kb.asp.trial import affordable
 from kb.asp.vocabulary import guard, static_program
 from kb.diagnostics import Diagnostic, InvalidInput, Source
-from kb.model.conditions import Parameter
+from kb.model.conditions import Literal, Parameter
 from kb.model.domain import NUMERIC_TYPES, OBJECT, Consequence, DeductiveOperator, Domain
 from kb.model.problem import Problem
-from kb.terms import variables
+from kb.terms import Variable, variables
 
 SUSPICIOUS = 5_000_000  # instances that an upper bound may promise without a trial
 NUMBERS = 1000  # values assumed for a numeric variable
@@ -39,7 +40,8 @@ class Suspect:
 def require_affordable(problem: Problem, schemas: list[Schema], vocabulary: Vocabulary) -> None:
     """Raise `InvalidInput` if grounding would exceed the limits of a trial; without suspects there is no trial."""
     require_affordable_statics(problem)
-    _require(list(_operators(problem)), lambda: "\n".join(_program(problem, schemas, vocabulary)))
+    suspects = [*_operators(problem, schemas), *_consequences(problem)]
+    _require(suspects, lambda: "\n".join(_program(problem, schemas, vocabulary)))
 
 
 def require_affordable_statics(problem: Problem) -> None:
@@ -59,15 +61,42 @@ def _require(suspects: Sequence[Suspect], program: Callable[[], str]) -> None:
     )
 
 
-def _operators(problem: Problem) -> Iterator[Suspect]:
+def _operators(problem: Problem, schemas: Sequence[Schema]) -> Iterator[Suspect]:
+    sizes = extents(problem)
+    facts = Counter(fact.name for fact in problem.statics) if not problem.domain.asp else Counter[str]()
+    for schema in schemas:
+        operator = schema.operator
+        values = {p.variable: sizes.get(p.type, NUMBERS) for p in operator.parameters}
+        given = [
+            (set(variables(part.atom)), facts[part.atom.name])
+            for part in schema.static
+            if isinstance(part, Literal) and part.positive and part.atom.name in facts
+        ]
+        yield Suspect(str(operator.header), operator.where, most_bindings(values, given))
+
+
+def most_bindings(
+    values: Mapping[Variable, float], given: Collection[tuple[Collection[Variable], int]]
+) -> float:
+    """An upper bound on the bindings of variables with so many values each, where `given` sets of them are bound together,
+    each in no more than so many ways: sets are taken while one of them has fewer ways than its variables have values.
+    """
+    left, bound = dict(values), 1.0
+    while True:
+        saved, ways, together = max(
+            ((prod(left.get(each, 1.0) for each in bound_) / ways, ways, bound_) for bound_, ways in given),
+            key=lambda choice: choice[0],
+            default=(0.0, 0, ()),
+        )
+        if saved <= 1:
+            return bound * prod(left.values())
+        bound *= ways
+        left = {variable: count for variable, count in left.items() if variable not in together}
+
+
+def _consequences(problem: Problem) -> Iterator[Suspect]:
     domain = problem.domain
     sizes = extents(problem)
-    for operator in domain.operators:
-        yield Suspect(
-            str(operator.header),
-            operator.where,
-            prod(sizes.get(p.type, NUMBERS) for p in operator.parameters),
-        )
     for deductive in domain.deductive_operators:
         for consequence in deductive.consequences:
             bound = max(

@@ -1,13 +1,18 @@
 import functools
+import itertools
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from engine.grounding import ground, limits
+from engine.interop.pddl import read_pddl
 from kb.asp.trial import affordable
 from kb.diagnostics import InvalidInput
 from kb.loader import load_problem
+from kb.terms import Variable
 
 DOMAIN = """\
 domain: runaway
@@ -79,3 +84,39 @@ def test_the_bound_on_a_type_counts_its_subtypes_and_its_terms() -> None:
     assert sizes["point"] == 3 * sizes["place"]
     more = replace(problem, objects={**problem.objects, "m4": "measurement"})
     assert limits.extents(more)["point"] == 3 * 6
+
+
+A, B, C = map(Variable, "ABC")
+pairs = st.sets(st.tuples(st.integers(0, 3), st.integers(0, 3)), min_size=1)
+
+
+@given(pairs, pairs, st.sets(st.integers(0, 3), min_size=1))
+def test_no_more_bindings_than_the_bound(
+    one: set[tuple[int, int]], two: set[tuple[int, int]], three: set[int]
+) -> None:
+    """`one(A, B), two(B, C), three(A)` over four values for each variable."""
+    counted = sum(
+        (a, b) in one and (b, c) in two and a in three for a, b, c in itertools.product(range(4), repeat=3)
+    )
+    known = [({A, B}, len(one)), ({B, C}, len(two)), ({A}, len(three))]
+    bound = limits.most_bindings({A: 4.0, B: 4.0, C: 4.0}, known)
+    assert counted <= bound <= 64
+
+
+def test_static_facts_that_bind_the_variables_need_no_trial(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def tried(_text: str) -> bool:
+        raise AssertionError("tried")
+
+    monkeypatch.setattr(limits, "affordable", tried)
+    files = tmp_path / "domain.pddl", tmp_path / "problem.pddl"
+    files[0].write_text("""(define (domain chain) (:predicates (next ?a ?b) (at ?a))
+      (:action go :parameters (?a ?b ?c ?d) :precondition (and (at ?a) (next ?a ?b) (next ?b ?c) (next ?c ?d))
+        :effect (at ?d)))""")
+    names = [f"o{number}" for number in range(60)]
+    chain = " ".join(f"(next {a} {b})" for a, b in itertools.pairwise(names))
+    files[1].write_text(
+        f"(define (problem p) (:domain chain) (:objects {' '.join(names)}) (:init (at o0) {chain}) (:goal (at o9)))"
+    )
+    assert len(ground(read_pddl(*files).problem).operators) == 19
