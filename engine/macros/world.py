@@ -4,8 +4,6 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 
-import networkx as nx
-
 from engine.macros.bodies import Bindings, satisfiable, solve
 from engine.macros.digests import Digests
 from engine.macros.facts import Facts
@@ -13,6 +11,7 @@ from engine.macros.ground_steps import GroundStep, ground_step, is_plain
 from engine.macros.schema import Following, NotGeneral, OperatorSchema, Schemas, stand_in
 from kb.asp import Grounder
 from kb.asp.vocabulary import VIOLATED, guard, static_program
+from kb.graphs import components
 from kb.model.conditions import Aggregate, Body, Literal, Parameter
 from kb.model.domain import Domain, Rule
 from kb.model.problem import Problem
@@ -61,16 +60,11 @@ class World:
     @cached_property
     def strata(self) -> list[list[Rule]]:
         """The rules of derived predicates in an order in which negation looks only backwards."""
-        graph: nx.DiGraph[str] = nx.DiGraph()
+        graph: dict[str, list[str]] = {rule.head.name: [] for rule in self.schemas.rules}
         for rule in self.schemas.rules:
-            graph.add_node(rule.head.name)
             used = (part.atom.name for part in rule.body if isinstance(part, Literal))
-            graph.add_edges_from((rule.head.name, name) for name in used)
-        return [
-            rules
-            for part in nx.strongly_connected_components(graph)
-            if (rules := [rule for rule in self.schemas.rules if rule.head.name in part])
-        ]
+            graph[rule.head.name] += [name for name in used if name in graph]
+        return [[rule for rule in self.schemas.rules if rule.head.name in part] for part in components(graph)]
 
     def fits(self, problem: Problem) -> bool:
         """Whether a problem has the same domain, objects and statics."""

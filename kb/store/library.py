@@ -144,9 +144,18 @@ class Library:
         try:
             with transaction(self._engine, self.target, writes=True) as connection:
                 shared = self._shared.numbers(connection, {text for _, _, own in new for text, _ in own})
-                for macrop, number, own in new:
-                    values = {"cost": macrop.cost, "requirements": words_of(own, shared)}
-                    connection.execute(outlines.update().where(outlines.c.macrop == number).values(values))
+                rows = [
+                    {"number": number, "own_cost": macrop.cost, "words": words_of(own, shared)}
+                    for macrop, number, own in new
+                ]
+                values: dict[str, object] = {
+                    "cost": bindparam("own_cost"),
+                    "requirements": bindparam("words"),
+                }
+                if rows:
+                    connection.execute(
+                        outlines.update().where(outlines.c.macrop == bindparam("number")).values(values), rows
+                    )
         except BaseException:
             self._shared.forget()
             raise
