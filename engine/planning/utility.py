@@ -17,7 +17,7 @@ from engine.planning.regression import BestFirst
 SEEDS = (0, 1, 2, 3, 4)  # ties broken in so many ways, where a search breaks ties by chance
 MOST = 20_000  # nodes that a task may take; what takes more is no task to train on
 TOGETHER = 4  # patterns that are kept for one search
-PAYS = 0.95  # of the work without a pattern, that with it may be
+PAYS = 0.85  # of the work without a pattern, that with it may be
 
 Work = Callable[[Sequence[Pattern], int], int]
 """The nodes that solving takes with some patterns, at most so many."""

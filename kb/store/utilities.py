@@ -13,7 +13,7 @@ from kb.store.library import Library
 from kb.store.schema import macrops, utility
 
 RARELY, SELDOM = 8, 4  # offers after which a MACROP must have served once in so many
-PAYS = 0.95  # of the work without it, that with it may be
+PAYS = 0.85  # of the work without it, that with it may be
 
 
 @dataclass(frozen=True, slots=True)

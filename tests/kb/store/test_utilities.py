@@ -73,8 +73,8 @@ def test_a_library_without_utilities_is_brought_up_to_date(target: str) -> None:
 
 
 def test_what_spared_no_work_or_is_offered_in_vain_does_not_pay() -> None:
-    assert Utility(trials=1, without=100, beside=90).pays
-    assert not Utility(trials=1, without=100, beside=96).pays
+    assert Utility(trials=1, without=100, beside=80).pays
+    assert not Utility(trials=1, without=100, beside=86).pays
     assert not Utility().pays
     assert not Utility(RARELY, 1, 1, 100, 10).pays
     assert Utility(RARELY, 2, 1, 100, 10).pays
