@@ -8,6 +8,7 @@ domain; after that uses are counted, and what is offered in vain is offered no m
 import hashlib
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 from engine.macros.checking import executed
 from engine.macros.digests import Digests
@@ -64,9 +65,14 @@ class Subsequences:
     def __init__(self, library: Library, domain: Domain) -> None:
         self.domain = domain
         self._library, self._digests, self._utilities = library, Digests(domain), Utilities(library)
-        operators = "".join(self._digests.of(f"operator {name}") for name in sorted(_names(domain)))
-        self._lessons = f"{SIGNATURE} {hashlib.sha256(operators.encode()).hexdigest()[:16]}"
         self._known = self._fetched()
+
+    @cached_property
+    def _lessons(self) -> str:
+        """What the tasks that were trained on are counted under: other operators begin anew."""
+        names = sorted({operator.name for operator in self.domain.operators})
+        operators = "".join(self._digests.of(f"operator {name}") for name in names)
+        return f"{SIGNATURE} {hashlib.sha256(operators.encode()).hexdigest()[:16]}"
 
     def _fetched(self) -> list[Known]:
         """Those that are not stale."""
@@ -177,10 +183,6 @@ def pattern_of(macrop: Macrop) -> Pattern:
 
 def _ids(steps: Sequence[Step]) -> tuple[StepId, ...]:
     return tuple(step.id for step in steps)
-
-
-def _names(domain: Domain) -> set[str]:
-    return {operator.name for operator in domain.operators}
 
 
 def _is(known: Known, found: Recurring) -> bool:
