@@ -5,7 +5,7 @@ instance needs and does is composed from its parts, so it is right however it wa
 a search that is complete without composites is complete with them.
 """
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import islice
 
@@ -54,75 +54,88 @@ def composed(parts: Sequence[GroundOperator]) -> GroundOperator | None:
     return GroundOperator(COMPOSITE, needed, added, deleted, cost=cost) if added else None
 
 
+Bound = dict[str, int]
+"""Variables by name, and the numbers of the terms that they stand for."""
+
+
 class Joins:
     """Sequences of ground operators, by number, that are instances of patterns: steps joined over shared variables.
 
-    An operator is matched with a step when it is first met, and the bindings are kept. Operators with conditional effects
-    are never part of a sequence.
+    An operator is matched with a step when it is first met, and the bindings are kept, with a number for each term, so that
+    joining compares small numbers. Operators with conditional effects are never part of a sequence.
     """
 
     def __init__(self, operators: Sequence[GroundOperator], patterns: Sequence[Pattern]) -> None:
         self.operators, self.patterns = operators, patterns
+        self._names = [operator.instance.name for operator in operators]
         self._shared = [list(_shared(pattern)) for pattern in patterns]
-        self._bindings: list[list[dict[int, dict[Variable, Term] | None]]] = [
-            [{} for _ in pattern] for pattern in patterns
-        ]
+        self._terms: dict[Term, int] = {}
+        self._bindings: list[list[dict[int, Bound | None]]] = [[{} for _ in each] for each in patterns]
+        self._keys: list[list[dict[int, tuple[int, ...]]]] = [[{} for _ in each] for each in patterns]
         self._beginning: dict[str, list[int]] = {}
         for number, pattern in enumerate(patterns):
             self._beginning.setdefault(pattern[0].name, []).append(number)
 
-    def sequences(self, first: Iterable[int], others: Iterable[int]) -> Iterator[tuple[int, tuple[int, ...]]]:
+    def sequences(self, first: Iterable[int], others: Sequence[int]) -> Iterator[tuple[int, tuple[int, ...]]]:
         """Every pattern, by number, with the operators of an instance that begins with one of `first` and goes on with some
         of `others`."""
-        named: dict[str, list[int]] = {}
-        for number in others:
-            named.setdefault(self.operators[number].instance.name, []).append(number)
-        tables: dict[tuple[int, int], Mapping[tuple[Term, ...], list[int]]] = {}
+        tables: dict[tuple[int, int], dict[tuple[int, ...], list[int]]] = {}
         for number in first:
-            for pattern in self._beginning.get(self.operators[number].instance.name, ()):
+            for pattern in self._beginning.get(self._names[number], ()):
                 bound = self._bound(pattern, 0, number)
                 if bound is not None:
-                    for found in self._rest(pattern, (number,), bound, named, tables):
+                    for found in self._rest(pattern, (number,), bound, others, tables):
                         yield pattern, found
 
     def _rest(
         self,
         pattern: int,
         begun: tuple[int, ...],
-        bindings: dict[Variable, Term],
-        named: Mapping[str, list[int]],
-        tables: dict[tuple[int, int], Mapping[tuple[Term, ...], list[int]]],
+        bindings: Bound,
+        others: Sequence[int],
+        tables: dict[tuple[int, int], dict[tuple[int, ...], list[int]]],
     ) -> Iterator[tuple[int, ...]]:
         place = len(begun)
         if place == len(self.patterns[pattern]):
             yield begun
             return
         if (pattern, place) not in tables:
-            tables[pattern, place] = self._table(pattern, place, named)
-        key = tuple(bindings[variable] for variable in self._shared[pattern][place])
+            tables[pattern, place] = self._table(pattern, place, others)
+        key = tuple([bindings[name] for name in self._shared[pattern][place]])
         for number in tables[pattern, place].get(key, ()):
             more = self._bound(pattern, place, number)
             if number not in begun and more is not None:
-                yield from self._rest(pattern, (*begun, number), {**bindings, **more}, named, tables)
+                yield from self._rest(pattern, (*begun, number), {**bindings, **more}, others, tables)
 
-    def _table(
-        self, pattern: int, place: int, named: Mapping[str, list[int]]
-    ) -> Mapping[tuple[Term, ...], list[int]]:
+    def _table(self, pattern: int, place: int, others: Sequence[int]) -> dict[tuple[int, ...], list[int]]:
         """The operators that a step may stand for, by what earlier steps bind."""
-        table: dict[tuple[Term, ...], list[int]] = {}
-        for number in named.get(self.patterns[pattern][place].name, ()):
-            bound = self._bound(pattern, place, number)
-            if bound is not None:
-                key = tuple(bound[variable] for variable in self._shared[pattern][place])
-                table.setdefault(key, []).append(number)
+        table: dict[tuple[int, ...], list[int]] = {}
+        names, name = self._names, self.patterns[pattern][place].name
+        keys, shared = self._keys[pattern][place], self._shared[pattern][place]
+        for number in others:
+            if names[number] != name:
+                continue
+            key = keys.get(number)
+            if key is None:
+                bound = self._bound(pattern, place, number)
+                if bound is None:
+                    continue
+                key = keys[number] = tuple([bound[each] for each in shared])
+            table.setdefault(key, []).append(number)
         return table
 
-    def _bound(self, pattern: int, place: int, number: int) -> dict[Variable, Term] | None:
+    def _bound(self, pattern: int, place: int, number: int) -> Bound | None:
         known = self._bindings[pattern][place]
         if number not in known:
-            operator = self.operators[number]
-            step = self.patterns[pattern][place]
-            known[number] = None if operator.conditional else _matched(step, operator.instance)
+            operator, terms = self.operators[number], self._terms
+            found = (
+                None if operator.conditional else _matched(self.patterns[pattern][place], operator.instance)
+            )
+            known[number] = (
+                None
+                if found is None
+                else {each.name: terms.setdefault(term, len(terms)) for each, term in found.items()}
+            )
         return known[number]
 
 
@@ -134,12 +147,12 @@ def _matched(step: Function, instance: Function) -> dict[Variable, Term] | None:
     return match(step, instance, {})
 
 
-def _shared(pattern: Pattern) -> Iterator[tuple[Variable, ...]]:
-    """For each step the variables that steps before it bind."""
+def _shared(pattern: Pattern) -> Iterator[tuple[str, ...]]:
+    """For each step the names of the variables that steps before it bind."""
     bound: set[Variable] = set()
     for step in pattern:
         own = dict.fromkeys(variables(step))
-        yield tuple(variable for variable in own if variable in bound)
+        yield tuple(variable.name for variable in own if variable in bound)
         bound.update(own)
 
 

@@ -51,4 +51,6 @@ class Evaluation:
     @property
     def relaxed(self) -> list[int]:
         """The operators of the relaxed plan of the state evaluated last."""
+        if len(self.operators) == self._plain:
+            return self._plans.relaxed
         return list(dict.fromkeys(self._owners[number] for number in self._plans.relaxed))
