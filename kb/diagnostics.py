@@ -101,10 +101,12 @@ class Source:
 
 def printable(text: str) -> str:
     """The text with a mark for each character that would command the terminal, or turn the order of a line around."""
-    return _COMMANDING.sub("\N{REPLACEMENT CHARACTER}", text)
+    return re.sub(
+        _COMMANDING, "\N{REPLACEMENT CHARACTER}", text
+    )  # compiled when first used: most runs tell nothing
 
 
-_COMMANDING = re.compile("[\0-\x08\n-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069\ud800-\udfff]")
+_COMMANDING = "[\0-\x08\n-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069\ud800-\udfff]"
 
 
 def _width(character: str) -> int:
