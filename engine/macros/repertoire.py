@@ -125,12 +125,8 @@ class Repertoire:
             self._fresh[each.proof] = self._digests.fresh(each.depends)
         if each.id not in self._index and pays(each) and self._fresh[each.proof]:
             order = rank(each.id, each.name, each.cost, each.steps)
-            entry = Entry(each.id, order, partial(self._read, each.id))
+            entry = Entry(each.id, order, partial(self.library.macrop, each.id))
             self._index.put(each.signature, entry, each.requirements or ())
-
-    def _read(self, number: int) -> Macrop | None:
-        found = self.library.numbered(number)
-        return found.macrop if found is not None else None
 
     def _note(self, key: Hashable, times: int) -> None:
         """Charge a MACROP with the time since the last one was charged."""

@@ -138,24 +138,22 @@ class Library:
 
     def outlined(self, found: Iterable[tuple[Macrop, int, tuple[Requirement, ...]]]) -> None:
         """Keep the requirements that were worked out for MACROPs of older versions, with their numbers."""
-        new = list(found)
-        if not self.writable:
+        new = list(found) if self.writable else []
+        if not new:
             return
         try:
             with transaction(self._engine, self.target, writes=True) as connection:
                 shared = self._shared.numbers(connection, {text for _, _, own in new for text, _ in own})
                 rows = [
-                    {"number": number, "own_cost": macrop.cost, "words": words_of(own, shared)}
-                    for macrop, number, own in new
+                    {"number": number, "own_cost": each.cost, "words": words_of(own, shared)}
+                    for each, number, own in new
                 ]
                 values: dict[str, object] = {
                     "cost": bindparam("own_cost"),
                     "requirements": bindparam("words"),
                 }
-                if rows:
-                    connection.execute(
-                        outlines.update().where(outlines.c.macrop == bindparam("number")).values(values), rows
-                    )
+                made = outlines.update().where(outlines.c.macrop == bindparam("number")).values(values)
+                connection.execute(made, rows)
         except BaseException:
             self._shared.forget()
             raise
@@ -177,6 +175,12 @@ class Library:
         """One MACROP by its number."""
         return next(iter(self._read(macrops.c.id == number)), None)
 
+    def macrop(self, number: int) -> Macrop | None:
+        """One MACROP by its number, without what it has been good for."""
+        with transaction(self._engine, self.target) as connection:
+            text = connection.scalar(select(macrops.c.document).where(macrops.c.id == number))
+        return self._parsed(number, text) if text is not None else None
+
     def _read(self, where: object) -> list[Stored]:
         columns = (macrops.c.id, macrops.c.document, macrops.c.signature)
         figures = (usage.c.uses, usage.c.planning_s, usage.c.lookup_s)
@@ -196,12 +200,15 @@ class Library:
         planning_s: float | None,
         lookup_s: float | None,
     ) -> Stored:
+        macrop = self._parsed(number, text)
+        return Stored(number, macrop, signature, uses or 0, planning_s or 0.0, lookup_s or 0.0)
+
+    def _parsed(self, number: int, text: str) -> Macrop:
         try:
-            macrop = loads(text)
+            return loads(text)
         except NotationError as error:
             hint = f"`cellwright macros forget {number}` removes it"
             raise refusal(self.target, f"MACROP {number} cannot be read: {error}", hint) from error
-        return Stored(number, macrop, signature, uses or 0, planning_s or 0.0, lookup_s or 0.0)
 
     def outdated(self, domain: str, digest: Callable[[str], str]) -> dict[int, tuple[str, ...]]:
         """The MACROPs of a domain that rest on parts which `digest` knows otherwise now, with the names of these parts."""
