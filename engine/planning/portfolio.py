@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from functools import cached_property
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 from engine.model.task import Task
 from engine.planning.backward import Backward, Regression
@@ -15,17 +15,27 @@ from engine.planning.variants import TooManyVariants, plainly, unconditional
 
 CLIMB = 2_000  # nodes that hill climbing may generate before others have a turn
 QUICK = 2_000  # nodes that best-first regression may generate before searches forward have a turn
-FORWARD = 1000  # expansions in the first turn forward; every turn is twice as long as the one before
-REGRESSION = 500
-BEST_FIRST = 4000  # the same for best-first regression, where it is alone with restarts
 DETOUR = 2  # a plan so many times as costly as a relaxed one may be far from the best
 SECOND = 1000  # expansions that may be spent on another
-RESTART = 200
-LANDMARKS = 4000
-MODELS = 250
 ROOM = 1_500_000  # conditions and effects by steps that the portfolio grounds for stable models
 GREED = 5
 COMPOSITES = 5_000  # instances of MACROPs that are made for regression
+
+
+class Turn(NamedTuple):
+    """The expansions and the generated nodes of a first turn, whichever come first; every turn is twice as long as the one
+    before. Where expansions have very many successors, these are what takes the time."""
+
+    expansions: int
+    generated: int = 1 << 60
+
+
+LANDMARKS = Turn(8000, 1_000_000)
+REGRESSION = Turn(500, 10_000)
+FORWARD = Turn(1000, 250_000)
+MODELS = Turn(500)
+ALONE = Turn(4000)  # best-first regression, where only restarts are beside it
+RESTART = Turn(200)
 
 
 class Search(Protocol):
@@ -128,7 +138,7 @@ def backward(setting: Setting, effort: Effort) -> Answer | None:
     """Hill climbing while it is quick, then best first, which is complete, with restarts of the climb in between."""
     chaining = setting.backward
     return _bounded(chaining.climb, effort, CLIMB) or _in_turns(
-        [(chaining.best_first, BEST_FIRST), (chaining.restart, RESTART)], effort
+        [(chaining.best_first, ALONE), (chaining.restart, RESTART)], effort
     )
 
 
@@ -213,13 +223,13 @@ def _bounded(run: Callable[[Effort], Answer | None], effort: Effort, most: int) 
 
 
 def _in_turns(
-    turns: Sequence[tuple[Callable[[Effort], Answer | None], int]], effort: Effort
+    turns: Sequence[tuple[Callable[[Effort], Answer | None], Turn]], effort: Effort
 ) -> Answer | None:
-    """Run searches in turn, given with the expansions of their first turn, until one answers or the effort is spent."""
+    """Run searches in turn, given with their first turns, until one answers or the effort is spent."""
     factor = 1
     while not effort.spent():
-        for run, length in turns:
-            part = effort.part(expansions=factor * length)
+        for run, first in turns:
+            part = effort.part(factor * first.expansions, factor * first.generated)
             answer = run(part)
             effort.add(part)
             if answer is not None:
