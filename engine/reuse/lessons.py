@@ -72,7 +72,7 @@ def read(file: Path) -> list[Macrop]:
         return list(map(macrop_of, whole["macrops"]))
     except OSError as error:
         raise _refused(file, f"cannot be read: {error.strerror}") from error
-    except (NotationError, ValueError, KeyError, TypeError) as error:
+    except (NotationError, ValueError, KeyError, TypeError, RecursionError) as error:
         raise _refused(file, f"these are no MACROPs: {error}") from error
 
 

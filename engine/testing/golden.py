@@ -84,7 +84,7 @@ def answer(problem_file: Path) -> str:
 def _parsed(text: str, file: Path) -> Any:
     try:
         return json.loads(text)
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         hint = "restore it, or rewrite it with --update"
         raise InvalidInput([Diagnostic(Source(str(file)), "K402", f"not JSON: {error}", hint)]) from None
 

@@ -139,7 +139,7 @@ def imported(model: FaultModel, path: Path) -> list[ClosedCase]:
     try:
         given = json.loads(read_file(path).text)
         pairs = [(e, c, float(n)) for e, causes in given.items() for c, n in causes.items()]
-    except (ValueError, AttributeError, TypeError) as error:
+    except (ValueError, AttributeError, TypeError, RecursionError) as error:
         hint = "it holds {exception: {cause: count}}"
         raise InvalidInput([Diagnostic(Source(str(path)), "K402", f"no counts: {error}", hint)]) from None
     for exception, cause, _ in pairs:

@@ -204,3 +204,11 @@ def test_ctrl_c_while_modules_are_loaded_ends_the_process_without_a_word(argumen
         [sys.executable, "-c", code, *arguments], capture_output=True, timeout=60, check=False
     )
     assert (result.returncode, result.stdout, result.stderr) == (-signal.SIGINT, b"", b"")
+
+
+@pytest.mark.parametrize("verb", [("macros", "import", "FILE"), ("diagnose", "bulkhead", "--import", "FILE")])
+def test_a_file_nested_without_end_is_bad_input(tmp_path: Path, verb: tuple[str, ...]) -> None:
+    file = tmp_path / "deep.json"
+    file.write_text("[" * 100_000)
+    arguments = (str(file) if word == "FILE" else word for word in verb)
+    assert "recursion" in refused(*arguments, "--store", str(tmp_path / "store.db"))
