@@ -68,11 +68,15 @@ class Grounder:
         return [tuple(map(term, atom.symbol.arguments)) for atom in found]
 
     def everything(self) -> Iterator[Function]:
-        """Every true atom of every predicate."""
-        for atom in self._control.symbolic_atoms:
-            found = term(atom.symbol)
-            if isinstance(found, Function):
-                yield found
+        """Every true atom of every predicate; their arguments, few of them different, are read once each."""
+        atoms, known = self._control.symbolic_atoms, dict[clingo.Symbol, Term]()
+        for name, arity, positive in atoms.signatures:
+            for atom in atoms.by_signature(name, arity, positive):
+                arguments = atom.symbol.arguments
+                for each in arguments:
+                    if each not in known:
+                        known[each] = term(each)
+                yield Function(name, tuple([known[each] for each in arguments]))
 
     def tables(self, arities: Mapping[str, int]) -> dict[str, Table]:
         """For each predicate over integers its true atoms as rows, sorted."""
