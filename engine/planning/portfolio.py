@@ -31,7 +31,7 @@ class Turn(NamedTuple):
 
 
 LANDMARKS = Turn(8000, 1_000_000)
-REGRESSION = Turn(500, 10_000)
+REGRESSION = Turn(500, 100_000)
 FORWARD = Turn(1000, 250_000)
 MODELS = Turn(500)
 ALONE = Turn(4000)  # best-first regression, where only restarts are beside it
