@@ -41,11 +41,15 @@ class World:
         self.problem = problem
         self.domain: Domain = problem.domain
         self.schemas = schemas if schemas is not None else Schemas(problem.domain)
-        grounder = Grounder()
-        grounder.ground("\n".join([static_program(problem), *_aggregate_rules(problem.domain)]))
-        self.statics = Facts(grounder.everything())
         self.ground_step = lru_cache(KEPT)(self._ground_step)
         self._plain: dict[str, bool] = {}
+
+    @cached_property
+    def statics(self) -> Facts:
+        """Everything that holds whatever is done; worked out when it is first asked for."""
+        grounder = Grounder()
+        grounder.ground("\n".join([static_program(self.problem), *_aggregate_rules(self.domain)]))
+        return Facts(grounder.everything())
 
     @property
     def violated(self) -> bool:

@@ -37,7 +37,7 @@ class Answered:
     left to do.
 
     `macrop` is the number of the MACROP that was used, or of the one that was learned. `reason` says why a plan was not
-    learned. `after` is the situation that the plan leads to, if it was executed.
+    learned. `after` is the situation that the plan leads to; where nothing is learned, only who gave a situation is told.
     """
 
     outcome: Outcome
@@ -59,12 +59,8 @@ class Practice:
 
         Without `learns` the library is used and stays as it is.
         """
-        self.library, self.limits, self.thorough, self.learns = (
-            library,
-            limits,
-            thorough,
-            learns and library.writable,
-        )
+        self.library, self.limits, self.thorough = library, limits, thorough
+        self.learns = learns and library.writable
         self._worlds = Worlds()
         self._repertoires: list[Repertoire] = []
         self._subsequences: list[Subsequences] = []
@@ -118,29 +114,41 @@ class Practice:
         Raises `InvalidInput`.
         """
         here = situation if situation is not None else self.situation(problem)
-        asked = None if here.world.violated else query(problem, here)
-        if asked is not None and asked.served:
-            return Answered(Found(Plan(())), "state", after=here)
-        found = self._looked_up(problem, asked) if asked is not None else None
-        if found is None and asked is not None and worth_composing(asked):
-            found = self._composed_if_it_pays(problem, asked)
+        found = self._known(problem, here)
         if found is not None:
             return found
-        if situation is not None:
-            problem = problem.replace(ordered(here.facts))
-        return self._planned(problem, here)
+        if situation is None:
+            return self._planned(problem, here)
+        found = self._planned(problem.replace(ordered(here.facts)), here)
+        if found.after is None and isinstance(found.outcome, Found):
+            found = replace(found, after=executed(found.outcome.plan, here))
+        return found
+
+    def _known(self, problem: Problem, here: Situation) -> Answered | None:
+        """An answer by what is known: nothing is left to do, or MACROPs do it."""
+        asked = query(problem, here)
+        if asked is None:
+            return None
+        found = (
+            Answered(Found(Plan(())), "state", after=here)
+            if asked.served
+            else self._looked_up(problem, asked)
+        )
+        if found is None and worth_composing(asked):
+            found = self._composed_if_it_pays(problem, asked)
+        return None if found is None or here.world.violated else found
 
     def _composed_if_it_pays(self, problem: Problem, asked: Query) -> Answered | None:
         """A composed plan, unless composing for such goals failed or did not pay more often than it did.
 
-        The first one has to stand beside the planner's plan for the same problem.
+        The first one has to stand beside the planner's plan for the same problem, and is not tried where nothing is learned.
         """
         kinds = " + ".join(sorted(kinds_of(asked)))
         successes, failures = self.library.tried(problem.domain.name, kinds)
-        if failures > successes:
+        if failures > successes or not (successes or self.learns) or asked.world.violated:
             return None
         found = self._composed(problem, asked)
-        if found is not None and successes:
+        if successes and (found is not None or not self.learns):
             return found
         here = problem.replace(ordered(asked.facts))
         rival, planning = self._searched(here, asked.situation)
@@ -175,13 +183,13 @@ class Practice:
         )
 
     def _serve(self, part: Problem, here: Situation, may_plan: bool) -> Served | None:
-        """One part, looked up or, if need be, planned."""
+        """One part, looked up or, where its plan can be learned, planned."""
         part = _alone(part)
         asked = query(part, here)
         if asked is None or asked.served:
             return None if asked is None else Served(Plan(()), None, here)
         answered = self._looked_up(part, asked, approve=False)
-        if answered is None and not may_plan:
+        if answered is None and not (may_plan and self.learns):
             return None
         planned = answered is None
         if answered is None:
@@ -225,11 +233,14 @@ class Practice:
         """The planner's answer, and what was learned from it."""
         if not isinstance(outcome, Found):
             return Answered(outcome, "planner")
-        left = executed(outcome.plan, here)
-        if not self.learns or len(outcome.plan.steps) > LARGEST:
+        if not self.learns:
             idle = "nothing is to be learned" if self.library.writable else "the library may only be read"
-            why = f"{len(outcome.plan.steps)} steps are too many" if self.learns else idle
-            return Answered(outcome, "planner", reason=why, after=left)
+            return Answered(outcome, "planner", reason=idle)
+        left = executed(outcome.plan, here)
+        if len(outcome.plan.steps) > LARGEST:
+            return Answered(
+                outcome, "planner", reason=f"{len(outcome.plan.steps)} steps are too many", after=left
+            )
         try:
             learned = generalise(problem, outcome.plan, here.world, here.state).macrop
         except NotGeneral as error:
