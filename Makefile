@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 .DEFAULT_GOAL := test
 
 # What is compiled: plain Python with its types beside it.
-TYPED := $(wildcard engine/*/*.pxd)
+TYPED := $(shell find engine -name '*.pxd')
 
 $(VENV)/ready: pyproject.toml constraints.txt setup.py $(TYPED) $(TYPED:.pxd=.py)
 	$(PYTHON) -m venv $(VENV)
@@ -55,4 +55,5 @@ bench: $(PEERS)/ready
 	for each in $(MEASURED); do $(BIN)/python benchmarks/$$each.py || missed=1; done; exit $$missed
 
 clean:
-	rm -rf $(VENV) $(PEERS) build dist *.egg-info engine/*/*.so
+	rm -rf $(VENV) $(PEERS) build dist *.egg-info
+	find engine -name '*.so' -delete

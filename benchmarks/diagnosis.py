@@ -24,16 +24,16 @@ from rich.console import Console
 from rich.table import Table
 from troubles import isolation, uncertain, with_setup
 
-from engine.diagnosis.bench import read_bench
-from engine.diagnosis.circuits import diagnose
-from engine.diagnosis.knowledge import open_case
-from engine.diagnosis.selection import Selector
-from engine.diagnosis.session import QUESTION, Session, run
-from engine.diagnosis.trees import cost_under
-from engine.diagnosis.world import HiddenWorld, draw_cause
+from engine.model.cases import Hypothesis
 from engine.model.circuit import Circuit
-from engine.model.diagnosis import Action, Advice, Troubleshooting, expected_cost
-from engine.model.faults import Hypothesis
+from engine.model.troubleshooting import Action, Advice, Troubleshooting, expected_cost
+from engine.stages.diagnosis.bench import read_bench
+from engine.stages.diagnosis.circuits import diagnose
+from engine.stages.diagnosis.knowledge import open_case
+from engine.stages.diagnosis.selection import Selector
+from engine.stages.diagnosis.session import QUESTION, Session, run
+from engine.stages.diagnosis.trees import cost_under
+from engine.stages.diagnosis.world import HiddenWorld, draw_cause
 from kb.loader import bundled
 from kb.loader.faults import load_faults
 from kb.model.faults import FaultModel

@@ -21,9 +21,9 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from engine.geometry.inverse import InverseKinematics
-from engine.geometry.kinematics import ArmModel, wrapped
 from engine.model.geometry import Floats
+from engine.stages.geometry.kinematics.arms import ArmModel, wrapped
+from engine.stages.geometry.kinematics.inverse import InverseKinematics
 from kb.loader.arm import bundled_arms, load_arm
 
 ONE_AT_A_TIME = 2000

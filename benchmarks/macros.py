@@ -29,15 +29,15 @@ from rich.console import Console
 from rich.progress import track
 from rich.table import Table
 
-from engine import pipeline
-from engine.macros.generalise import generalise
-from engine.macros.lookup import Hit
-from engine.macros.query import Situation, query
-from engine.macros.repertoire import Repertoire, record_of
-from engine.macros.world import World
 from engine.model.outcome import Found
-from engine.reuse import Practice
-from engine.validation import validate
+from engine.pipelines import planning
+from engine.pipelines.reuse import Practice
+from engine.stages.macros.learning.generalise import generalise
+from engine.stages.macros.lifted.world import World
+from engine.stages.macros.lookup.lookup import Hit
+from engine.stages.macros.lookup.query import Situation, query
+from engine.stages.macros.lookup.repertoire import Repertoire, record_of
+from engine.stages.validation import validate
 from kb.model.conditions import And, Literal
 from kb.model.problem import Problem
 from kb.store import Library, loads
@@ -199,10 +199,10 @@ def _learn_small(library: Library) -> int:
     return asked
 
 
-def planning(bench: Bench) -> dict[str, Any]:
+def from_scratch(bench: Bench) -> dict[str, Any]:
     """One point planned from scratch, grounding and checking included."""
     started = time.perf_counter()
-    outcome = pipeline.plan(bench.problem)
+    outcome = planning.plan(bench.problem)
     assert isinstance(outcome, Found)
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20
     return {"seconds": time.perf_counter() - started, "peak_gib": peak, "steps": len(outcome.plan.steps)}
@@ -262,7 +262,7 @@ def main() -> None:
         bench = Bench.of(options.points)
         found: dict[str, Any] = {"loading_s": bench.loading_s}
         if "planning" in parts:
-            found["planning"] = planning(bench)
+            found["planning"] = from_scratch(bench)
         if "lookup" in parts:
             days = [_figure_4(), *different_days(options.macrops * 2, SMALL, SEED)]
             if not library.exists():

@@ -20,8 +20,8 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
-from engine import pipeline
 from engine.model.outcome import Found
+from engine.pipelines import planning
 from kb.loader import bundled
 
 SEARCH_BARS = {
@@ -31,7 +31,7 @@ SEARCH_BARS = {
     "themse/four": 2.0,
 }
 HELP_BAR = 0.3
-COMMAND = [sys.executable, "-m", "engine.cli"]
+COMMAND = [sys.executable, "-m", "engine.faces.cli"]
 
 
 def targets() -> list[str]:
@@ -60,8 +60,8 @@ def command(*arguments: str) -> Callable[[], object]:
 
 def measure(target: str, runs: int) -> dict[str, Any]:
     """One row of the table."""
-    problem = pipeline.problem_of(target)
-    outcomes = [pipeline.plan(problem) for _ in range(runs)]
+    problem = planning.problem_of(target)
+    outcomes = [planning.plan(problem) for _ in range(runs)]
     phases = {
         phase: min(outcome.statistics.seconds[phase] for outcome in outcomes)
         for phase in ("grounding", "search", "check")
@@ -80,7 +80,7 @@ def measure(target: str, runs: int) -> dict[str, Any]:
 
 def heavy_modules() -> list[str]:
     """Heavy packages that planning a small problem loads."""
-    code = "import sys; from engine import pipeline; pipeline.plan(pipeline.problem_of('bulkhead/one_point'))"
+    code = "import sys; from engine.pipelines import planning; planning.plan(planning.problem_of('bulkhead/one_point'))"
     code += "; print(*sorted({'numba', 'ortools'} & set(sys.modules)))"
     return subprocess.run(
         [sys.executable, "-c", code], capture_output=True, text=True, check=True

@@ -23,8 +23,9 @@ from pathlib import Path
 from rich.console import Console
 from rich.table import Table
 
-from engine import pipeline
-from engine.interop.pddl.plans import read_plan
+from engine.formats.interop.pddl import read_pddl
+from engine.formats.interop.pddl.plans import read_plan
+from engine.pipelines import planning
 from kb.diagnostics import InvalidInput
 
 OURS = ("auto", "backward", "forward", "landmarks", "asp")
@@ -53,7 +54,17 @@ def ours(strategy: str) -> Callable[[Path, Path, float], list[str]]:
     def line(folder: Path, _plan: Path, seconds: float) -> list[str]:
         files = [str(folder / "domain.pddl"), str(folder / "problem.pddl")]
         limits = ["--expansions", str(10**9), "--time-limit", str(seconds), "--format", "ipc"]
-        return [sys.executable, "-m", "engine.cli", "plan", "--pddl", *files, "--strategy", strategy, *limits]
+        return [
+            sys.executable,
+            "-m",
+            "engine.faces.cli",
+            "plan",
+            "--pddl",
+            *files,
+            "--strategy",
+            strategy,
+            *limits,
+        ]
 
     return line
 
@@ -119,12 +130,12 @@ def _steps(folder: Path, plan: Path) -> int | None:
     """The length of a plan that our checker accepts."""
     if not plan.is_file():
         return None
-    task = pipeline.pddl_task(str(folder / "domain.pddl"), folder / "problem.pddl")
+    task = read_pddl(folder / "domain.pddl", folder / "problem.pddl")
     try:
         made = read_plan(task, plan)
     except InvalidInput:
         return None
-    return len(made.steps) if not pipeline.check_plan(task.problem, made) else None
+    return len(made.steps) if not planning.check_plan(task.problem, made) else None
 
 
 def summary(runs: Sequence[Run], planners: Sequence[str]) -> Table:

@@ -25,12 +25,12 @@ from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
 
-from engine.geometry import transforms
-from engine.geometry.inverse import InverseKinematics
-from engine.geometry.kinematics import ArmModel
 from engine.model.tour import PoseProblem, Tour, TourProblem, Visit
-from engine.sequencing import Limits, sequence
-from engine.sequencing.poses import poses_for, tour_then_poses, with_poses
+from engine.stages.geometry import transforms
+from engine.stages.geometry.kinematics.arms import ArmModel
+from engine.stages.geometry.kinematics.inverse import InverseKinematics
+from engine.stages.sequencing import Limits, sequence
+from engine.stages.sequencing.poses import poses_for, tour_then_poses, with_poses
 from kb.loader.arm import bundled_arms, load_arm
 
 DRILL_M = 0.1

@@ -27,13 +27,14 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
-from engine import pipeline
+from engine.formats.interop.pddl import read_pddl
+from engine.model.forecast import makespan
 from engine.model.outcome import Found, Outcome
-from engine.model.schedule import makespan
-from engine.planning import Limits
-from engine.reuse import Practice
-from engine.revision import revise
-from engine.validation import validate
+from engine.pipelines import planning
+from engine.pipelines.reuse import Practice
+from engine.pipelines.revision import revise
+from engine.stages.planning import Limits
+from engine.stages.validation import validate
 from kb.loader import load
 from kb.model.problem import Problem
 from kb.store import Library
@@ -88,7 +89,7 @@ def probes(numbers: list[int]) -> Iterator[Row]:
         learning, _ = seconds(lambda: _practised(library, drawer(3)))
         for number in numbers:
             problem = drawer(number)
-            plain_s, plain = seconds(lambda p=problem: pipeline.plan(p))  # type: ignore[misc]
+            plain_s, plain = seconds(lambda p=problem: planning.plan(p))  # type: ignore[misc]
             with_s, answered = seconds(lambda p=problem: _practised(library, p))  # type: ignore[misc]
             assert isinstance(answered.outcome, Found)
             assert validate(problem, answered.outcome.plan) == []
@@ -117,7 +118,7 @@ def pddl(data: Path, domains: list[str]) -> Iterator[Row]:
 
 def _compared(library: Library, level: Path) -> Row:
     """One task without the library and with it; the library stays as it is."""
-    plain_s, plain = _least(lambda task: pipeline.plan(task, limited()), level)
+    plain_s, plain = _least(lambda task: planning.plan(task, limited()), level)
     with_s, answered = _least(lambda task: _practised(library, task, learns=False), level)
     found = answered.outcome
     offer = found.statistics.offer
@@ -145,7 +146,7 @@ def _least(run: Callable[[Problem], Any], level: Path) -> tuple[float, Any]:
 
 
 def _task(level: Path) -> Problem:
-    return pipeline.pddl_task(str(level / "domain.pddl"), level / "problem.pddl").problem
+    return read_pddl(level / "domain.pddl", level / "problem.pddl").problem
 
 
 def revisions(each: int) -> Iterator[Row]:
@@ -156,7 +157,7 @@ def revisions(each: int) -> Iterator[Row]:
             draw = random.Random(seed)
             now = moment(made, draw.randrange(len(made.plan.steps)), draw.randint(1, 3), 0, draw)
             revising, found = seconds(lambda m=made, n=now: revise(m, n.done, n.observed))  # type: ignore[misc]
-            scratch, fresh = seconds(lambda f=found: pipeline.plan(f.problem))  # type: ignore[misc]
+            scratch, fresh = seconds(lambda f=found: planning.plan(f.problem))  # type: ignore[misc]
             valid = isinstance(found.outcome, Found) and not validate(found.problem, found.outcome.plan)
             row = {"plan": f"{path.parts[-3]}/{path.stem}", "way": found.way, "valid": valid}
             costs = {"cost": cost(found.outcome), "fresh_cost": cost(fresh)}

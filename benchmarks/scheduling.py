@@ -23,16 +23,16 @@ from pathlib import Path
 from rich.console import Console
 from rich.table import Table
 
-from engine.grounding import ground
-from engine.interop.jobshop import read_jobshop
-from engine.interop.slab import read_slab
-from engine.model.jobs import Scheduled, Shop, Timetable
+from engine.formats.interop.jobshop import read_jobshop
+from engine.formats.interop.slab import read_slab
+from engine.model.forecast import makespan
 from engine.model.outcome import Found
-from engine.model.schedule import makespan
-from engine.planning import Limits
-from engine.planning import plan as plan_task
-from engine.scheduling import ScheduleLimits, check_schedule, schedule
-from engine.timetable import timed
+from engine.model.shop import Scheduled, Shop, Timetable
+from engine.pipelines.timetable import timed
+from engine.stages.grounding import ground
+from engine.stages.planning import Limits
+from engine.stages.planning import plan as plan_task
+from engine.stages.scheduling import ScheduleLimits, check_schedule, schedule
 from kb.loader import bundled, load_problem
 
 JOB_SHOPS = {"ft06": 55, "ft10": 930, "ft20": 1165, "la01": 666, "la16": 945}

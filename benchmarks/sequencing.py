@@ -21,9 +21,9 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
-from engine.interop.tsplib import read_tsplib
+from engine.formats.interop.tsplib import read_tsplib
 from engine.model.tour import Tour, TourProblem
-from engine.sequencing import Limits, sequence
+from engine.stages.sequencing import Limits, sequence
 
 PROOF_SECONDS = 30.0
 SMALL, LARGE = 100, (800, 1500)

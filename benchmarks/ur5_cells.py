@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 import yaml
 
-from engine.geometry import transforms
-from engine.geometry.world import World
 from engine.model.geometry import Floats
+from engine.stages.geometry import transforms
+from engine.stages.geometry.world.model import World
 from kb.loader.reader import Findings
 from kb.loader.urdf import arm_of
 from kb.model.cell import (

@@ -6,19 +6,16 @@ still in one carrier, so that the same scene serves arms, several arms, and bodi
 
 from dataclasses import dataclass, field
 
-import numpy as np
-from numpy.typing import NDArray
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
-Truths = NDArray[np.bool_]
+from engine.kernels.arrays import Floats as Floats
+from engine.kernels.arrays import Longs as Longs
+from engine.kernels.arrays import Truths as Truths
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Joints:
     """k joints as arrays: carrier i+1 stands at T_parent_origin(i) and moves about or along axis(i) of that frame."""
 
-    parent: Ints  # (k,) the carrier that each joint stands on, less than i+1
+    parent: Longs  # (k,) the carrier that each joint stands on, less than i+1
     T_parent_origin: Floats  # (k, 4, 4)
     axis: Floats  # (k, 3) unit vectors
     prismatic: Truths  # (k,)
@@ -56,7 +53,7 @@ class Scene:
 
     joints: Joints
     pieces: tuple[Piece, ...]
-    pairs: Ints
+    pairs: Longs
     free: bool = False
     bodies: tuple[str, ...] = field(default=())
 

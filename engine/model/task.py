@@ -2,9 +2,9 @@
 
 from dataclasses import dataclass
 
-from engine.model.bits import Bits as Bits
-from engine.model.bits import bitset as bitset
-from engine.model.bits import indices as indices
+from engine.kernels.bits import Bits as Bits
+from engine.kernels.bits import bitset as bitset
+from engine.kernels.bits import indices as indices
 from kb.terms import Atom, Function, Term
 
 

@@ -5,10 +5,10 @@ from dataclasses import dataclass, field
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
-Longs = NDArray[np.int64]
-Floats = NDArray[np.float64]
+from engine.kernels.arrays import Floats as Floats
+from engine.kernels.arrays import Longs as Longs
+
 Window = tuple[int, int]
 
 

@@ -1,5 +1,6 @@
 """Plan files: the answer of `cellwright plan --format json` becomes a problem and a plan again."""
 
+import json
 import re
 from pathlib import Path
 
@@ -102,3 +103,14 @@ def _term(reader: Reader, node: Node) -> Function:
         )
         return Function("unreadable")
     return found
+
+
+def is_plan(path: Path) -> bool:
+    """Whether a file is an answer of the planner."""
+    if not path.is_file() or path.suffix != ".json":
+        return False
+    try:
+        content = json.loads(path.read_text("utf-8"))
+    except (OSError, ValueError, RecursionError):
+        return False
+    return isinstance(content, dict) and "data" in content

@@ -1,6 +1,6 @@
 """The MACROP: a plan with variables for constants, and what must be true for any instance of it to be a plan (ITA, figure 4).
 
-A value that files and databases hold. Making one is `engine.macros`' business.
+A value that files and databases hold. Making one is `engine.stages.macros`' business.
 """
 
 from collections.abc import Iterable, Iterator, Mapping

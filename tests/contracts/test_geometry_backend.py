@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 
 from engine import plugins
-from engine.geometry import transforms
-from engine.geometry.kinematics import carrier_poses
-from engine.geometry.reference import signed_distance
-from engine.geometry.region_checker import RegionChecker
-from engine.geometry.scenes import free_scene_of, scene_of
-from engine.geometry.world import World
 from engine.model.geometry import Floats, Scene
 from engine.ports import GeometryBackend
+from engine.stages.geometry import transforms
+from engine.stages.geometry.collision.reference import signed_distance
+from engine.stages.geometry.collision.region_checker import RegionChecker
+from engine.stages.geometry.kinematics.arms import carrier_poses
+from engine.stages.geometry.world.model import World
+from engine.stages.geometry.world.scenes import free_scene_of, scene_of
 from kb.diagnostics import InvalidInput
 from kb.loader.arm import bundled_arms, load_arm
 from kb.model.cell import (

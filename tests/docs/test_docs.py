@@ -9,8 +9,8 @@ import typer
 from click.testing import Result
 from typer.testing import CliRunner
 
-from engine.cli import app, exits
-from engine.starter import create
+from engine.authoring.starter import create
+from engine.faces.cli import app, exits
 
 TOP = Path(__file__).parents[2]
 PAGES = {file.name: file.read_text("utf-8") for file in [TOP / "README.md", *sorted(TOP.glob("docs/*.md"))]}

@@ -6,8 +6,8 @@ from typing import Any
 
 import pytest
 
-from engine import pipeline
 from engine.model.outcome import Found
+from engine.pipelines import checking, planning
 from kb.loader import load
 from kb.schema import json_schema
 
@@ -48,7 +48,7 @@ def cell(folder: Path, domain: str = "", rules: str = "", problem: str | None = 
 
 
 def test_the_cell_of_the_page_has_a_plan(tmp_path: Path) -> None:
-    outcome = pipeline.plan(pipeline.problem_of(str(cell(tmp_path))))
+    outcome = planning.plan(planning.problem_of(str(cell(tmp_path))))
     assert isinstance(outcome, Found)
     assert len(outcome.plan.steps) >= 4
 
@@ -63,7 +63,7 @@ def test_an_example_of_a_domain_is_sound_and_grounds(fragment: str, rules: str, 
     target = cell(tmp_path, fragment, rules)
     loaded = load(target)
     assert loaded.warnings == ()
-    assert not [each for each in pipeline.check(str(target)).diagnostics if not each.warning]
+    assert not [each for each in checking.check(str(target)).diagnostics if not each.warning]
 
 
 @pytest.mark.parametrize("fragment", PROBLEM_FRAGMENTS)
@@ -73,7 +73,7 @@ def test_an_example_of_a_problem_is_sound_and_grounds(fragment: str, tmp_path: P
         base = re.sub(r"^initial:\n(?: .*\n)*", "", base, flags=re.M)
     target = cell(tmp_path, problem=merged(base, fragment))
     assert load(target).warnings == ()
-    assert not [each for each in pipeline.check(str(target)).diagnostics if not each.warning]
+    assert not [each for each in checking.check(str(target)).diagnostics if not each.warning]
 
 
 def keys(schema: Any) -> set[str]:

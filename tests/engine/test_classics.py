@@ -2,23 +2,21 @@
 
 import itertools
 from dataclasses import replace
-from pathlib import Path
 
 import pytest
 
-from engine import pipeline
-from engine.grounding import goals as goal_compilation
-from engine.grounding import ground
+from engine.model.forecast import histories
 from engine.model.outcome import Found, Infeasible, Outcome
-from engine.model.schedule import histories
-from engine.planning import Limits
+from engine.pipelines import planning
+from engine.stages.grounding import goals as goal_compilation
+from engine.stages.grounding import ground
+from engine.stages.planning import Limits
 from kb.diagnostics import InvalidInput
 from kb.loader import load_problem, with_goals
 from kb.model.plan import Plan
 from kb.model.problem import Problem
 from kb.terms import Atom, Function
-
-DOMAINS = Path(__file__).parent.parent / "domains"
+from tests.places import DOMAINS
 
 
 def problem(name: str, goals: str = "") -> Problem:
@@ -28,7 +26,7 @@ def problem(name: str, goals: str = "") -> Problem:
 
 
 def solve(name: str, goals: str = "") -> Outcome:
-    return pipeline.plan(problem(name, goals))
+    return planning.plan(problem(name, goals))
 
 
 def solved(name: str, goals: str = "") -> Plan:
@@ -93,7 +91,7 @@ def test_working_on_the_heaviest_goals_first_saves_search_and_the_reverse_costs_
             name: replace(each, weight=None if each.weight is None else 5 + sign * each.weight)
             for name, each in base.domain.predicates.items()
         }
-        outcome = pipeline.plan(replace(base, domain=replace(base.domain, predicates=predicates)))
+        outcome = planning.plan(replace(base, domain=replace(base.domain, predicates=predicates)))
         assert isinstance(outcome, Found)
         return outcome.statistics.counts["expanded"]
 
@@ -150,7 +148,7 @@ def test_a_conditional_effect_happens_only_under_its_condition() -> None:
 def test_a_quantified_conditional_effect_cleans_everything_at_once() -> None:
     base = problem("workshop/dirty", "not dirty(bolt), not dirty(plate)")
     cheap = tuple(replace(o, cost=None) if o.name == "sweep" else o for o in base.domain.operators)
-    outcome = pipeline.plan(replace(base, domain=replace(base.domain, operators=cheap)))
+    outcome = planning.plan(replace(base, domain=replace(base.domain, operators=cheap)))
     assert isinstance(outcome, Found)
     assert names(outcome.plan) == ["sweep"]
 
@@ -189,11 +187,11 @@ def test_defaults_hold_unless_a_given_fact_denies_them() -> None:
 def test_goals_with_many_ways_are_met_without_multiplying_them(monkeypatch: pytest.MonkeyPatch) -> None:
     base = problem("oven/no_stage", "at(_, rack), at(_, grill), free(_)")
     base = replace(base, initial=(*base.initial, Function("at", (Function("c2"), Function("grill")))))
-    multiplied = pipeline.plan(base)
+    multiplied = planning.plan(base)
     monkeypatch.setattr(goal_compilation, "MAX_ALTERNATIVES", 1)
     task = ground(base)
     assert len(task.goals) == 1
-    compiled = pipeline.plan(base)
+    compiled = planning.plan(base)
     assert isinstance(multiplied, Found)
     assert isinstance(compiled, Found)
     assert names(compiled.plan) == names(multiplied.plan) == ["move(c1, shelf, rack)"]
@@ -206,7 +204,7 @@ def test_two_ways_to_say_the_same_state_contradict() -> None:
 
     base = problem("oven/no_stage")
     with pytest.raises(InvalidInput, match="K301"):
-        pipeline.plan(replace(base, initial=(fact("c1", "shelf"), fact("c1", "grill"))))
+        planning.plan(replace(base, initial=(fact("c1", "shelf"), fact("c1", "grill"))))
 
 
 @pytest.mark.parametrize("name", ["blocks/sussman", "workshop/dirty", "maze/corridor", "oven/twice"])
@@ -215,7 +213,7 @@ def test_the_same_seed_gives_the_same_plan(name: str) -> None:
 
 
 def test_a_search_without_work_gives_up() -> None:
-    outcome = pipeline.plan(problem("blocks/inversion"), Limits(expansions=0))
+    outcome = planning.plan(problem("blocks/inversion"), Limits(expansions=0))
     assert not isinstance(outcome, (Found, Infeasible))
 
 

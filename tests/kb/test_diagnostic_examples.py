@@ -6,10 +6,11 @@ from pathlib import Path
 
 import pytest
 
-from engine import pipeline
-from engine.interop.qif.document import read_document
-from engine.interop.tsplib import read_tsplib
-from engine.starter import create
+from engine.authoring.starter import create
+from engine.formats.interop.pddl import read_pddl
+from engine.formats.interop.qif.document import read_document
+from engine.formats.interop.tsplib import read_tsplib
+from engine.pipelines import checking, planning
 from kb.asp import trial
 from kb.diagnostics import CODES, Diagnostic, InvalidInput
 from kb.loader import load_plan
@@ -26,9 +27,9 @@ def found_in(folder: Path) -> tuple[Diagnostic, ...]:
     try:
         if (folder / "plan.json").exists():
             problem, plan = load_plan(folder / "plan.json")
-            return tuple(pipeline.check_plan(problem, plan, str(folder / "plan.json")))
+            return tuple(planning.check_plan(problem, plan, str(folder / "plan.json")))
         if (folder / "domain.pddl").exists():
-            pipeline.pddl_task(str(folder / "domain.pddl"), folder / "problem.pddl")
+            read_pddl(folder / "domain.pddl", folder / "problem.pddl")
         for file in folder.glob("*.tsp"):
             read_tsplib(file)
         for file in folder.glob("*.qif"):
@@ -36,7 +37,7 @@ def found_in(folder: Path) -> tuple[Diagnostic, ...]:
         if (folder / "cell.yaml").exists():
             load_cell(folder / "cell.yaml")
         target = folder / "problem.yaml"
-        return pipeline.check(str(target if target.exists() else folder / "domain.yaml")).diagnostics
+        return checking.check(str(target if target.exists() else folder / "domain.yaml")).diagnostics
     except InvalidInput as error:
         return error.diagnostics
 
@@ -45,7 +46,7 @@ def found_in(folder: Path) -> tuple[Diagnostic, ...]:
 def small_trials(monkeypatch: pytest.MonkeyPatch) -> None:
     """A trial of grounding gives up soon."""
     small = functools.partial(trial.affordable, seconds=1, megabytes=200)
-    monkeypatch.setattr("engine.grounding.limits.affordable", small)
+    monkeypatch.setattr("engine.stages.grounding.limits.affordable", small)
 
 
 @pytest.mark.parametrize("name", EXAMPLES)

@@ -7,8 +7,8 @@ import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
-from engine import pipeline
 from engine.model.outcome import Found, Infeasible
+from engine.pipelines import planning
 from kb.diagnostics import Diagnostic, InvalidInput, Source
 from kb.files import EXCERPT, File
 from kb.loader import load, with_goals
@@ -114,7 +114,7 @@ initial:
 def test_goals_mean_what_they_say(goal: str, feasible: bool, tmp_path: Path) -> None:
     domain(tmp_path)
     (tmp_path / "p.yaml").write_text(PROBLEM + f"goals: ['{goal}']\n")
-    outcome = pipeline.plan(pipeline.problem_of(str(tmp_path / "p.yaml")))
+    outcome = planning.plan(planning.problem_of(str(tmp_path / "p.yaml")))
     assert isinstance(outcome, Found if feasible else Infeasible)
 
 
@@ -139,7 +139,7 @@ def test_a_universal_precondition_reads_the_variables_of_its_operator(
         "problem: p\ndomain: store\nobjects:\n  cup: [c1, c2]\ncomplete: true\n"
         f"initial:\n  - at(c1, {dirty}), at(c2, {other}), clean(c2)\ngoals: [sealed]\n"
     )
-    outcome = pipeline.plan(pipeline.problem_of(str(tmp_path / "p.yaml")))
+    outcome = planning.plan(planning.problem_of(str(tmp_path / "p.yaml")))
     assert isinstance(outcome, Found if feasible else Infeasible)
 
 

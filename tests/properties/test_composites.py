@@ -5,17 +5,17 @@ import itertools
 from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 
-from engine.grounding import ground
 from engine.model.outcome import Found, Infeasible
 from engine.model.task import GroundOperator, Task, progress
-from engine.planning import STRATEGIES, Limits, Macros, plan
-from engine.planning.backward import Backward, Regression
-from engine.planning.composites import Joins, Pattern, composed
-from engine.planning.effort import Effort
-from engine.planning.forward import forward
-from engine.planning.mutexes import mutexes
-from engine.planning.regression import BestFirst
-from engine.planning.suggestions import Suggestions
+from engine.stages.grounding import ground
+from engine.stages.planning import STRATEGIES, Limits, Macros, plan
+from engine.stages.planning.composites import Joins, Pattern, composed
+from engine.stages.planning.effort import Effort
+from engine.stages.planning.forward.search import forward
+from engine.stages.planning.forward.suggestions import Suggestions
+from engine.stages.planning.regression.mutexes import mutexes
+from engine.stages.planning.regression.searches import BestFirst
+from engine.stages.planning.regression.space import Backward, Regression
 from kb.diagnostics import InvalidInput
 from kb.model.problem import Problem
 from kb.terms import Function, Term, Variable, match

@@ -3,8 +3,8 @@
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from engine.grounding.closure import Deduction
 from engine.model.task import Bits, bitset, indices
+from engine.stages.grounding.closure import Deduction
 from kb.asp import Grounder
 
 SIZE = 6

@@ -6,13 +6,13 @@ from typing import TypeVar
 from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 
-from engine import pipeline
-from engine.grounding import ground
 from engine.model.outcome import Found, Infeasible
 from engine.model.task import progress, regress
-from engine.validation import validate
-from engine.validation.datalog import holds
-from engine.validation.semantics import Semantics
+from engine.pipelines import planning
+from engine.stages.grounding import ground
+from engine.stages.validation import validate
+from engine.stages.validation.datalog import holds
+from engine.stages.validation.semantics import Semantics
 from kb.diagnostics import InvalidInput
 from kb.model.plan import Plan, Step
 from kb.model.problem import Problem
@@ -26,7 +26,7 @@ DILIGENT = settings(max_examples=60, deadline=None, suppress_health_check=list(H
 @DILIGENT
 def test_the_planner_agrees_with_brute_force_on_solvability(problem: Problem) -> None:
     try:
-        outcome = pipeline.plan(problem)
+        outcome = planning.plan(problem)
     except InvalidInput:
         assume(False)
     length = shortest(problem)
@@ -59,7 +59,7 @@ def linearisations(plan: Plan, limit: int) -> list[list[Step]]:
 @DILIGENT
 def test_every_linearisation_of_a_plan_executes(problem: Problem) -> None:
     try:
-        outcome = pipeline.plan(problem)
+        outcome = planning.plan(problem)
     except InvalidInput:
         assume(False)
     assume(isinstance(outcome, Found))
@@ -79,7 +79,7 @@ def test_every_linearisation_of_a_plan_executes(problem: Problem) -> None:
 def test_the_checker_refuses_a_plan_whose_order_can_fail(problem: Problem, data: st.DataObject) -> None:
     """Steps and orders are taken away at random; what the checker still accepts must execute in every order."""
     try:
-        outcome = pipeline.plan(problem)
+        outcome = planning.plan(problem)
     except InvalidInput:
         assume(False)
     assume(isinstance(outcome, Found) and outcome.plan.steps)

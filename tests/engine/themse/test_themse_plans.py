@@ -6,10 +6,10 @@ import random
 import pytest
 from themse_cell import Cell
 
-from engine import pipeline
 from engine.model.outcome import Found, Infeasible
-from engine.validation import validate
-from engine.validation.semantics import Semantics
+from engine.pipelines import planning
+from engine.stages.validation import validate
+from engine.stages.validation.semantics import Semantics
 from kb.asp import ground_term
 from kb.asp.vocabulary import VIOLATED
 from kb.commands import understand
@@ -32,7 +32,7 @@ def commanded(sentence: str) -> Problem:
 
 
 def planned(problem: Problem) -> Plan:
-    outcome = pipeline.plan(problem)
+    outcome = planning.plan(problem)
     assert isinstance(outcome, Found)
     return outcome.plan
 
@@ -134,14 +134,14 @@ def test_a_furnace_of_two_heats_both_at_once() -> None:
 
 def test_a_freezer_of_two_makes_the_unsolvable_problem_solvable() -> None:
     problem = load_problem("themse/unsolvable")
-    assert isinstance(pipeline.plan(problem), Infeasible)
+    assert isinstance(planning.plan(problem), Infeasible)
     larger = dataclasses.replace(problem, statics=(fact("capacity(freezer, 2)"),))
     assert planned(larger).steps
 
 
 def test_a_smaller_drawer_has_fewer_slots() -> None:
     problem = understand(with_statics("capacity(drawer, 3)"), "put probe 1 into depot 4")
-    assert isinstance(pipeline.plan(problem), Infeasible)
+    assert isinstance(planning.plan(problem), Infeasible)
 
 
 def test_again_means_the_own_depot() -> None:

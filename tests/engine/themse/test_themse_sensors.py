@@ -4,9 +4,9 @@ import dataclasses
 
 import pytest
 
-from engine import pipeline
 from engine.model.outcome import Found
-from engine.validation.semantics import Semantics, State
+from engine.pipelines import planning
+from engine.stages.validation.semantics import Semantics, State
 from kb.loader import load_domain, load_problem, with_goals
 from kb.model.conditions import And, Literal
 from kb.model.domain import Operator
@@ -21,7 +21,7 @@ READINGS = {
 
 
 def states(problem: Problem) -> list[tuple[Semantics, State]]:
-    outcome = pipeline.plan(problem)
+    outcome = planning.plan(problem)
     assert isinstance(outcome, Found)
     semantics = Semantics(problem)
     state = semantics.initial()
@@ -58,7 +58,7 @@ def test_a_sensor_shows_only_what_it_can_tell_apart() -> None:
 
 @pytest.mark.parametrize("reading", ["grip_width, on_probe", "grip_width, on_lid", "slippage, still"])
 def test_a_goal_may_ask_for_a_reading(reading: str) -> None:
-    assert isinstance(pipeline.plan(with_goals(load_domain("themse"), f"shows({reading})")), Found)
+    assert isinstance(planning.plan(with_goals(load_domain("themse"), f"shows({reading})")), Found)
 
 
 def test_an_operator_may_depend_on_a_reading() -> None:
@@ -66,7 +66,7 @@ def test_an_operator_may_depend_on_a_reading() -> None:
     problem = load_problem("themse/one")
     operators = tuple(map(careful, problem.domain.operators))
     domain = dataclasses.replace(problem.domain, operators=operators)
-    assert isinstance(pipeline.plan(dataclasses.replace(problem, domain=domain)), Found)
+    assert isinstance(planning.plan(dataclasses.replace(problem, domain=domain)), Found)
 
 
 def careful(operator: Operator) -> Operator:

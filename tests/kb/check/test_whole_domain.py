@@ -2,8 +2,8 @@ from pathlib import Path
 
 import pytest
 
-from engine import pipeline
-from engine.starter import create
+from engine.authoring.starter import create
+from engine.pipelines import checking, planning
 from kb.diagnostics import InvalidInput
 
 
@@ -20,7 +20,7 @@ def edit(file: Path, old: str, new: str) -> None:
 
 
 def codes(target: Path) -> list[str]:
-    return [found.code for found in pipeline.check(str(target)).diagnostics]
+    return [found.code for found in checking.check(str(target)).diagnostics]
 
 
 def test_a_clean_domain_has_no_findings(cell: Path) -> None:
@@ -29,7 +29,7 @@ def test_a_clean_domain_has_no_findings(cell: Path) -> None:
 
 @pytest.mark.parametrize("name", ["bulkhead", "themse"])
 def test_the_bundled_domains_have_no_findings(name: str) -> None:
-    assert pipeline.check(name).diagnostics == ()
+    assert checking.check(name).diagnostics == ()
 
 
 def test_a_predicate_that_nothing_uses_is_pointed_at(cell: Path) -> None:
@@ -71,7 +71,7 @@ def test_an_operator_that_reads_what_all_its_kin_hold_is_pointed_at(cell: Path) 
     )
     edit(cell / "domain.yaml", "  bin: [left, right]", "  bin: [left, right]\n  item: [bolt]")
     edit(cell / "problems" / "two_items.yaml", "[bolt, plate]", "[plate]")
-    found = [each for each in pipeline.check(str(cell)).diagnostics if each.code == "K305"]
+    found = [each for each in checking.check(str(cell)).diagnostics if each.code == "K305"]
     assert ["forget reads at(bolt, gripper)" in each.message for each in found] == [True]
 
 
@@ -79,10 +79,10 @@ def test_a_violated_constraint_is_reported_at_its_place(cell: Path) -> None:
     with (cell / "rules.lp").open("a") as rules:
         rules.write(":- small(I), small(J), I != J.\n")
     edit(cell / "problems" / "two_items.yaml", "  - small(bolt)", "  - small(bolt)\n  - small(plate)")
-    (found,) = [each for each in pipeline.check(str(cell)).diagnostics if each.code == "K204"]
+    (found,) = [each for each in checking.check(str(cell)).diagnostics if each.code == "K204"]
     assert (Path(found.where.path).name, found.where.line) == ("rules.lp", 4)
     with pytest.raises(InvalidInput, match="K204"):
-        pipeline.plan(pipeline.problem_of(str(cell / "problems" / "two_items.yaml")))
+        planning.plan(planning.problem_of(str(cell / "problems" / "two_items.yaml")))
 
 
 def test_a_predicate_with_too_many_supports_is_reported_at_its_rule(cell: Path) -> None:

@@ -1,0 +1,51 @@
+"""A new domain to grow from: a small commented cell that checks, plans, diagnoses, and has a golden plan and
+its own schemas."""
+
+import json
+import re
+from importlib import resources
+from importlib.resources.abc import Traversable
+from pathlib import Path
+
+from engine.authoring.testing.golden import compare_all, update
+from kb.diagnostics import Diagnostic, InvalidInput, Source
+from kb.schema import json_schema
+
+SCHEMAS = ("domain", "problem", "faults")
+
+
+def create(folder: Path) -> list[Path]:
+    """Write a new domain into a folder, which must be new or empty; the files written. Raises `InvalidInput`, `OSError`."""
+    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+        message = "there is something here already, and nothing of it is overwritten"
+        raise InvalidInput([Diagnostic(Source(str(folder)), "K403", message, "name a new folder")])
+    written = list(_copy(resources.files("engine.authoring.starter") / "cell", folder, _name(folder)))
+    for kind in SCHEMAS:
+        written.append(folder / "schema" / f"{kind}.schema.json")
+        written[-1].parent.mkdir(exist_ok=True)
+        written[-1].write_text(json.dumps(json_schema(kind), indent=1) + "\n", "utf-8")
+    for comparison in list(compare_all(str(folder))):
+        update(comparison)
+        written.append(comparison.file)
+    return sorted(written)
+
+
+def _name(folder: Path) -> str:
+    """A domain name made from the folder's."""
+    name = re.sub(r"[^a-z0-9_]+", "_", folder.resolve().name.lower()).strip("_")
+    return name if re.match(r"[a-z]", name) else f"cell_{name}".rstrip("_")
+
+
+def _copy(source: Traversable, target: Path, name: str) -> "list[Path]":
+    target.mkdir(parents=True, exist_ok=True)
+    written = []
+    for each in sorted(source.iterdir(), key=lambda part: part.name):
+        if each.is_dir():
+            written += _copy(each, target / each.name, name)
+        else:
+            text = re.sub(
+                r"^((?:domain|faults): )CELL$", rf"\g<1>{name}", each.read_text("utf-8"), flags=re.MULTILINE
+            )
+            (target / each.name).write_text(text, "utf-8")
+            written.append(target / each.name)
+    return written

@@ -1,0 +1,69 @@
+"""A pytest plugin: every `domain.yaml` that pytest comes across and that has a `golden` folder is tested by it.
+
+One test per problem; `--update-plans` accepts the new answers, and is refused in continuous integration.
+"""
+
+import os
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """The option `--update-plans`."""
+    group = parser.getgroup("cellwright")
+    group.addoption("--update-plans", action="store_true", help="accept changed plans as golden files")
+
+
+def pytest_collect_file(file_path: Path, parent: pytest.Collector) -> pytest.Collector | None:
+    """A domain with golden plans is a collection of tests."""
+    if file_path.name == "domain.yaml" and (file_path.parent / "golden").is_dir():
+        found: pytest.Collector = DomainFile.from_parent(parent, path=file_path)
+        return found
+    return None
+
+
+class DomainFile(pytest.File):
+    """The problems of one domain."""
+
+    def collect(self) -> Iterator[pytest.Item]:
+        """One item per problem file."""
+        for file in sorted((self.path.parent / "problems").glob("*.yaml")):
+            yield GoldenPlan.from_parent(self, name=file.stem, problem_file=file)
+
+
+class Differs(Exception):
+    """An answer is not the accepted one; the text says how."""
+
+
+class GoldenPlan(pytest.Item):
+    """One problem planned again."""
+
+    def __init__(self, *, problem_file: Path, **rest: Any) -> None:
+        super().__init__(**rest)
+        self.problem_file = problem_file
+
+    def runtest(self) -> None:
+        """Compare, or accept."""
+        from engine.authoring.testing.golden import FOLDER, compare, update
+
+        golden = self.problem_file.parent.parent / FOLDER / f"{self.problem_file.stem}.json"
+        comparison = compare(self.problem_file, golden)
+        if comparison.verdict == "same":
+            return
+        if self.config.getoption("--update-plans") and not os.environ.get("CI"):
+            update(comparison)
+        else:
+            raise Differs("\n".join([", ".join(comparison.meaning), *comparison.diff]))
+
+    def repr_failure(self, excinfo: Any, style: Any = None) -> Any:
+        """The difference alone, without a traceback."""
+        if isinstance(excinfo.value, Differs):
+            return str(excinfo.value)
+        return super().repr_failure(excinfo, style)
+
+    def reportinfo(self) -> tuple[Path, int, str]:
+        """Where the problem stands."""
+        return self.problem_file, 0, f"golden plan of {self.problem_file.stem}"

@@ -1,5 +1,0 @@
-"""`python -m engine.cli` is `cellwright`."""
-
-from engine.cli import main
-
-main()

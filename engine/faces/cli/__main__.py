@@ -1,0 +1,5 @@
+"""`python -m engine.faces.cli` is `cellwright`."""
+
+from engine.faces.cli import main
+
+main()

@@ -1,0 +1,174 @@
+"""How every command answers: one `Answer`, printed as text or as one JSON envelope, and an exit code.
+
+Standard output carries the answer alone; diagnostics and progress go to standard error. Bad input, interrupts, want of
+memory and bugs become exit codes here, so that no command prints a traceback.
+"""
+
+import errno
+import io
+import os
+import signal
+import sys
+import threading
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, field
+from enum import StrEnum
+from typing import TYPE_CHECKING, Any, NoReturn
+
+import typer
+
+from engine.faces.cli.exits import BAD_INPUT, INTERNAL, INTERRUPTED, LIMIT
+
+if TYPE_CHECKING:
+    from rich.console import RenderableType
+
+    from kb.diagnostics import Diagnostic
+
+
+class Form(StrEnum):
+    """How an answer is written."""
+
+    TEXT = "text"
+    JSON = "json"
+
+
+@dataclass(frozen=True, slots=True)
+class Answer:
+    """What a command found. `text` is made only when it is printed; `raw` is printed as it stands in either form."""
+
+    status: str
+    content: Mapping[str, Any] = field(default_factory=dict)
+    text: "Callable[[], RenderableType] | None" = None
+    code: int = 0
+    diagnostics: "tuple[Diagnostic, ...]" = ()
+    raw: str | None = None
+
+
+def give(make: Callable[[], Answer], form: Form) -> NoReturn:
+    """Make the answer, print it and exit with its code."""
+    with _hearing():
+        answer = _made(make)
+    if form is Form.TEXT or answer.raw is not None:
+        with suppress(OSError):  # whoever cannot be told why still gets the exit code
+            _report(answer)
+    with writing():
+        _print(answer, form)
+        sys.stdout.flush()
+    raise typer.Exit(answer.code)
+
+
+@contextmanager
+def writing() -> Iterator[None]:
+    """A context that writes to standard output: what cannot be written, as on a full disk, exits with 2."""
+    try:
+        yield
+    except OSError as error:
+        _abandon_output()
+        if error.errno != errno.EPIPE:
+            with suppress(OSError):
+                sys.stderr.write(f"cannot write the answer: {error.strerror}\n")
+            raise typer.Exit(BAD_INPUT) from None
+
+
+def refuse(wrong: str, command: str) -> NoReturn:
+    """Answer a command line that makes no sense to a program that asked for JSON."""
+    from kb.diagnostics import Diagnostic, InvalidInput, Source
+
+    def make() -> Answer:
+        hint = f"`{command} --help` says what it takes"
+        raise InvalidInput([Diagnostic(Source("command line"), "K401", wrong, hint)])
+
+    give(make, Form.JSON)
+
+
+def open_streams() -> None:
+    """Let no answer fail for its characters, or for a standard stream that was closed before the start."""
+    for name, mode in (("stdin", "r"), ("stdout", "w"), ("stderr", "w")):
+        if getattr(sys, name) is None:
+            setattr(sys, name, open(os.devnull, mode))  # noqa: SIM115 - open as long as the process
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        sys.stdout.reconfigure(errors="replace")
+
+
+@contextmanager
+def _hearing() -> Iterator[None]:
+    """A context in which Ctrl-C is an exception: there is an answer to give then."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
+def _made(make: Callable[[], Answer]) -> Answer:
+    from kb.diagnostics import Diagnostic, InvalidInput, Source
+
+    try:
+        return make()
+    except InvalidInput as error:
+        return Answer("bad input", code=BAD_INPUT, diagnostics=error.diagnostics)
+    except KeyboardInterrupt:
+        return Answer("interrupted", code=INTERRUPTED)
+    except MemoryError:
+        found = Diagnostic(
+            Source("memory"), "K307", "out of memory", "raise --memory-limit, or make the problem smaller"
+        )
+        return Answer("stopped", code=LIMIT, diagnostics=(found,))
+    except OSError as error:
+        message, hint = (
+            f"the system refuses: {error.strerror or error}",
+            "name another place, or make room there",
+        )
+        found = Diagnostic(Source(str(error.filename or "a file")), "K403", message, hint)
+        return Answer("bad input", code=BAD_INPUT, diagnostics=(found,))
+    except Exception as error:
+        if os.environ.get("CELLWRIGHT_TRACEBACK"):
+            raise
+        return Answer("internal error", {"error": f"{type(error).__name__}: {error}"}, code=INTERNAL)
+
+
+def _print(answer: Answer, form: Form) -> None:
+    if answer.raw is not None:
+        _write(answer.raw)
+    elif form is Form.JSON:
+        from engine.formats.report import json
+
+        _write(json.envelope(answer.status, answer.content, answer.diagnostics) + "\n")
+    elif answer.text is not None:
+        from rich.console import Console
+
+        Console().print(answer.text())
+
+
+def _write(text: str) -> None:
+    """Write data, which is UTF-8 whatever the terminal speaks."""
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        sys.stdout.reconfigure(encoding="utf-8", errors="replace")
+    sys.stdout.write(text)
+
+
+def _report(answer: Answer) -> None:
+    """Diagnostics and mishaps, on standard error."""
+    if not answer.diagnostics and answer.code not in (INTERRUPTED, INTERNAL):
+        return
+    from rich.console import Console
+
+    from engine.formats.report.findings import diagnostics
+
+    console = Console(stderr=True, soft_wrap=True)
+    if answer.diagnostics:
+        console.print(diagnostics(answer.diagnostics))
+    if answer.code == INTERRUPTED and answer.text is None:
+        console.print("interrupted")
+    if answer.code == INTERNAL:
+        console.print(f"internal error: {answer.content['error']}", style="red", markup=False)
+        console.print("This is a bug. CELLWRIGHT_TRACEBACK=1 shows where it happened.")
+
+
+def _abandon_output() -> None:
+    """Nobody can read standard output any more: keep the interpreter from complaining when it closes it."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

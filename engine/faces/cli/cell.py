@@ -1,0 +1,135 @@
+"""`cellwright cell`: a look at a cell."""
+
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from engine.faces.cli.answers import Answer, Form, give
+from engine.faces.cli.options import Target, number, refuse_idle
+
+if TYPE_CHECKING:
+    from engine.stages.geometry.pictures.view import View
+
+app = typer.Typer(add_completion=False, no_args_is_help=True)
+
+
+class Picture(StrEnum):
+    """How a cell is shown."""
+
+    TEXT = "text"
+    JSON = "json"
+    PNG = "png"
+    SVG = "svg"
+    GLTF = "gltf"
+
+
+Configurations = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--configuration", help='joint values in degrees and metres: "0, 90, 0, 0, 45, 0" or "ARM: ..."'
+    ),
+]
+AtPlace = Annotated[str, typer.Option("--place", help="show the arm where it reaches this place")]
+Output = Annotated[Path | None, typer.Option("--output", "-o", help="the file to write; a PNG needs one")]
+AZIMUTH, ELEVATION = -60.0, 28.0
+Azimuth = Annotated[
+    float | None,
+    typer.Option(
+        min=-360,
+        max=360,
+        callback=number,
+        help="from where it is seen, in degrees about z from the x axis",
+        show_default=str(AZIMUTH),
+    ),
+]
+Elevation = Annotated[
+    float | None,
+    typer.Option(
+        min=-90,
+        max=90,
+        callback=number,
+        help="from how high it is seen, in degrees",
+        show_default=str(ELEVATION),
+    ),
+]
+
+
+@app.callback()
+def cell() -> None:
+    """A look at the geometry of a cell."""
+
+
+@app.command()
+def show(
+    target: Target,
+    configuration: Configurations = None,
+    place: AtPlace = "",
+    format: Annotated[Picture, typer.Option("--format", help="how it is shown")] = Picture.TEXT,
+    output: Output = None,
+    azimuth: Azimuth = None,
+    elevation: Elevation = None,
+) -> None:
+    """Show the cell of TARGET, as its problem begins, with arms at a configuration; mark what is in collision."""
+    form = Form.JSON if format is Picture.JSON else Form.TEXT
+    if form is Form.JSON or format is Picture.TEXT:
+        refuse_idle({"--output": output}, "without a picture: give --format png, svg or gltf")
+    if format not in (Picture.PNG, Picture.SVG):
+        turned = {"--azimuth": azimuth is not None, "--elevation": elevation is not None}
+        refuse_idle(turned, "without an image: give --format png or svg")
+    seen = (AZIMUTH if azimuth is None else azimuth, ELEVATION if elevation is None else elevation)
+    give(lambda: _show(target, configuration or [], place, format, output, seen), form)
+
+
+def _show(
+    target: str,
+    configurations: list[str],
+    place: str,
+    kind: Picture,
+    output: Path | None,
+    seen: tuple[float, float],
+) -> Answer:
+    from rich.text import Text
+
+    from engine.pipelines import planning
+    from engine.plugins import geometry_backend
+    from engine.stages.geometry.pictures import view
+
+    facts = planning.initial_facts(target)
+    shown = view.view_of(view.cell_of(target), geometry_backend(), configurations, place, facts)
+    content, said = view.content(shown), view.text(shown)
+    drawn = _drawn(shown, kind, seen)
+    if drawn is None:
+        return Answer("ok", content, lambda: Text(said))
+    if output is None:
+        return Answer("ok", raw=_as_text(drawn))
+    output.write_bytes(drawn if isinstance(drawn, bytes) else drawn.encode("utf-8"))
+    return Answer("ok", content, lambda: Text(f"{said}\n{output}"))
+
+
+def _drawn(shown: "View", kind: Picture, seen: tuple[float, float]) -> str | bytes | None:
+    from math import radians
+
+    from engine.stages.geometry.pictures import view
+
+    azimuth, elevation = map(radians, seen)
+    match kind:
+        case Picture.PNG:
+            return view.as_png(shown, azimuth, elevation)
+        case Picture.SVG:
+            return view.as_svg(shown, azimuth, elevation)
+        case Picture.GLTF:
+            return view.as_gltf(shown)
+        case _:
+            return None
+
+
+def _as_text(drawn: str | bytes) -> str:
+    """A picture for standard output. Raises `InvalidInput` for one that is no text."""
+    from kb.diagnostics import Diagnostic, InvalidInput, Source
+
+    if isinstance(drawn, bytes):
+        hint = "give --output FILE, or --format svg"
+        raise InvalidInput([Diagnostic(Source("--format"), "K403", "a PNG is no text", hint)])
+    return drawn

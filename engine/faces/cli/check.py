@@ -1,0 +1,62 @@
+"""`cellwright check` and `cellwright schema`."""
+
+from contextlib import nullcontext
+from enum import StrEnum
+from typing import Annotated
+
+import typer
+
+from engine.faces.cli.answers import Answer, Form, give
+from engine.faces.cli.exits import BAD_INPUT, FINDINGS
+from engine.faces.cli.options import Format, Target
+
+NoReach = Annotated[
+    bool, typer.Option("--no-reach", help="do not ask which places of the cell the arms reach")
+]
+
+
+def check(target: Target, no_reach: NoReach = False, format: Format = Form.TEXT) -> None:
+    """Report everything that is wrong with TARGET: files, names, types, rules, what its problems ground to, its cell."""
+    give(lambda: _check(target, not no_reach), format)
+
+
+def _check(target: str, reach: bool) -> Answer:
+    from rich.console import Console
+    from rich.text import Text
+
+    from engine.formats.report.findings import summary
+    from engine.pipelines import checking
+    from kb.diagnostics import errors
+
+    console = Console(stderr=True)
+    with console.status(f"checking {target}") if console.is_terminal else nullcontext():
+        report = checking.check(target, reach)
+    found = report.diagnostics
+    code = BAD_INPUT if errors(found) else FINDINGS if found else 0
+    said = f"{summary(found)} in {len(report.checked)} file{'' if len(report.checked) == 1 else 's'}"
+    status = "errors" if code == BAD_INPUT else "warnings" if found else "ok"
+    return Answer(status, {"checked": list(report.checked)}, lambda: Text(said), code, found)
+
+
+class Kind(StrEnum):
+    """The kinds of files that have a schema."""
+
+    DOMAIN = "domain"
+    PROBLEM = "problem"
+    PLAN = "plan"
+    CELL = "cell"
+    ARM = "arm"
+    FAULTS = "faults"
+
+
+def schema(kind: Annotated[Kind, typer.Argument(help="the kind of file")]) -> None:
+    """Print the JSON Schema of a kind of file, for editors."""
+    give(lambda: _schema(kind), Form.TEXT)
+
+
+def _schema(kind: Kind) -> Answer:
+    import json
+
+    from kb.schema import json_schema
+
+    return Answer("ok", raw=json.dumps(json_schema(kind.value), indent=1) + "\n")

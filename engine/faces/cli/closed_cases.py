@@ -1,0 +1,58 @@
+"""`cellwright diagnose --history`, `--age`, `--reset`, `--import`: what closed cases have taught."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from engine.faces.cli.answers import Answer
+
+if TYPE_CHECKING:
+    from kb.store.cases import Cases
+
+
+def kept(
+    target: str, store: str, history: bool, reset: bool, age: float | None, given: Path | None
+) -> Answer:
+    """Forget, age or add closed cases of a domain, in this order, and list them. Raises `InvalidInput`."""
+    from engine.pipelines.troubleshooting import fault_model
+    from engine.pipelines.troubleshooting.given import imported
+    from kb.diagnostics import Diagnostic, InvalidInput, Source
+    from kb.store.cases import Cases
+
+    if not store:
+        raise InvalidInput([Diagnostic(Source("--store"), "K401", "which store?", "give --store FILE")])
+    model = fault_model(target)
+    with Cases(store) as cases:
+        said = []
+        if reset:
+            said.append(f"{cases.reset(model.domain)} cases forgotten")
+        if age is not None:
+            cases.age(model.domain, age)
+            said.append(f"cases count for {age:g} of what they did")
+        if given is not None:
+            added = imported(model, given)
+            cases.add(added)
+            said.append(f"{len(added)} counts imported")
+        return _history(model.domain, cases, said, history)
+
+
+def _history(domain: str, cases: "Cases", said: list[str], listed: bool) -> Answer:
+    from rich.console import Group
+    from rich.text import Text
+
+    from engine.formats.report.diagnosis import number
+    from engine.formats.report.rows import Rows
+
+    found = cases.history(domain)
+    rows = [
+        (e.exception, " and ".join(e.causes), number(e.weight), number(e.cost), str(len(e.observations)))
+        for e in found
+    ]
+    table = Rows(("exception", "cause", "counts for", "cost", "tests"), rows)
+    content = {
+        "cases": [
+            {"exception": e.exception, "causes": list(e.causes), "weight": e.weight, "cost": e.cost}
+            for e in found
+        ]
+    }
+    parts: list[Any] = [*map(Text, said), *([table] if listed else [])]
+    return Answer("ok", content, lambda: Group(*parts))

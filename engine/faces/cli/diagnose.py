@@ -1,0 +1,288 @@
+"""`cellwright diagnose`: find what is behind an exception with the cheapest tests."""
+
+from dataclasses import dataclass
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from engine.faces.cli.answers import Answer, Form, give
+from engine.faces.cli.exits import GAVE_UP
+from engine.faces.cli.options import Expansions, Seed, Target, TimeLimit, number, refuse_idle
+
+if TYPE_CHECKING:
+    from engine.model.cases import Diagnosis
+    from engine.model.troubleshooting import Action, Advice
+    from engine.pipelines.troubleshooting import Desk
+    from engine.stages.diagnosis.session import Answer as Answerer
+    from engine.stages.diagnosis.session import Session
+
+
+class DiagnosisForm(StrEnum):
+    """How a diagnosis is written; a picture is made of the whole tree alone."""
+
+    TEXT = "text"
+    JSON = "json"
+    SVG = "svg"
+
+
+class Goal(StrEnum):
+    """What a case is for."""
+
+    ISOLATE = "isolate"
+    REPAIR = "repair"
+
+
+ExceptionName = Annotated[str, typer.Option("--exception", help="the exception, by its name in faults.yaml")]
+Step = Annotated[
+    str, typer.Option("--step", help="the step it interrupted: us_measure(us_probe, t3_746, m1)")
+]
+Outcomes = Annotated[
+    str, typer.Option("--outcomes", help="scripted outcomes: look_at_spot=dry, tool_self_test=passed")
+]
+Hidden = Annotated[
+    str, typer.Option("--hidden", help="simulate: the causes that are really there, with commas between")
+]
+WholeTree = Annotated[bool, typer.Option("--tree", help="print the whole decision tree")]
+Explain = Annotated[bool, typer.Option("--explain", help="say why this test is next")]
+Objective = Annotated[Goal, typer.Option("--objective", help="find the cause, or get rid of the trouble")]
+Recover = Annotated[
+    bool, typer.Option("--recover", help="plan on from what was found to the problem's goals")
+]
+FailedPlan = Annotated[
+    Path | None,
+    typer.Option("--plan", help="the plan that failed, in JSON: it is revised before planning anew"),
+]
+Done = Annotated[
+    str, typer.Option("--done", help="its steps that are done, such as 1..4, 7; else those before --step")
+]
+Store = Annotated[str, typer.Option("--store", help="learn: keep closed cases in this file or database")]
+History = Annotated[bool, typer.Option("--history", help="print the closed cases of the store")]
+Age = Annotated[
+    float | None,
+    typer.Option("--age", min=0, max=1, callback=number, help="let closed cases count so much less"),
+]
+Reset = Annotated[bool, typer.Option("--reset", help="forget the closed cases of this domain")]
+Counts = Annotated[Path | None, typer.Option("--import", help="JSON to add: {exception: {cause: count}}")]
+Shown = Annotated[DiagnosisForm, typer.Option("--format", help="how the answer is written")]
+
+
+def diagnose(
+    target: Target,
+    exception: ExceptionName = "",
+    step: Step = "",
+    outcomes: Outcomes = "",
+    hidden: Hidden = "",
+    tree: WholeTree = False,
+    explain: Explain = False,
+    objective: Objective = Goal.ISOLATE,
+    recover: Recover = False,
+    plan: FailedPlan = None,
+    done: Done = "",
+    store: Store = "",
+    history: History = False,
+    age: Age = None,
+    reset: Reset = False,
+    counts: Counts = None,
+    format: Shown = DiagnosisForm.TEXT,
+    expansions: Expansions = 200_000,
+    time_limit: TimeLimit = None,
+    seed: Seed = 0,
+) -> None:
+    """Find what is behind an exception of TARGET: ask for outcomes, take them from a list, or print the whole tree."""
+    form = Form.JSON if format is DiagnosisForm.JSON else Form.TEXT
+    asked = Asked(target, exception, step, objective, plan, done, store, expansions, time_limit)
+    manner = Manner(tree, explain, outcomes, hidden, recover, seed, format is DiagnosisForm.SVG)
+    if history or reset or age is not None or counts is not None:
+        _refuse_case(asked, manner)
+        from engine.faces.cli.closed_cases import kept
+
+        give(lambda: kept(target, store, history, reset, age, counts), form)
+    _refuse_idle(asked, manner)
+    give(lambda: _diagnosed(asked, manner), form)
+
+
+@dataclass(frozen=True, slots=True)
+class Asked:
+    """The case: what happened where, and what its search may take."""
+
+    target: str
+    exception: str
+    step: str
+    objective: Goal
+    plan: Path | None
+    done: str
+    store: str
+    expansions: int
+    seconds: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class Manner:
+    """How the case is gone through, and what is shown of it."""
+
+    tree: bool
+    explain: bool
+    outcomes: str
+    hidden: str
+    recover: bool
+    seed: int
+    picture: bool
+
+
+def _refuse_case(asked: Asked, manner: Manner) -> None:
+    """Refuse what belongs to a case in hand."""
+    case = {"--exception": asked.exception, "--step": asked.step, "--plan": asked.plan, "--done": asked.done}
+    how = {"--outcomes": manner.outcomes, "--hidden": manner.hidden, "--tree": manner.tree}
+    rest = {"--explain": manner.explain, "--recover": manner.recover, "--format svg": manner.picture}
+    refuse_idle(
+        {**case, **how, **rest}, "on closed cases: --history, --age, --reset and --import stand alone"
+    )
+
+
+def _refuse_idle(asked: Asked, manner: Manner) -> None:
+    if not asked.exception:
+        raise typer.BadParameter("--exception names what happened")
+    if asked.done and asked.plan is None:
+        raise typer.BadParameter("--done counts the steps of a plan: give --plan")
+    if manner.picture and not manner.tree:
+        raise typer.BadParameter("a picture is made of the whole tree: give --tree")
+    answered = {"--outcomes": manner.outcomes, "--hidden": manner.hidden}
+    if manner.tree:
+        refuse_idle({**answered, "--explain": manner.explain}, "with --tree, which holds every outcome")
+    if manner.explain:
+        refuse_idle(answered, "with --explain, which is about the first test")
+    if manner.tree or manner.explain:
+        why = "before the case is closed: leave out --tree and --explain"
+        refuse_idle({"--recover": manner.recover}, why)
+    if manner.outcomes:
+        refuse_idle({"--hidden": manner.hidden}, "with --outcomes, which are the answers")
+
+
+def _diagnosed(asked: Asked, manner: Manner) -> Answer:
+    from engine.faces.cli.interruption import Interruption
+    from engine.pipelines.troubleshooting import desk
+    from engine.pipelines.troubleshooting.given import Failed
+
+    failed = Failed(asked.plan, asked.step, asked.done) if asked.plan else None
+    objective, store = asked.objective.value, asked.store
+    with Interruption(asked.seconds) as interrupted:
+        found = desk(
+            asked.target, asked.exception, asked.step, objective, store, asked.expansions, interrupted, failed
+        )
+        if manner.tree:
+            return _tree(found, manner.picture)
+        if manner.explain:
+            return _explained(found.session)
+        return _case(found, _answerer(found, manner), manner.recover, store)
+
+
+def _tree(found: "Desk", picture: bool) -> Answer:
+    from engine.formats.report import diagnosis as report
+    from engine.formats.report.decision_svg import decision_tree
+    from engine.model.troubleshooting import expected_cost
+
+    selector, problem = found.session.selector, found.session.case.problem
+    advice, made = found.session.advice(), selector.tree(found.session.standing)
+    cost = expected_cost(made)
+    content = {
+        "expected cost": round(cost, 6),
+        "bound": round(advice.bound, 6),
+        "tree": report.tree_entry(problem, made),
+    }
+    raw = decision_tree(problem, made, cost) if picture else None
+    status = "optimal" if advice.optimal else "found"
+    return Answer(status, content, lambda: report.tree(problem, made, cost, advice.bound), raw=raw)
+
+
+def _explained(session: "Session") -> Answer:
+    """What to do first, and what beginning with each other action would cost."""
+    from rich.console import Group
+    from rich.text import Text
+
+    from engine.formats.report import diagnosis as report
+
+    problem, advice = session.case.problem, session.advice()
+    compared = _compared(session, advice)
+    content = report.advice_entry(problem, advice) | {
+        "alternatives": {problem.actions[a].name: round(c, 6) for a, c, _ in compared if a != advice.action}
+    }
+    believed = report.belief([(str(h), p) for h, p in session.belief()])
+    table = report.reasons(problem, advice, compared)
+    return Answer("ok", content, lambda: Group(believed, Text(""), table))
+
+
+def _compared(session: "Session", advice: "Advice") -> tuple[tuple[int, float, bool], ...]:
+    chosen = () if advice.action is None else (advice.action,)
+    return session.selector.compare(session.standing, (*chosen, *(a for a, _ in advice.runners_up)))
+
+
+def _answerer(found: "Desk", manner: Manner) -> "Answerer":
+    from engine.pipelines.troubleshooting.given import hidden_hypothesis, scripted
+    from engine.stages.diagnosis.world import HiddenWorld
+
+    if manner.outcomes:
+        return scripted(found.model, manner.outcomes)
+    if manner.hidden:
+        import random
+
+        hypothesis = hidden_hypothesis(found.model, manner.hidden)
+        world = HiddenWorld(found.model, hypothesis, random.Random(manner.seed))
+        return lambda action, _advice: world.respond(action)
+    return _asking(found)
+
+
+def _asking(found: "Desk") -> "Answerer":
+    """Ask the person at the terminal; an empty line, or the end of the input, ends the case."""
+    import sys
+
+    from rich.console import Console
+
+    from engine.formats.report import diagnosis as report
+
+    console = Console(stderr=True)
+
+    def ask(action: "Action", advice: "Advice") -> str | None:
+        session = found.session
+        if advice.action is None:
+            console.print(found.session.diagnosis().question_text, markup=False)
+        else:
+            console.print(report.belief([(str(h), p) for h, p in session.belief()]))
+        says = found.says(action.name)
+        choices = ", ".join(f"{n} {outcome}" for n, outcome in enumerate(action.outcomes, 1))
+        while True:
+            console.print(f"{action.name}: {says}\n  {choices}: ", end="", markup=False, highlight=False)
+            said = sys.stdin.readline()
+            if not said.strip():
+                return None
+            if said.strip() in action.outcomes:
+                return said.strip()
+            if said.strip().isdigit() and 1 <= int(said) <= len(action.outcomes):
+                return action.outcomes[int(said) - 1]
+
+    return ask
+
+
+def _case(found: "Desk", answer: "Answerer", recover: bool, store: str) -> Answer:
+    from rich.console import Group
+
+    from engine.formats.report import diagnosis as report
+    from engine.formats.report import recovery
+    from engine.stages.diagnosis.session import run
+
+    made = run(found.session, answer)
+    if store:
+        found.keep(made, store)
+    certain, change = found.certainties(made), found.revision(made)
+    content: dict[str, Any] = report.case_entry(made, certain, change)
+    shown = [report.case(found.model, made, certain, change)]
+    if recover:
+        went_on = found.recover(change, store)
+        content["recovery"] = recovery.entry(went_on)
+        shown.append(recovery.text(went_on))
+    return Answer(_status(made), content, lambda: Group(*shown), 0 if made.finished else GAVE_UP)
+
+
+def _status(made: "Diagnosis") -> str:
+    return "cured" if made.cured else "isolated" if made.isolated else "open"

@@ -1,0 +1,51 @@
+"""`cellwright explain`: why there is no plan, or why a step is in one."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from engine.faces.cli.answers import Answer, Form, give
+from engine.faces.cli.exits import GAVE_UP, INTERRUPTED
+from engine.faces.cli.options import Command, Expansions, Format, Goals, TimeLimit, refuse_idle
+
+
+def explain(
+    target: Annotated[str, typer.Argument(help="a problem; or, with STEP, a plan in JSON")],
+    step: Annotated[int | None, typer.Argument(help="the number of a step of the plan")] = None,
+    goals: Goals = "",
+    command: Command = "",
+    format: Format = Form.TEXT,
+    time_limit: TimeLimit = None,
+    expansions: Expansions = 1_000_000,
+) -> None:
+    """Say why TARGET has no plan and what would have to be different; or why STEP is in the plan TARGET."""
+    if step is None:
+        give(lambda: _problem(target, goals, command, time_limit, expansions), format)
+    refuse_idle({"--goals": goals, "--command": command}, "on a step: the plan has its goals")
+    give(lambda: _step(Path(target), step), format)
+
+
+def _problem(target: str, goals: str, command: str, time_limit: float | None, expansions: int) -> Answer:
+    from engine.faces.cli.interruption import Interruption
+    from engine.formats.report.explanation import explanation as text
+    from engine.formats.report.explanation import explanation_entry
+    from engine.pipelines import explanation, planning
+    from engine.stages.planning import Limits
+
+    with Interruption(time_limit) as interrupted:
+        problem = planning.problem_of(target, goals, command)
+        found = explanation.explain(problem, Limits(expansions=expansions, interrupted=interrupted))
+    code = INTERRUPTED if interrupted.heard else GAVE_UP if found.status == "unknown" else 0
+    return Answer(found.status, explanation_entry(found), lambda: text(found), code)
+
+
+def _step(file: Path, number: int) -> Answer:
+    from engine.formats.report.explanation import step_entry, step_reason
+    from engine.pipelines.explanation.steps import why
+    from engine.stages.grounding import ground
+    from kb.loader import load_plan
+
+    problem, plan = load_plan(file)
+    found = why(ground(problem), plan, number, str(file))
+    return Answer("ok", step_entry(found), lambda: step_reason(found))

@@ -1,0 +1,122 @@
+"""`cellwright measurement`: what a problem measures, and changes of it."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from engine.faces.cli.answers import Answer, Form, give
+from engine.faces.cli.options import Format, Target
+
+if TYPE_CHECKING:
+    from engine.model.measurement import MeasurementPoint
+
+app = typer.Typer(add_completion=False, no_args_is_help=True)
+File = Annotated[Path, typer.Argument(help="a problem file as `import qif` writes it")]
+Name = Annotated[str, typer.Argument(help="the measurement")]
+At = Annotated[tuple[float, float, float], typer.Option("--at", help="where: x y z in millimetres")]
+Normal = Annotated[tuple[float, float, float], typer.Option("--normal", help="away from the material: x y z")]
+Kind = Annotated[str, typer.Option("--kind", help="what is measured there: profile, thickness")]
+Tolerance = Annotated[float | None, typer.Option("--tolerance", help="width of the zone in millimetres")]
+Bore = Annotated[float | None, typer.Option("--bore", help="width of the hole it lies in, in millimetres")]
+
+
+@app.callback()
+def measurement() -> None:
+    """What a problem measures, and changes of it."""
+
+
+@app.command("list")
+def list_(target: Target, format: Format = Form.TEXT) -> None:
+    """List the measurements of TARGET by tool, those done, and those that are impossible, with the reason."""
+    give(lambda: _list(target), format)
+
+
+def _writing(how: str, says: str) -> Callable[..., None]:
+    """A command that writes a measurement with all its particulars into a file."""
+
+    def write(
+        file: File,
+        name: Name,
+        at: At,
+        normal: Normal = (0.0, 0.0, 1.0),
+        kind: Kind = "profile",
+        tolerance: Tolerance = None,
+        bore: Bore = None,
+        format: Format = Form.TEXT,
+    ) -> None:
+        point = _point(name, at, normal, kind, (tolerance, bore))
+        give(lambda: _change(file, how, point), format)
+
+    write.__doc__ = says
+    return write
+
+
+app.command("add")(_writing("added", "Add the measurement NAME, and a goal for it, to the problem FILE."))
+app.command("edit")(
+    _writing(
+        "replaced", "Give the measurement NAME of the problem FILE another place, kind, tolerance and bore."
+    )
+)
+
+
+@app.command()
+def remove(file: File, name: Name, format: Format = Form.TEXT) -> None:
+    """Remove the measurement NAME, and all that is said of it, from the problem FILE."""
+    give(lambda: _change(file, "removed", name), format)
+
+
+def _list(target: str) -> Answer:
+    from rich.console import Group
+
+    from engine.formats.report.inspection import entry, parts
+    from engine.formats.report.rows import Rows
+    from engine.pipelines.inspection import partition
+    from engine.pipelines.inspection.places import with_places
+    from kb.diagnostics import Diagnostic, InvalidInput, Source
+    from kb.loader import find, load
+
+    problem = load(find(target)).problem
+    if problem is None:
+        raise InvalidInput(
+            [Diagnostic(Source(target), "K401", "this is a domain, not a problem", "name a problem")]
+        )
+    found = partition(with_places(problem))
+    rows = [(name, tool, "") for tool, names in found.groups.items() for name in names]
+    rows += [(name, "done", "") for name in found.done]
+    rows += [(name, "-", reason) for name, reason in found.impossible.items()]
+    table = Rows(("measurement", "by", "reason"), rows)
+    return Answer("ok", entry(found), lambda: Group(table, parts(found)))
+
+
+def _point(
+    name: str,
+    at: tuple[float, float, float],
+    normal: tuple[float, float, float],
+    kind: str,
+    sizes: tuple[float | None, float | None],
+) -> "MeasurementPoint":
+    from math import hypot
+
+    from engine.model.measurement import MeasurementPoint
+
+    length = hypot(*normal)
+    if not length:
+        raise typer.BadParameter("the normal has no length")
+    tolerance, bore = (None if each is None else each * 1e-3 for each in sizes)
+    place = (at[0] * 1e-3, at[1] * 1e-3, at[2] * 1e-3)
+    unit = (normal[0] / length, normal[1] / length, normal[2] / length)
+    return MeasurementPoint(name, name, kind, place, unit, tolerance, bore)
+
+
+def _change(file: Path, how: str, what: "MeasurementPoint | str") -> Answer:
+    """Change the lines of a file, and write them if the domain still understands them."""
+    from rich.text import Text
+
+    from engine.formats.interop.inspections import rewrite
+    from engine.model.measurement import MeasurementPoint
+
+    rewrite(file, how, what)
+    name = what.name if isinstance(what, MeasurementPoint) else what
+    return Answer("ok", {"file": str(file), how: name}, lambda: Text(f"{name} {how} in {file}"))

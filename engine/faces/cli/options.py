@@ -1,0 +1,67 @@
+"""Arguments and options that several commands share."""
+
+from collections.abc import Mapping
+from math import isnan
+from typing import Annotated
+
+import typer
+
+from engine.faces.cli.answers import Form
+
+
+def number(value: float | None) -> float | None:
+    """The value of an option; NaN, which passes every comparison with a range, is refused."""
+    if value is not None and isnan(value):
+        raise typer.BadParameter("nan is not a number")
+    return value
+
+
+def refuse_idle(options: Mapping[str, object], why: str) -> None:
+    """Refuse the first of the options that is given, as it would change nothing. Raises `typer.BadParameter`."""
+    for name, value in options.items():
+        if value:
+            raise typer.BadParameter(f"{name} has no effect {why}")
+
+
+Target = Annotated[
+    str,
+    typer.Argument(
+        metavar="TARGET", help="a problem file, a domain folder, or a bundled name such as bulkhead/one_point"
+    ),
+]
+Format = Annotated[Form, typer.Option("--format", help="how the answer is written")]
+Goals = Annotated[str, typer.Option(help="goals, written as in a problem file")]
+Command = Annotated[str, typer.Option(help="what is wanted, in the words of the domain")]
+Stats = Annotated[bool, typer.Option("--stats", help="print what a researcher wants: counts and times")]
+TimeLimit = Annotated[
+    float | None,
+    typer.Option(min=0, callback=number, help="seconds after which the search ends with the best it has"),
+]
+Seed = Annotated[int, typer.Option(min=0, help="the same seed gives the same answer on any machine")]
+Pddl = Annotated[bool, typer.Option("--pddl", help="the arguments are a PDDL domain and a PDDL problem")]
+Ground = Annotated[bool, typer.Option("--ground", help="write PDDL without variables, as plain STRIPS")]
+Strategy = Annotated[
+    str,
+    typer.Option(
+        help="auto, backward, forward, landmarks, asp, or shortest: proved to have the fewest steps"
+    ),
+]
+Race = Annotated[
+    bool, typer.Option("--race", help="run the strategies on all processors; the first answer counts")
+]
+Anytime = Annotated[
+    bool,
+    typer.Option(
+        "--anytime", help="improve the plan until the time limit or Ctrl-C, and tell of every better one"
+    ),
+]
+MemoryLimit = Annotated[int | None, typer.Option(min=128, help="megabytes that the command may take")]
+Expansions = Annotated[int, typer.Option(min=0, help="states that the search may expand before it gives up")]
+Library = Annotated[
+    str,
+    typer.Option(
+        "--store",
+        envvar="CELLWRIGHT_STORE",
+        help="a library of MACROPs: a file, or postgresql://USER@HOST/DATABASE",
+    ),
+]

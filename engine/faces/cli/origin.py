@@ -1,0 +1,45 @@
+"""Plans with a library of MACROPs or without one, and what is said of where they come from."""
+
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from rich.console import RenderableType
+
+    from engine.model.outcome import Outcome
+    from engine.stages.planning import Limits
+    from kb.model.problem import Problem
+
+
+def planned(
+    problem: "Problem", limits: "Limits", store: str, folded: bool
+) -> "tuple[Outcome, dict[str, Any]]":
+    """The outcome for a problem and, with a library, where it comes from, as data; its parts, if it is to be `folded`."""
+    from engine.pipelines import planning
+
+    if not store:
+        return planning.plan(problem, limits), {}
+    from engine.pipelines.reuse import Practice
+    from kb.store import Library
+
+    with Library(store) as library, Practice(library, limits, thorough=True) as practice:
+        found = practice.plan(problem)
+        found = practice.folded(problem, found) if folded else found
+    entry = {"origin": found.origin, "macrop": found.macrop, "name": found.name, "reason": found.reason}
+    parts = [
+        {"macrop": part.macrop, "name": part.name, "purpose": part.purpose, "steps": list(part.steps)}
+        for part in found.parts
+    ]
+    return found.outcome, {"source": {**entry, "parts": parts} if parts else entry}
+
+
+def origin_text(content: "Mapping[str, Any]") -> "list[RenderableType]":
+    """A line on where a plan comes from, if a library was asked, and the parts that it is made of."""
+    found = content.get("source")
+    if not found:
+        return []
+    from engine.formats.report.macros import folded, origin
+
+    said = origin(found["origin"], found["macrop"], found["name"], found["reason"])
+    return [each for each in (folded(found.get("parts", ())), said) if each]

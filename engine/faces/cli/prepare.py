@@ -1,0 +1,143 @@
+"""`cellwright prepare`: a problem set planned offline."""
+
+import os
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from engine.faces.cli.answers import Answer, Form, give
+from engine.faces.cli.exits import BAD_INPUT, GAVE_UP, INTERRUPTED
+from engine.faces.cli.options import Expansions, Format, Library, Seed, TimeLimit
+
+if TYPE_CHECKING:
+    from rich.console import RenderableType
+
+    from engine.pipelines.preparation import KeptSequence, Preparation
+
+
+def prepare(
+    target: Annotated[
+        str, typer.Argument(help="a domain (all its problems), a folder of problems, or one problem")
+    ],
+    store: Library,
+    jobs: Annotated[int, typer.Option(min=0, help="processes; 0: as many as there are processors")] = 0,
+    time_limit: TimeLimit = None,
+    expansions: Expansions = 1_000_000,
+    seed: Seed = 0,
+    format: Format = Form.TEXT,
+) -> None:
+    """Plan every problem of TARGET, sequence its measurements, and fill the store before plans are needed."""
+    give(
+        lambda: _prepare(target, store, jobs or len(os.sched_getaffinity(0)), time_limit, expansions, seed),
+        format,
+    )
+
+
+def _prepare(target: str, store: str, jobs: int, seconds: float | None, expansions: int, seed: int) -> Answer:
+    from engine.faces.cli.interruption import Interruption
+    from engine.pipelines.preparation import prepare as prepare_all
+    from engine.stages.planning import Limits
+
+    paths = _problems(target)
+    with Interruption(seconds) as interrupted, _progress() as progress:
+        limits = Limits(expansions, interrupted=interrupted, seed=seed)
+        found = prepare_all(paths, store, limits, jobs, progress)
+    statuses = {each.status for each in found.problems}
+    code = INTERRUPTED if interrupted.heard else BAD_INPUT if "bad input" in statuses else 0
+    if not code and ("gave up" in statuses or len(found.problems) < len(paths)):
+        code = GAVE_UP
+    diagnostics = tuple(diagnostic for each in found.problems for diagnostic in each.diagnostics)
+    return Answer(
+        "ok" if not code else "incomplete", _content(found), lambda: _text(found), code, diagnostics
+    )
+
+
+def _problems(target: str) -> list[Path]:
+    """The problem files that a target names. Raises `InvalidInput` if there are none."""
+    from kb.diagnostics import Diagnostic, InvalidInput, Source
+    from kb.loader import find, load, problem_files
+
+    folder = Path(target)
+    if folder.is_dir() and not (folder / "domain.yaml").exists():
+        found = sorted(folder.glob("*.yaml"))
+    else:
+        path = find(target)
+        found = [path] if load(path).problem is not None else problem_files(path)
+    if not found:
+        hint = "problems are .yaml files, beside a domain in its folder problems"
+        raise InvalidInput([Diagnostic(Source(target), "K401", "there are no problems here", hint)])
+    return found
+
+
+@contextmanager
+def _progress() -> "Iterator[Callable[[int, int], None]]":
+    """A bar on a terminal, nothing in a pipe."""
+    if not sys.stderr.isatty():
+        from engine.pipelines.preparation import silent
+
+        yield silent
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+    columns = (TextColumn("planning"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        shown = bar.add_task("", total=None)
+        yield lambda done, of: bar.update(shown, completed=done, total=of)
+
+
+def _content(found: "Preparation") -> dict[str, Any]:
+    problems = [
+        {
+            "problem": each.problem,
+            "status": each.status,
+            "origin": each.origin,
+            "macrop": each.macrop,
+            "name": each.name,
+            "reason": each.reason,
+            "sequence": _sequence(each.sequence),
+        }
+        for each in found.problems
+    ]
+    return {
+        "problems": problems,
+        "stale": {str(number): list(parts) for number, parts in found.stale.items()},
+    }
+
+
+def _sequence(kept: "KeptSequence | None") -> dict[str, Any] | None:
+    return None if kept is None else {"way": kept.way, "left": kept.left, "changes": dict(kept.changes)}
+
+
+def _text(found: "Preparation") -> "RenderableType":
+    from rich.console import Group
+    from rich.text import Text
+
+    from engine.formats.report.macros import origin
+    from engine.formats.report.rows import Rows
+
+    sequenced, rows = any(each.sequence for each in found.problems), []
+    for each in found.problems:
+        found_it = each.status == "found"
+        said = origin(each.origin, each.macrop, each.name, each.reason).plain if found_it else each.reason
+        last = [_sequence_said(each.sequence)] if sequenced else []
+        rows.append((each.problem, each.status, said, *last))
+    stale = [
+        Text(f"MACROP {n} was stale and is gone: {', '.join(p)} changed") for n, p in found.stale.items()
+    ]
+    learned = sum(each.origin == "planner" and each.macrop is not None for each in found.problems)
+    known = sum(each.origin == "library" for each in found.problems)
+    table = Rows(("problem", "answer", "", *(("sequence",) if sequenced else ())), rows)
+    return Group(*stale, table, Text(f"{len(found.problems)} problems: {learned} learned, {known} known"))
+
+
+def _sequence_said(kept: "KeptSequence | None") -> str:
+    if kept is None:
+        return ""
+    ways = {"made": "new", "kept": "as it was kept", "resequenced": "anew, what was kept was stale"}
+    changes = "".join(f", {count} {what}" for what, count in kept.changes.items())
+    return f"{kept.left} visits, {ways[kept.way]}{changes}"

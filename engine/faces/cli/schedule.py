@@ -1,0 +1,199 @@
+"""`cellwright schedule`: when everything happens."""
+
+from dataclasses import dataclass, replace
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from engine.faces.cli.answers import Answer, Form, give
+from engine.faces.cli.exits import INTERRUPTED
+from engine.faces.cli.options import Command, Expansions, Goals, Seed, Stats, TimeLimit, number, refuse_idle
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from rich.console import RenderableType
+
+    from engine.model.outcome import GaveUp, Infeasible, Statistics
+    from engine.model.shop import Schedule, Shop, Timetable
+    from engine.stages.scheduling.limits import ScheduleLimits
+    from kb.model.problem import Problem
+
+
+class ScheduleForm(StrEnum):
+    """How a schedule is written: as a chart, as data, or as a picture."""
+
+    TEXT = "text"
+    JSON = "json"
+    SVG = "svg"
+
+
+Work = Annotated[
+    float,
+    typer.Option(
+        min=0, callback=number, help="work of the solver, about seconds of one core; answers repeat"
+    ),
+]
+Race = Annotated[
+    int, typer.Option(min=1, help="workers that race: sooner an answer, not always the same one")
+]
+Instance = Annotated[str, typer.Option(help="the instance in a file of several job shops")]
+
+
+def schedule(
+    target: Annotated[
+        str, typer.Argument(help="a problem, a plan in JSON, a folder of S-LAB tables, or a job-shop file")
+    ],
+    goals: Goals = "",
+    command: Command = "",
+    instance: Instance = "",
+    format: Annotated[
+        ScheduleForm, typer.Option("--format", help="how the schedule is written")
+    ] = ScheduleForm.TEXT,
+    stats: Stats = False,
+    time_limit: TimeLimit = None,
+    work: Work = 60.0,
+    race: Race = 1,
+    expansions: Expansions = 1_000_000,
+    seed: Seed = 0,
+) -> None:
+    """Print when every step of a plan for TARGET happens, or every stage of a shop, so that all is done soon."""
+    form = Form.JSON if format is ScheduleForm.JSON else Form.TEXT
+    if format is ScheduleForm.SVG:
+        refuse_idle({"--stats": stats}, "on svg, only on text and json")
+    wanted = Wanted(target, goals, command, instance)
+    give(lambda: _schedule(wanted, format, stats, Effort(time_limit, work, race, expansions, seed)), form)
+
+
+@dataclass(frozen=True, slots=True)
+class Wanted:
+    """What is to be scheduled."""
+
+    target: str
+    goals: str
+    command: str
+    instance: str
+
+
+@dataclass(frozen=True, slots=True)
+class Effort:
+    """How long it may take: seconds, work of the solver, workers, expansions of the planner; and the seed."""
+
+    seconds: float | None
+    work: float
+    workers: int
+    expansions: int
+    seed: int
+
+
+def _schedule(wanted: Wanted, form: ScheduleForm, stats: bool, effort: Effort) -> Answer:
+    from engine.faces.cli.interruption import Interruption
+    from engine.formats.interop.shops import shop_of
+    from engine.pipelines import timetable
+    from engine.stages.planning import Limits
+    from engine.stages.scheduling.limits import ScheduleLimits
+
+    with Interruption(effort.seconds) as interrupted:
+        limits = ScheduleLimits(effort.work, effort.seed, effort.workers, interrupted)
+        shop = shop_of(Path(wanted.target), wanted.instance)
+        if shop is not None:
+            _refuse(
+                {"--goals": wanted.goals, "--command": wanted.command}, "on a shop, whose jobs are all done"
+            )
+            answer = _shop(shop, limits, form, stats)
+        else:
+            _refuse({"--instance": wanted.instance}, "here: it names one in a file of several job shops")
+            problem, plan = timetable.subject_of(wanted.target, wanted.goals, wanted.command)
+            if plan is not None:
+                _refuse(
+                    {"--goals": wanted.goals, "--command": wanted.command}, "on a plan, which has its own"
+                )
+            planning = Limits(effort.expansions, interrupted=interrupted, seed=effort.seed)
+            made = timetable.timetable(problem, plan, planning, limits)
+            answer = _timetable(problem, made, form, stats)
+    return replace(answer, code=INTERRUPTED) if interrupted.heard else answer
+
+
+def _refuse(options: "Mapping[str, str]", why: str) -> None:
+    """Refuse options that would change nothing, now that the kind of target is known. Raises `InvalidInput`."""
+    from kb.diagnostics import Diagnostic, InvalidInput, Source
+
+    if idle := [name for name, given in options.items() if given]:
+        found = f"{idle[0]} has no effect {why}"
+        raise InvalidInput([Diagnostic(Source(idle[0]), "K401", found, "leave it out")])
+
+
+def _shop(shop: "Shop", limits: "ScheduleLimits", form: ScheduleForm, stats: bool) -> Answer:
+    from engine.formats.report.gantt import schedule_entry
+    from engine.model.shop import Scheduled
+    from engine.stages.scheduling import schedule
+
+    found = schedule(shop, limits)
+    if not isinstance(found, Scheduled):
+        return _none(found)
+    content = {"schedule": schedule_entry(shop, found.schedule)}
+    return _answer(shop, found.schedule, content, found.statistics, form, stats)
+
+
+def _timetable(
+    problem: "Problem", made: "Timetable | Infeasible | GaveUp", form: ScheduleForm, stats: bool
+) -> Answer:
+    from engine.formats.report import json
+    from engine.formats.report.gantt import schedule_entry
+    from engine.model.outcome import Found
+    from engine.model.shop import Timetable
+
+    if not isinstance(made, Timetable):
+        return _none(made)
+    planned = json.outcome(Found(made.plan), problem)["plan"]
+    for step in planned["steps"]:
+        step["start"] = made.starts[step["id"]]
+    content = {"schedule": schedule_entry(made.shop, made.schedule), "note": made.note, "plan": planned}
+    unit = problem.domain.time_unit
+    return _answer(made.shop, made.schedule, content, made.statistics, form, stats, unit, made.note)
+
+
+def _none(found: "Infeasible | GaveUp") -> Answer:
+    from rich.text import Text
+
+    from engine.faces.cli.exits import exit_code
+    from engine.formats.report.json import status
+
+    said = Text(f"No schedule: {found.reason}.")
+    return Answer(status(found), {"reason": found.reason}, lambda: said, exit_code(found))
+
+
+def _answer(
+    shop: "Shop",
+    made: "Schedule",
+    content: dict[str, Any],
+    statistics: "Statistics",
+    form: ScheduleForm,
+    stats: bool,
+    unit: str = "",
+    note: str = "",
+) -> Answer:
+    from engine.formats.report import gantt_svg, json
+
+    if stats:
+        content["statistics"] = json.statistics(statistics)
+    raw = gantt_svg.chart(shop, made, unit) if form is ScheduleForm.SVG else None
+    said = (lambda: _text(shop, made, statistics if stats else None, unit, note)) if raw is None else None
+    return Answer("optimal" if made.proved else "found", content, said, raw=raw)
+
+
+def _text(
+    shop: "Shop", made: "Schedule", statistics: "Statistics | None", unit: str, note: str
+) -> "RenderableType":
+    from rich.console import Group
+    from rich.text import Text
+
+    from engine.formats.report import text
+    from engine.formats.report.gantt import Gantt, summary
+
+    parts: list[RenderableType] = [Gantt(shop, made, unit), Text(), Text(summary(made, unit))]
+    if note:
+        parts.append(Text(f"The plan keeps its own order: {note}."))
+    return Group(*parts, *([text.statistics(statistics)] if statistics else []))

@@ -1,0 +1,232 @@
+"""`cellwright sequence`: the order of visits at least cost."""
+
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from engine.faces.cli.answers import Answer, Form, give
+from engine.faces.cli.exits import GAVE_UP, INFEASIBLE, INTERRUPTED
+from engine.faces.cli.options import Seed, TimeLimit, refuse_idle
+
+if TYPE_CHECKING:
+    from engine.model.outcome import GaveUp, Infeasible
+    from engine.model.tour import Tour, TourProblem
+    from engine.pipelines.inspection import Partition
+    from engine.stages.sequencing import Limits
+    from kb.model.problem import Problem
+
+
+class TourForm(StrEnum):
+    """How a tour is written."""
+
+    TEXT = "text"
+    JSON = "json"
+    SVG = "svg"
+
+
+class TravelCost(StrEnum):
+    """What counts between two measurements."""
+
+    STRAIGHT = "straight"
+    JOINTS = "joints"
+
+
+NEWS = ("--done", "--lost", "--bad", "--restored")
+TourOf = Annotated[
+    str, typer.Argument(metavar="TARGET", help="a TSPLIB file, or a problem with points to be measured")
+]
+Method = Annotated[str, typer.Option("--method", help="auto, chain1987 or exact")]
+Closed = Annotated[bool, typer.Option("--closed", help="back to the first visit, as in TSPLIB files")]
+Open = Annotated[bool, typer.Option("--open", help="end at the last visit, as measurements do")]
+Start = Annotated[str, typer.Option("--start", help="the visit to begin with")]
+End = Annotated[str, typer.Option("--end", help="the visit to end with")]
+Cost = Annotated[
+    TravelCost,
+    typer.Option("--cost", help="of measurements: straight lines, or joints: the time that the arm needs"),
+]
+Work = Annotated[
+    int, typer.Option("--work", min=0, help="kicks of the search; 0: as suits the number of visits")
+]
+Store = Annotated[
+    str, typer.Option("--store", help="keep the sequence of a problem in this file or database")
+]
+Next = Annotated[bool, typer.Option("--next", help="of the kept sequence, the next visit alone")]
+Done = Annotated[list[str] | None, typer.Option("--done", help="visits that are done, commas between")]
+Lost = Annotated[list[str] | None, typer.Option("--lost", help="tools and resources that are lost")]
+Bad = Annotated[
+    list[str] | None,
+    typer.Option("--bad", help="visits found bad, left out: 'm3, m4=the surface is dirty'"),
+]
+Restored = Annotated[
+    list[str] | None, typer.Option("--restored", help="what was lost or found bad and is well again")
+]
+Anew = Annotated[bool, typer.Option("--anew", help="forget the kept sequence")]
+Shown = Annotated[TourForm, typer.Option("--format", help="how the tour is written")]
+
+
+def sequence(
+    target: TourOf,
+    method: Method = "auto",
+    closed: Closed = False,
+    open_: Open = False,
+    start: Start = "",
+    end: End = "",
+    cost: Cost = TravelCost.STRAIGHT,
+    time_limit: TimeLimit = None,
+    work: Work = 0,
+    seed: Seed = 0,
+    store: Store = "",
+    next_: Next = False,
+    done: Done = None,
+    lost: Lost = None,
+    bad: Bad = None,
+    restored: Restored = None,
+    anew: Anew = False,
+    format: Shown = TourForm.TEXT,
+) -> None:
+    """Print the best order found for the visits of TARGET, with a lower bound on the cost of any."""
+    if closed and open_:
+        raise typer.BadParameter("a tour is closed or open")
+    news = (done or [], lost or [], bad or [], restored or [])
+    kept = {"--next": next_, "--anew": anew, **dict(zip(NEWS, news, strict=True))}
+    given = {"--closed": closed, "--start": start, "--end": end, "--format svg": format is TourForm.SVG}
+    given["--method"] = "" if method == "auto" else method
+    form, effort = Form.JSON if format is TourForm.JSON else Form.TEXT, (time_limit, work, seed)
+    joints = cost is TravelCost.JOINTS
+    if store:
+        refuse_idle({**given, "--cost": joints}, "with --store: a kept sequence is open, in straight lines")
+        from engine.faces.cli.kept_sequence import carried_on
+
+        give(lambda: carried_on(_problem_of(target), store, news, effort, next_, anew), form)
+    refuse_idle(kept, "without --store: only a sequence that is kept goes on")
+    if joints:
+        refuse_idle({**given, "--open": open_}, "with --cost joints, whose tours are closed")
+        give(lambda: _posed(target, effort), form)
+    back = closed if closed or open_ else None
+    give(lambda: _sequence(target, method, (back, start, end), effort, format), form)
+
+
+def _sequence(
+    target: str,
+    method: str,
+    ends: tuple[bool | None, str, str],
+    effort: tuple[float | None, int, int],
+    form: TourForm,
+) -> Answer:
+    from engine.faces.cli.interruption import Interruption
+    from engine.stages.sequencing import METHODS, Limits
+    from kb.diagnostics import Diagnostic, InvalidInput, Source, nearest
+
+    if method not in METHODS:
+        hint = nearest(method, list(METHODS)) or f"one of {', '.join(METHODS)}"
+        raise InvalidInput([Diagnostic(Source("--method"), "K401", f"no method '{method}'", hint)])
+    with Interruption(effort[0]) as interrupted:
+        limits = Limits(effort[1], effort[2], interrupted)
+        problem, parts, answer = _solve(target, method, ends, limits)
+    return _answer(problem, parts, answer, form, interrupted.heard)
+
+
+def _posed(target: str, effort: tuple[float | None, int, int]) -> Answer:
+    """Measurements whose places the cell describes, each in one of the arm's configurations."""
+    from engine.faces.cli.interruption import Interruption
+    from engine.formats.report import inspection
+    from engine.pipelines.inspection.poses import posed_tours
+    from engine.plugins import geometry_backend
+    from engine.stages.geometry.pictures.view import cell_of
+    from engine.stages.sequencing import Limits
+
+    problem = _problem_of(target)
+    with Interruption(effort[0]) as interrupted:
+        limits = Limits(effort[1], effort[2], interrupted)
+        tours, parts = posed_tours(problem, cell_of(target), geometry_backend(), limits)
+    return Answer(
+        "found",
+        {"tours": [inspection.posed_entry(each) for each in tours], "partition": inspection.entry(parts)},
+        lambda: inspection.posed(tours, parts),
+        INTERRUPTED if interrupted.heard else 0,
+    )
+
+
+def _solve(
+    target: str, method: str, ends: tuple[bool | None, str, str], limits: "Limits"
+) -> "tuple[TourProblem, Partition | None, Tour | Infeasible | GaveUp]":
+    from dataclasses import replace
+
+    from engine.stages.sequencing import sequence
+
+    problem, parts = _read(target)
+    closed, start, end = ends
+    problem = replace(
+        problem,
+        closed=problem.closed if closed is None else closed,
+        start=_named(problem, start, "--start"),
+        end=_named(problem, end, "--end"),
+    )
+    return problem, parts, sequence(problem, limits, method)
+
+
+def _read(target: str) -> "tuple[TourProblem, Partition | None]":
+    """A TSPLIB instance, or the measurements of a problem with how tools part them."""
+    from engine.formats.interop.tsplib import read_tsplib
+    from engine.pipelines.inspection import partition, tour_problem
+    from engine.pipelines.inspection.places import with_places
+    from kb.files import is_file
+
+    if is_file(Path(target)) and Path(target).suffix not in (".yaml", ".yml"):
+        return read_tsplib(Path(target)), None
+    problem = with_places(_problem_of(target))
+    parts = partition(problem)
+    return tour_problem(problem, parts), parts
+
+
+def _problem_of(target: str) -> "Problem":
+    from kb.diagnostics import Diagnostic, InvalidInput, Source
+    from kb.loader import find, load
+
+    problem = load(find(target)).problem
+    if problem is None:
+        said = "this is a domain, not a problem"
+        raise InvalidInput([Diagnostic(Source(target), "K401", said, "name a problem")])
+    return problem
+
+
+def _named(problem: "TourProblem", name: str, option: str) -> int | None:
+    """The number of a visit."""
+    from kb.diagnostics import InvalidInput, Source, unknown_name
+
+    names = [visit.name for visit in problem.visits]
+    if name and name not in names:
+        raise InvalidInput([unknown_name("visit", name, set(names), Source(option))])
+    return names.index(name) if name else None
+
+
+def _answer(
+    problem: "TourProblem",
+    parts: "Partition | None",
+    answer: "Tour | Infeasible | GaveUp",
+    form: TourForm,
+    heard: bool,
+) -> Answer:
+    from rich.console import Group
+    from rich.text import Text
+
+    from engine.formats.report import inspection, json, tour
+    from engine.model.tour import Tour
+
+    if not isinstance(answer, Tour):
+        code = INTERRUPTED if heard else INFEASIBLE if json.status(answer) == "infeasible" else GAVE_UP
+        reason = answer.reason
+        return Answer(json.status(answer), {"reason": reason}, lambda: Text(f"No tour: {reason}."), code)
+    content, shown = tour.entry(answer, problem), [tour.text(answer, problem)]
+    if parts is not None:
+        content["partition"] = inspection.entry(parts)
+        shown.insert(0, inspection.parts(parts))
+    return Answer(
+        "optimal" if answer.proved else "found",
+        content,
+        lambda: Group(*shown),
+        INTERRUPTED if heard else 0,
+        raw=tour.svg(answer, problem) if form is TourForm.SVG else None,
+    )

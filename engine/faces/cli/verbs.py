@@ -1,0 +1,103 @@
+"""The verbs of the command line, each imported when it is called: what one needs, the others do not wait for."""
+
+import sys
+from collections.abc import Iterator, MutableMapping
+from importlib import import_module
+from itertools import pairwise
+from typing import Any
+
+import typer
+from typer.core import TyperGroup
+
+from engine.faces.cli.answers import refuse, writing
+
+USAGE: Any = typer.BadParameter.__base__  # a wrong command line; typer has no public name for it
+
+VERBS = {
+    "cell": "cell:app",
+    "check": "check:check",
+    "diagnose": "diagnose:diagnose",
+    "explain": "explain:explain",
+    "export": "export:export",
+    "import": "import_:app",
+    "init": "init:init",
+    "macros": "macros:app",
+    "measurement": "measurement:app",
+    "plan": "plan:plan",
+    "prepare": "prepare:prepare",
+    "revise": "revise:revise",
+    "schedule": "schedule:schedule",
+    "schema": "check:schema",
+    "sequence": "sequence:sequence",
+    "test": "golden:golden_plans",
+    "validate": "plan:validate",
+}
+"""Name of a verb, and the module and function (or group of verbs) that it is."""
+
+
+class Verbs(TyperGroup):
+    """The group of all verbs."""
+
+    def __init__(self, **settings: Any) -> None:
+        super().__init__(**settings)
+        self.commands = _Loaded(self.commands)
+
+    def main(self, *arguments: Any, **settings: Any) -> Any:
+        """Run the command line; a full disk can also hit a page of help."""
+        try:
+            with writing():
+                return super().main(*arguments, **settings)
+        except typer.Exit as unwritten:
+            sys.exit(unwritten.exit_code)
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Parse what stands before the verb, and remember whether all of it asks for JSON."""
+        ctx.meta["json"] = (
+            any(two == ("--format", "json") for two in pairwise(args)) or "--format=json" in args
+        )
+        return super().parse_args(ctx, args)
+
+    def invoke(self, ctx: Any) -> Any:
+        """Run the verb. Who asked for JSON gets it on a wrong command line, too."""
+        try:
+            return super().invoke(ctx)
+        except USAGE as wrong:
+            if not ctx.meta["json"]:
+                raise
+            refuse(wrong.format_message(), wrong.ctx.command_path if wrong.ctx else "cellwright")
+
+
+class _Loaded(MutableMapping[str, Any]):
+    """Commands by name, made when they are first asked for."""
+
+    def __init__(self, made: MutableMapping[str, Any]) -> None:
+        self._made = made
+
+    def __getitem__(self, name: str) -> Any:
+        if name not in self._made and name in VERBS:
+            self._made[name] = _command(name)
+        return self._made[name]
+
+    def __setitem__(self, name: str, command: Any) -> None:
+        self._made[name] = command
+
+    def __delitem__(self, name: str) -> None:
+        del self._made[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter({**VERBS, **self._made})
+
+    def __len__(self) -> int:
+        return len({**VERBS, **self._made})
+
+
+def _command(name: str) -> Any:
+    module, _, attribute = VERBS[name].partition(":")
+    found = getattr(import_module(f"engine.faces.cli.{module}"), attribute)
+    if not isinstance(found, typer.Typer):
+        alone = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
+        alone.command(name)(found)
+        found = alone
+    made = typer.main.get_command(found)
+    made.name = name
+    return made

@@ -1,0 +1,1 @@
+"""How answers are written, and how files of other systems are read and written."""

@@ -1,0 +1,62 @@
+"""Files of measurements become problems, and problem files are changed measurement by measurement."""
+
+from pathlib import Path
+
+from engine.formats.interop import editing
+from engine.formats.interop.measurements import all_facts, names, problem_text, read_table
+from engine.formats.interop.qif import inspection_of
+from engine.model.measurement import Inspection, MeasurementPoint
+from engine.pipelines.inspection import MEASUREMENT, Partition, partition
+from kb.asp import ground_term
+from kb.diagnostics import Diagnostic, InvalidInput, Source
+from kb.files import read_file
+from kb.loader import find, load
+from kb.model.domain import Domain
+from kb.model.problem import Problem
+from kb.terms import Function
+
+
+def import_file(path: Path, domain: str, unit: str = "mm") -> tuple[Inspection, Partition, str]:
+    """What a QIF document or a CSV table asks to measure, how it is parted, and the text of a problem.
+
+    The goals are the measurements that some tool can make. Raises `InvalidInput`.
+    """
+    inspection = read_table(path, unit) if path.suffix.lower() == ".csv" else inspection_of(path)
+    parts = partition(_problem(inspection, load(find(domain)).domain))
+    possible = (name for names in parts.groups.values() for name in names)
+    return inspection, parts, problem_text(inspection, domain, sorted(possible))
+
+
+def _problem(inspection: Inspection, domain: Domain) -> Problem:
+    facts = (ground_term(fact) for fact in all_facts(inspection))
+    return Problem(
+        inspection.name,
+        domain,
+        dict.fromkeys(names(inspection), MEASUREMENT),
+        tuple(fact for fact in facts if isinstance(fact, Function)),
+    )
+
+
+def rewrite(path: Path, how: str, what: MeasurementPoint | str) -> None:
+    """Add (`added`), change (`replaced`) or remove (`removed`) a measurement in a problem file.
+
+    The new text is read before it takes the place of the old one. Raises `InvalidInput`.
+    """
+    name = what if isinstance(what, str) else what.name
+    problem = load(path).problem
+    there = problem is not None and problem.objects.get(name) == MEASUREMENT
+    if problem is None or there == (how == "added"):
+        said = "is there already" if there else "is no measurement of this problem"
+        raise InvalidInput([Diagnostic(Source(str(path)), "K401", f"'{name}' {said}")])
+    lines = read_file(path).text.splitlines()
+    if isinstance(what, str):
+        lines = editing.removed(lines, what, str(path))
+    else:
+        lines = (editing.added if how == "added" else editing.replaced)(lines, what, str(path))
+    trial = path.with_name(f".{path.stem}.trial{path.suffix}")
+    try:
+        trial.write_text("\n".join(lines) + "\n", "utf-8")
+        load(trial)
+        trial.replace(path)
+    finally:
+        trial.unlink(missing_ok=True)

@@ -1,0 +1,106 @@
+"""Job-shop instances as shops: each job visits machines in its own order, one stage after another.
+
+Two notations are read: JSON objects by name with `duration_matrix` and `machines_matrix` (a row per job), and the plain
+text of the benchmark libraries: a line with the numbers of jobs and machines, then per job pairs of machine and duration.
+"""
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, TypeGuard
+
+from engine.model.shop import Job, Resource, Shop, Stage, in_order
+from kb.diagnostics import Diagnostic, InvalidInput, Source, nearest
+
+Rows = Sequence[Sequence[tuple[int, int]]]  # per job: machine and duration of each stage
+
+
+def read_jobshop(path: Path, instance: str = "") -> Shop:
+    """The shop in a file; `instance` names one of several. Raises `InvalidInput`."""
+    try:
+        text = path.read_text("utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        said = error.strerror if isinstance(error, OSError) else "not UTF-8"
+        raise _invalid(path, "K001", f"the file cannot be read: {said}") from None
+    rows = _from_json(path, text, instance) if text.lstrip().startswith("{") else _from_text(path, text)
+    return _shop(rows)
+
+
+def instances(path: Path) -> tuple[str, ...]:
+    """The names of the instances in a JSON file; empty for plain text. Raises `InvalidInput`."""
+    text = path.read_text("utf-8")
+    return tuple(_parsed(path, text)) if text.lstrip().startswith("{") else ()
+
+
+def _invalid(path: Path, code: str, message: str, hint: str = "", line: int = 0) -> InvalidInput:
+    return InvalidInput([Diagnostic(Source(str(path), line), code, message, hint)])
+
+
+def _parsed(path: Path, text: str) -> dict[str, Any]:
+    try:
+        found = json.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise _invalid(path, "K005", f"not JSON: {error}") from None
+    if "duration_matrix" in found:
+        return {path.stem: found}
+    return dict(found)
+
+
+def _from_json(path: Path, text: str, instance: str) -> Rows:
+    found = _parsed(path, text)
+    if not instance and len(found) == 1:
+        instance = next(iter(found))
+    if instance not in found:
+        message = f"no instance '{instance}'" if instance else "several instances; name one"
+        hint = nearest(instance, list(found)) or f"one of {', '.join(found)}"
+        raise _invalid(path, "K101", message, hint)
+    entry = found[instance] if isinstance(found[instance], dict) else {}
+    machines, durations = entry.get("machines_matrix"), entry.get("duration_matrix")
+    if not _is_matrix(machines) or not _is_matrix(durations):
+        raise _invalid(
+            path, "K005", f"{instance} needs duration_matrix and machines_matrix, in whole numbers"
+        )
+    if [len(row) for row in machines] != [len(row) for row in durations]:
+        raise _invalid(path, "K005", f"the matrices of {instance} differ in shape")
+    return [list(zip(*rows, strict=True)) for rows in zip(machines, durations, strict=True)]
+
+
+def _is_matrix(value: object) -> TypeGuard[list[list[int]]]:
+    return isinstance(value, list) and all(
+        isinstance(row, list) and all(type(cell) is int and cell >= 0 for cell in row) for row in value
+    )
+
+
+def _from_text(path: Path, text: str) -> Rows:
+    lines = [(n, line.split()) for n, line in enumerate(text.splitlines(), 1)]
+    kept = [(n, cells) for n, cells in lines if cells and all(c.isascii() and c.isdecimal() for c in cells)]
+    if not kept or len(kept[0][1]) != 2:
+        raise _invalid(path, "K005", "no line with the numbers of jobs and machines")
+    jobs, machines = map(int, kept[0][1])
+    if len(kept) != jobs + 1:
+        raise _invalid(path, "K005", f"{jobs} jobs are announced, {len(kept) - 1} lines of numbers follow")
+    rows = []
+    for line, cells in kept[1:]:
+        numbers = list(map(int, cells))
+        if len(numbers) % 2 or any(machine >= machines for machine in numbers[::2]):
+            raise _invalid(
+                path, "K005", f"pairs of a machine below {machines} and a duration belong here", line=line
+            )
+        rows.append(list(zip(numbers[::2], numbers[1::2], strict=True)))
+    return rows
+
+
+def _shop(rows: Rows) -> Shop:
+    jobs = tuple(
+        Job(
+            f"job {number}",
+            tuple(
+                Stage(f"{number}.{place}", lasts, (f"machine {machine}",))
+                for place, (machine, lasts) in enumerate(row)
+            ),
+        )
+        for number, row in enumerate(rows)
+    )
+    machines = sorted({machine for row in rows for machine, _ in row})
+    windows = tuple(window for job in jobs for window in in_order(job.stages))
+    return Shop(jobs, tuple(Resource(f"machine {machine}") for machine in machines), windows)

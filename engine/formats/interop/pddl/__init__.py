@@ -1,0 +1,128 @@
+"""PDDL in: a domain and a problem file become a problem of the same model as our own language.
+
+Read are STRIPS, typing with `either`, negative, disjunctive and quantified conditions, equality, conditional effects,
+derived predicates, action costs and constants (McDermott et al. 1998; Edelkamp & Hoffmann 2004 for the axioms).
+Numbers beyond action costs, times, preferences and constraints are refused by name, with their place.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from engine.formats.interop.pddl.conditions import ConditionReader
+from engine.formats.interop.pddl.domain import DomainReader
+from engine.formats.interop.pddl.expressions import Document, Expression, Group, Word, read_document
+from engine.formats.interop.pddl.names import Names
+from engine.formats.interop.pddl.scope import typed
+from kb.diagnostics import InvalidInput
+from kb.model.conditions import TRUE, Condition
+from kb.model.problem import Problem
+from kb.terms import Atom, Function, Number
+
+
+@dataclass(frozen=True, slots=True)
+class PddlProblem:
+    """A problem and the PDDL names behind its own."""
+
+    problem: Problem
+    names: Names
+
+
+def read_pddl(domain_path: Path, problem_path: Path) -> PddlProblem:
+    """The problem in two files. Raises `InvalidInput` with everything that is wrong with them."""
+    reader = DomainReader(read_document(domain_path))
+    reader.declare()
+    problem_document = read_document(problem_path)
+    task = _ProblemReader(problem_document, reader)
+    problem = task.read()
+    if reader.document.found or problem_document.found:
+        raise InvalidInput([*reader.document.found, *problem_document.found])
+    return PddlProblem(problem, reader.scope.names)
+
+
+class _ProblemReader:
+    def __init__(self, document: Document, domain: DomainReader) -> None:
+        self.document, self.domain, self.scope = document, domain, domain.scope
+        self.conditions = ConditionReader(document, self.scope)
+        self.objects: dict[str, str] = {}
+        self.sections = {part.head: part for part in document.root.rest if isinstance(part, Group)}
+
+    def read(self) -> Problem:
+        """Objects first, as the domain's actions may only name constants, then the facts and the goal."""
+        domain = self.domain.domain()
+        for section, group in self.sections.items():
+            if section not in (
+                ":domain",
+                ":objects",
+                ":init",
+                ":goal",
+                ":metric",
+                ":requirements",
+                "problem",
+            ):
+                self.document.add(
+                    group, "K802", f"{section} is not supported", "only classical planning is read"
+                )
+        if ":objects" in self.sections:
+            self.domain.declare_objects(self.document, self.sections[":objects"].rest, self.objects)
+        statics: list[Atom] = []
+        initial: list[Atom] = []
+        for part in self.sections[":init"].rest if ":init" in self.sections else ():
+            for fact, static in self._fact(part):
+                (statics if static else initial).append(fact)
+        names = self.scope.names
+        return Problem(
+            self._name(),
+            domain,
+            {names.of("object", name): type_ for name, type_ in self.objects.items()},
+            tuple(dict.fromkeys(statics)),
+            tuple(dict.fromkeys(initial)),
+            self._goal(),
+            complete=True,
+            path=self.document.file.path,
+            where=self.document.where(self.document.root),
+        )
+
+    def _name(self) -> str:
+        group = self.sections.get("problem")
+        word = group.rest[0] if group and group.rest else None
+        return word.text if isinstance(word, Word) else "problem"
+
+    def _goal(self) -> Condition:
+        group = self.sections.get(":goal")
+        if group is None or len(group.rest) != 1:
+            self.document.add(
+                group or self.document.root, "K801", "a problem has one goal", "write (:goal (and ...))"
+            )
+            return TRUE
+        return self.conditions.condition(group.rest[0], {})
+
+    def _fact(self, part: Expression) -> Iterator[tuple[Atom, bool]]:
+        """A true fact, and whether it is static; negated facts say nothing in a closed world."""
+        if not isinstance(part, Group) or (part.head == "not" and len(part.rest) == 1):
+            return
+        if part.head == "=":
+            yield from self._value(part)
+            return
+        atom = self.conditions.atom(part, {})
+        if atom is not None:
+            yield atom, part.head in self.domain.static
+
+    def _value(self, part: Group) -> Iterator[tuple[Atom, bool]]:
+        """The value of a static function."""
+        left, right = part.rest if len(part.rest) == 2 else (part, part)
+        head = left.head if isinstance(left, Group) else ""
+        if head not in self.scope.functions or not isinstance(right, Word) or not right.text.isdigit():
+            hint = "costs are whole numbers"
+            self.document.add(part, "K802", "this initial value is not supported", hint)
+        elif head != "total-cost" and isinstance(left, Group):
+            signature = self.scope.functions[head]
+            given = zip(left.rest, signature, strict=False)
+            arguments = tuple(self.conditions.term(each, type_, {}) for each, type_ in given)
+            yield (
+                Function(self.scope.names.of("predicate", head), (*arguments, Number(int(right.text)))),
+                True,
+            )
+
+
+__all__ = ["PddlProblem", "read_pddl", "typed"]

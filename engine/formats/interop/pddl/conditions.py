@@ -1,0 +1,216 @@
+"""PDDL conditions and effects as conditions and effects of the model."""
+
+from collections.abc import Iterator, Mapping
+
+from engine.formats.interop.pddl.expressions import Document, Expression, Group, Word
+from engine.formats.interop.pddl.scope import Scope
+from kb.diagnostics import nearest
+from kb.model.conditions import TRUE, And, Comparison, Condition, Exists, ForAll, Literal, Not, Or, Parameter
+from kb.model.domain import OBJECT, Effect
+from kb.terms import Atom, Function, Number, Term, Variable
+
+NUMERIC = {
+    "<",
+    ">",
+    "<=",
+    ">=",
+    "+",
+    "-",
+    "*",
+    "/",
+    "increase",
+    "assign",
+    "scale-up",
+    "scale-down",
+    "decrease",
+}
+TEMPORAL = {
+    "at",
+    "over",
+    "preference",
+    "always",
+    "sometime",
+    "within",
+    "at-most-once",
+    "sometime-after",
+    "at end",
+}
+Types = Mapping[Variable, str]
+
+
+class ConditionReader:
+    """Reads the conditions and effects of one document."""
+
+    def __init__(self, document: Document, scope: Scope) -> None:
+        self.document, self.scope = document, scope
+
+    def condition(self, at: Expression, types: Types) -> Condition:
+        """A condition; what is wrong with it is noted and counts as true."""
+        if isinstance(at, Word):
+            self.document.add(at, "K801", f"'{at.text}' is no condition", "conditions stand in parentheses")
+            return TRUE
+        if not at.parts:
+            return TRUE
+        match at.head:
+            case "and" | "or":
+                parts = tuple(self.condition(part, types) for part in at.rest)
+                return And(parts) if at.head == "and" else Or(parts)
+            case "not" if len(at.rest) == 1:
+                return self._negated(self.condition(at.rest[0], types))
+            case "imply" if len(at.rest) == 2:
+                premise, conclusion = (self.condition(part, types) for part in at.rest)
+                return Or((self._negated(premise), conclusion))
+            case "exists" | "forall" if len(at.rest) == 2 and isinstance(at.rest[0], Group):
+                return self._quantified(at, types)
+            case "=":
+                return self._equality(at, types)
+            case _:
+                return self._literal(at, types)
+
+    def _literal(self, at: Group, types: Types) -> Condition:
+        atom = self.atom(at, types)
+        return TRUE if atom is None else Literal(atom)
+
+    def _negated(self, condition: Condition) -> Condition:
+        match condition:
+            case Literal(atom, positive):
+                return Literal(atom, not positive)
+            case Comparison(left, "=", right):
+                return Comparison(left, "!=", right)
+            case _:
+                return Not(condition)
+
+    def _quantified(self, at: Group, types: Types) -> Condition:
+        listed = at.rest[0]
+        assert isinstance(listed, Group)
+        parameters = self.scope.parameters(self.document, listed.parts)
+        inner = self.condition(at.rest[1], {**types, **{p.variable: p.type for p in parameters}})
+        return Exists(parameters, inner) if at.head == "exists" else ForAll(parameters, inner)
+
+    def _equality(self, at: Group, types: Types) -> Condition:
+        if len(at.rest) != 2 or any(isinstance(part, Group) for part in at.rest):
+            self._unsupported(at, "numeric fluents")
+            return TRUE
+        left, right = (self.term(part, OBJECT, types) for part in at.rest)
+        return Comparison(left, "=", right)
+
+    def _unsupported(self, at: Expression, what: str) -> None:
+        hint = "only classical planning is read: no numbers but action costs, no times, no preferences"
+        self.document.add(at, "K802", f"{what} are not supported", hint)
+
+    def atom(self, at: Group, types: Types) -> Atom | None:
+        """An atom, checked against the declared predicates; None if it is not one."""
+        signature = self.scope.predicates.get(at.head)
+        if signature is None:
+            self._unknown(at)
+            return None
+        if len(at.rest) != len(signature):
+            self.document.add(at, "K102", f"{at.head} takes {len(signature)} arguments, not {len(at.rest)}")
+            return None
+        arguments = (self.term(part, type_, types) for part, type_ in zip(at.rest, signature, strict=True))
+        return Function(self.scope.names.of("predicate", at.head), tuple(arguments))
+
+    def _unknown(self, at: Group) -> None:
+        if at.head in NUMERIC or at.head in self.scope.functions:
+            self._unsupported(at, "numeric fluents")
+        elif at.head in TEMPORAL:
+            self._unsupported(at, "temporal conditions, preferences and timed literals")
+        else:
+            near = nearest(at.head, list(self.scope.predicates))
+            self.document.add(at, "K101", f"unknown predicate '{at.head}'", near)
+
+    def term(self, at: Expression, expected: str, types: Types) -> Term:
+        """A variable in scope or an object, of the expected type as far as can be told."""
+        if isinstance(at, Group):
+            self._unsupported(at, "object fluents")
+            return Function("unreadable")
+        if at.text.startswith("?"):
+            variable = self.scope.names.variable(at.text)
+            if variable not in types:
+                self.document.add(at, "K105", f"variable {at.text} is not declared here")
+            elif not self.scope.overlaps(types[variable], expected):
+                self._mismatch(at, types[variable], expected)
+            return variable
+        if at.text not in self.scope.objects:
+            self.document.add(
+                at, "K101", f"unknown object '{at.text}'", nearest(at.text, list(self.scope.objects))
+            )
+        elif not self.scope.is_subtype(self.scope.objects[at.text], expected):
+            self._mismatch(at, self.scope.objects[at.text], expected)
+        return Function(self.scope.names.of("object", at.text))
+
+    def _mismatch(self, at: Word, actual: str, expected: str) -> None:
+        original = self.scope.names.original
+        said = f"{at.text} is {original('type', actual)}, but {original('type', expected)} is wanted here"
+        self.document.add(at, "K103", said)
+
+    def effects(
+        self, at: Expression, types: Types, local: tuple[Parameter, ...] = (), when: Condition = TRUE
+    ) -> Iterator[Effect]:
+        """The effects of an action; increases of the total cost are read elsewhere."""
+        if isinstance(at, Word):
+            self.document.add(at, "K801", f"'{at.text}' is no effect", "effects stand in parentheses")
+            return
+        match at.head:
+            case "and" | "":
+                for part in at.rest:
+                    yield from self.effects(part, types, local, when)
+            case "forall" if len(at.rest) == 2 and isinstance(at.rest[0], Group):
+                parameters = self.scope.parameters(self.document, at.rest[0].parts)
+                inner = {**types, **{p.variable: p.type for p in parameters}}
+                yield from self.effects(at.rest[1], inner, (*local, *parameters), when)
+            case "when" if len(at.rest) == 2:
+                condition = self.condition(at.rest[0], types)
+                yield from self.effects(at.rest[1], types, local, And((when, condition)))
+            case "increase" if _is_total_cost(at):
+                return
+            case _:
+                yield from self._effect(at, types, local, when)
+
+    def _effect(
+        self, at: Group, types: Types, local: tuple[Parameter, ...], when: Condition
+    ) -> Iterator[Effect]:
+        inner = at.rest[0] if at.head == "not" and len(at.rest) == 1 else at
+        atom = self.atom(inner, types) if isinstance(inner, Group) else None
+        if atom is not None:
+            yield Effect(atom, inner is at, local, when)
+
+    def cost(self, at: Expression, types: Types) -> tuple[Term | None, Literal | None, Group | None]:
+        """What an action adds to the total cost: a number, or a static function's value with the literal that gives it."""
+        for group in _increases(at):
+            value = group.rest[1] if len(group.rest) == 2 else group
+            if isinstance(value, Word) and value.text.isdigit():
+                return Number(int(value.text)), None, group
+            if isinstance(value, Group) and value.head in self.scope.functions and value.head != "total-cost":
+                signature = self.scope.functions[value.head]
+                given = zip(value.rest, signature, strict=False)
+                arguments = tuple(self.term(part, type_, types) for part, type_ in given)
+                variable = Variable("Cost__")
+                name = self.scope.names.of("predicate", value.head)
+                return variable, Literal(Function(name, (*arguments, variable))), group
+            self._unsupported(value, "costs other than whole numbers and static functions")
+        return None, None, None
+
+
+def _increases(at: Expression) -> Iterator[Group]:
+    if isinstance(at, Group):
+        if (
+            at.head == "increase"
+            and at.rest
+            and isinstance(at.rest[0], Group)
+            and at.rest[0].head == "total-cost"
+        ):
+            yield at
+        elif at.head == "and":
+            for part in at.rest:
+                yield from _increases(part)
+
+
+def _is_total_cost(at: Group) -> bool:
+    """Whether this increases the total cost."""
+    return (
+        at.head == "increase"
+        and bool(at.rest)
+        and isinstance(at.rest[0], Group)
+        and at.rest[0].head == "total-cost"
+    )

@@ -1,0 +1,215 @@
+"""The domain file of a PDDL task."""
+
+from collections.abc import Iterator, Sequence
+
+from engine.formats.interop.pddl.conditions import ConditionReader
+from engine.formats.interop.pddl.expressions import Document, Expression, Group, Word
+from engine.formats.interop.pddl.scope import Scope, typed
+from kb.model.conditions import TRUE, And, BodyPart, Condition, Literal, Parameter
+from kb.model.domain import BUILT_IN_TYPES, OBJECT, Domain, Effect, Kind, Operator, Predicate, Rule, Type
+from kb.model.normalise import Normaliser
+from kb.terms import Function, Number, Term
+
+SECTIONS = (
+    "domain", ":requirements", ":types", ":constants", ":predicates", ":functions", ":action", ":derived",
+)  # fmt: skip
+
+
+class DomainReader:
+    """Reads a domain in two passes: declarations, then actions and axioms."""
+
+    def __init__(self, document: Document) -> None:
+        self.document, self.scope = document, Scope()
+        self.conditions = ConditionReader(document, self.scope)
+        self.groups = [part for part in document.root.rest if isinstance(part, Group)]
+        self.constants: dict[str, str] = {}
+        self.derived = {
+            part.rest[0].head
+            for part in self._all(":derived")
+            if part.rest and isinstance(part.rest[0], Group)
+        }
+        self.changed = {
+            name for action in self._all(":action") for name in _changed(_field(action, ":effect"))
+        }
+        self.static: set[str] = set()
+
+    def _all(self, section: str) -> list[Group]:
+        return [group for group in self.groups if group.head == section]
+
+    def declare(self) -> None:
+        """Types, constants, predicates and functions; sections that are not supported are refused."""
+        if self.document.root.head != "define":
+            self.document.add(self.document.root, "K801", "a PDDL file is one (define ...)")
+        for group in self.groups:
+            if group.head not in SECTIONS:
+                hint = "only classical planning is read"
+                self.document.add(group, "K802", f"{group.head or 'this section'} is not supported", hint)
+        for group in self._all(":types"):
+            self._types(group.rest)
+        for group in self._all(":constants"):
+            self.declare_objects(self.document, group.rest, self.constants)
+        for group in self._all(":predicates"):
+            self._predicates(group.rest)
+        for group in self._all(":functions"):
+            self._functions(group.rest)
+
+    def _types(self, parts: Sequence[Expression]) -> None:
+        names, listed = self.scope.names, list(typed(self.document, parts))
+        parents = [
+            parent for _, parent in listed if isinstance(parent, Word)
+        ]  # a parent need not be declared itself
+        for word in (*(word for word, _ in listed), *parents):
+            if word.text != "object":
+                self.scope.types[names.of("type", word.text)] = Type(names.of("type", word.text))
+        for word, parent in listed:
+            if word.text != "object" and parent is not None:
+                name = names.of("type", word.text)
+                above = self.scope.type_of(self.document, parent)
+                if self.scope.is_subtype(above, name) and above != OBJECT:
+                    self.document.add(word, "K109", f"type '{word.text}' is defined by itself")
+                else:
+                    self.scope.types[name] = Type(name, above, (), self.document.where(word))
+
+    def declare_objects(self, document: Document, parts: Sequence[Expression], into: dict[str, str]) -> None:
+        """The objects of a typed list, by PDDL name."""
+        for word, type_ in typed(document, parts):
+            name = OBJECT if type_ is None else self.scope.type_of(document, type_)
+            known = self.scope.objects.get(word.text)
+            if known is not None and known != name:
+                document.add(word, "K104", f"object '{word.text}' is declared already")
+            self.scope.objects[word.text] = into[word.text] = name
+
+    def _predicates(self, parts: Sequence[Expression]) -> None:
+        for part in parts:
+            if not isinstance(part, Group) or not part.head:
+                self.document.add(part, "K801", "a predicate is declared as (name ?x - type ...)")
+                continue
+            if part.head in self.scope.predicates:
+                self.document.add(part, "K104", f"predicate '{part.head}' is declared twice")
+            listed = self.scope.parameters(self.document, part.rest)
+            self.scope.predicates[part.head] = tuple(parameter.type for parameter in listed)
+        self.static = set(self.scope.predicates) - self.changed - self.derived
+
+    def _functions(self, parts: Sequence[Expression]) -> None:
+        for part in parts:
+            if isinstance(part, Group) and part.head:
+                listed = self.scope.parameters(self.document, part.rest)
+                self.scope.functions[part.head] = tuple(parameter.type for parameter in listed)
+
+    def domain(self) -> Domain:
+        """The domain of what was declared, with its actions and axioms."""
+        names = self.scope.names
+        operators = tuple(self._action(group) for group in self._all(":action"))
+        rules = tuple(rule for group in self._all(":derived") for rule in self._axiom(group))
+        constants = {names.of("object", name): type_ for name, type_ in self.constants.items()}
+        return Domain(
+            self._name(),
+            self.scope.types,
+            {},
+            constants,
+            {each.name: each for each in (*self._signatures(), *_invented(rules))},
+            operators,
+            rules=rules,
+            asp=tuple(self.scope.unions.values()),
+            path=self.document.file.path,
+        )
+
+    def _name(self) -> str:
+        group = next(iter(self._all("domain")), None)
+        word = group.rest[0] if group and group.rest else None
+        return word.text if isinstance(word, Word) else "domain"
+
+    def _signatures(self) -> Iterator[Predicate]:
+        names = self.scope.names
+        for name, types in self.scope.predicates.items():
+            kind = (
+                Kind.DERIVED if name in self.derived else Kind.FLUENT if name in self.changed else Kind.STATIC
+            )
+            yield Predicate(names.of("predicate", name), types, kind)
+        for name, types in self.scope.functions.items():
+            if name != "total-cost":
+                yield Predicate(names.of("predicate", name), (*types, "int"), Kind.STATIC)
+
+    def _action(self, group: Group) -> Operator:
+        word = group.rest[0] if group.rest else group
+        if not isinstance(word, Word):
+            self.document.add(group, "K801", "an action has a name")
+        name = word.text if isinstance(word, Word) else "action"
+        listed = _field(group, ":parameters")
+        parameters = self.scope.parameters(self.document, listed.parts if isinstance(listed, Group) else ())
+        types = {parameter.variable: parameter.type for parameter in parameters}
+        needed, changes = _field(group, ":precondition"), _field(group, ":effect")
+        effects: tuple[Effect, ...] = ()
+        cost: Term | None = Number(0) if "total-cost" in self.scope.functions else None
+        body: tuple[BodyPart, ...] = ()
+        if changes is not None:
+            effects = tuple(self.conditions.effects(changes, types))
+            value, literal, _ = self.conditions.cost(changes, types)
+            cost = value or cost
+            if literal is not None and value is not None:
+                body = (literal,)
+                parameters = (*parameters, Parameter(literal.atom.arguments[-1], "int"))  # type: ignore[arg-type]
+        precondition: Condition = TRUE if needed is None else self.conditions.condition(needed, types)
+        where = self.document.where(group)
+        return Operator(
+            self.scope.names.of("operator", name),
+            parameters,
+            precondition,
+            effects,
+            body,
+            (),
+            None,
+            cost,
+            None,
+            where,
+        )
+
+    def _axiom(self, group: Group) -> Iterator[Rule]:
+        """A derived predicate's rule as rules with plain bodies."""
+        if len(group.rest) != 2 or not isinstance(group.rest[0], Group):
+            self.document.add(group, "K801", "an axiom is (:derived (predicate ?x ...) condition)")
+            return
+        head, condition = group.rest[0], group.rest[1]
+        parameters = self.scope.parameters(self.document, head.rest)
+        types = {parameter.variable: parameter.type for parameter in parameters}
+        atom = Function(self.scope.names.of("predicate", head.head), tuple(p.variable for p in parameters))
+        normaliser = Normaliser(prefix=f"axiom_{group.offset}")
+        guards = tuple(_guard(parameter) for parameter in parameters)
+        read = self.conditions.condition(condition, types)
+        where = self.document.where(group)
+        for disjunct in normaliser.disjuncts(And((read,)), types):
+            yield Rule(atom, (*guards, *disjunct), where)
+        yield from (Rule(each.head, each.body, where) for each in normaliser.rules)
+
+
+def _guard(parameter: Parameter) -> Literal:
+    name = OBJECT if parameter.type in BUILT_IN_TYPES else parameter.type
+    return Literal(Function(name, (parameter.variable,)))
+
+
+def _invented(rules: Sequence[Rule]) -> Iterator[Predicate]:
+    """Predicates that normalisation made for universal conditions."""
+    for rule in rules:
+        if rule.head.name.startswith("axiom_"):
+            yield Predicate(rule.head.name, (OBJECT,) * len(rule.head.arguments), Kind.DERIVED)
+
+
+def _field(group: Group, key: str) -> Expression | None:
+    """What follows a keyword such as `:effect`."""
+    for part, following in zip(group.parts, group.parts[1:], strict=False):
+        if isinstance(part, Word) and part.text == key:
+            return following
+    return None
+
+
+def _changed(at: Expression | None) -> Iterator[str]:
+    """The predicates that an effect can change."""
+    if not isinstance(at, Group):
+        return
+    if at.head in ("and", "not"):
+        for part in at.rest:
+            yield from _changed(part)
+    elif at.head in ("when", "forall") and len(at.rest) == 2:
+        yield from _changed(at.rest[1])
+    elif at.head:
+        yield at.head

@@ -1,0 +1,95 @@
+"""A ground task written as PDDL: an action without parameters for each operator. Any planner can solve it."""
+
+from engine.formats.interop.pddl.export.names import PddlNames
+from engine.model.task import Bits, ConditionalEffect, GroundOperator, Task, indices
+from kb.terms import Function
+
+
+class GroundWriter:
+    """Writes one ground task. Negative conditions are atoms of their own, unless effects are conditional."""
+
+    def __init__(self, name: str, task: Task) -> None:
+        self.name, self.task, self.names = name, task, PddlNames()
+        self.plain = not any(operator.conditional for operator in task.operators)
+        self.actions: dict[str, GroundOperator] = {}
+        for operator in task.operators:
+            self.actions[self._fresh(operator.instance)] = operator
+        self.priced = any(operator.cost != 1 for operator in task.operators)
+
+    def _fresh(self, instance: Function) -> str:
+        """A name for an operator; several may share an instance."""
+        number, said = 1, str(instance)
+        while (found := self.names.of("action", said)) in self.actions:
+            number += 1
+            said = f"{instance} {number}"
+        return found
+
+    def domain(self) -> str:
+        """The domain file."""
+        requirements = [":strips"]
+        requirements += [] if self.plain else [":negative-preconditions", ":conditional-effects"]
+        requirements += [":disjunctive-preconditions"] if len(self.task.goals) > 1 else []
+        requirements += [":action-costs"] if self.priced else []
+        parts = [
+            f"(define (domain {self.names.of('domain', self.name)})",
+            f"  (:requirements {' '.join(requirements)})",
+            f"  (:predicates {self._all((1 << len(self.task.atoms)) - 1)}{'' if self.task.goals else self._never})",
+            *(["  (:functions (total-cost) - number)"] if self.priced else []),
+            *(self._action(name, operator) for name, operator in self.actions.items()),
+        ]
+        return "\n".join(parts) + ")\n"
+
+    def problem(self) -> str:
+        """The problem file."""
+        goals = [f"(and {self._conditions(goal)})" for goal in self.task.goals] or [f"(and{self._never})"]
+        facts = self._all(self.task.initial) + (" (= (total-cost) 0)" if self.priced else "")
+        parts = [
+            f"(define (problem {self.names.of('problem', self.name)})",
+            f"  (:domain {self.names.of('domain', self.name)})",
+            f"  (:init {facts})",
+            f"  (:goal {goals[0] if len(goals) == 1 else '(or ' + ' '.join(goals) + ')'})",
+            *(["  (:metric minimize (total-cost))"] if self.priced else []),
+        ]
+        return "\n".join(parts) + ")\n"
+
+    @property
+    def _never(self) -> str:
+        """An atom that nothing makes true: the goal where there is no way to any."""
+        return f" ({self.names.of('predicate', '_never')})"
+
+    def _complement(self, index: int) -> bool:
+        return self.task.atoms[index].name == "not"
+
+    def _atom(self, index: int) -> str:
+        return f"({self.names.of('predicate', str(self.task.atoms[index]))})"
+
+    def _all(self, atoms: Bits) -> str:
+        return " ".join(self._atom(i) for i in indices(atoms) if self.plain or not self._complement(i))
+
+    def _conditions(self, atoms: Bits) -> str:
+        """A conjunction; complementary atoms are written as negations where they are not kept."""
+        return " ".join(self._condition(index) for index in indices(atoms))
+
+    def _condition(self, index: int) -> str:
+        atom = self.task.atoms[index]
+        if self.plain or not self._complement(index):
+            return self._atom(index)
+        return f"(not ({self.names.of('predicate', str(atom.arguments[0]))}))"
+
+    def _action(self, name: str, operator: GroundOperator) -> str:
+        effects = self._effects(operator.adds, operator.deletes & ~operator.adds)
+        effects += [f"(increase (total-cost) {operator.cost})"] if self.priced else []
+        effects += [self._conditional(effect) for effect in operator.conditional]
+        return (
+            f"  (:action {name}\n   :parameters ()\n   :precondition (and"
+            f" {self._conditions(operator.preconditions)})\n   :effect (and {' '.join(effects)}))"
+        )
+
+    def _effects(self, adds: Bits, deletes: Bits) -> list[str]:
+        kept = [index for index in indices(deletes) if self.plain or not self._complement(index)]
+        added = [self._all(adds)] if adds else []
+        return [*added, *(f"(not {self._atom(index)})" for index in kept)]
+
+    def _conditional(self, effect: ConditionalEffect) -> str:
+        changes = " ".join(self._effects(effect.adds, effect.deletes & ~effect.adds))
+        return f"(when (and {self._conditions(effect.condition)}) (and {changes}))"

@@ -1,0 +1,145 @@
+"""Plans between an export and its problem: our operator instances as actions of the PDDL text, and back."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+from engine.formats.interop.pddl.export.flat import Flat
+from engine.formats.interop.pddl.export.names import PddlNames
+from engine.formats.interop.pddl.export.operators import FlatOperator
+from engine.formats.interop.pddl.export.stages import BEGIN, named
+from engine.formats.interop.pddl.expressions import actions
+from engine.model.forecast import STAGE, stage_atom
+from engine.model.task import GroundOperator, Task, progress
+from kb.diagnostics import Diagnostic, InvalidInput, Source, nearest
+from kb.files import File
+from kb.model.plan import Plan, Step, StepId
+from kb.model.problem import Problem
+from kb.terms import Function, Number, Term, Variable, substitute
+
+
+def _sequence(instances: list[Function], task: Task) -> Plan:
+    known = {operator.instance: operator for operator in reversed(task.operators)}
+    steps = []
+    for number, instance in enumerate(instances, 1):
+        operator = known.get(instance)
+        after = (StepId(number - 1),) if number > 1 else ()
+        held, duration, cost = (
+            (operator.resources, operator.duration, operator.cost) if operator else ((), 0, 1)
+        )
+        steps.append(Step(StepId(number), instance, after, held, duration, cost))
+    return Plan(tuple(steps))
+
+
+class LiftedPlans:
+    """Plans for a lifted export."""
+
+    def __init__(self, flat: Flat, names: PddlNames, problem: Problem, task: Task) -> None:
+        self.names, self.problem, self.task = names, problem, task
+        self.operators = {names.of("action", each.operator.name): each for each in flat.origins}
+        self.others = {
+            names.of("action", each.name) for each in flat.operators if each.name.startswith(BEGIN)
+        }
+        self.terms = {names.term(term): term for term in flat.objects}
+
+    def read(self, text: str, name: str) -> Plan:
+        """The plan in `text`; steps that begin chains are none of ours."""
+        file, found, instances = File.of(name, text), list[Diagnostic](), list[Function]()
+        for words, offset in actions(text):
+            if words[0] not in self.others:
+                read = self._instance(words, file.at(offset))
+                (instances if isinstance(read, Function) else found).append(read)  # type: ignore[arg-type]
+        if found:
+            raise InvalidInput(found)
+        return _sequence(instances, self.task)
+
+    def _instance(self, words: list[str], where: Source) -> Function | Diagnostic:
+        """The operator instance behind an action, or what is wrong with the line."""
+        operator = self.operators.get(words[0])
+        if operator is None:
+            hint = nearest(words[0], list(self.operators))
+            return Diagnostic(where, "K101", f"unknown action '{words[0]}'", hint)
+        count = sum(each.type != "int" for each in operator.operator.parameters)  # a cost is no argument
+        if len(words) != count + 1:
+            return Diagnostic(where, "K102", f"{words[0]} takes {count} arguments, not {len(words) - 1}")
+        if unknown := [word for word in words[1:] if word not in self.terms]:
+            hint = nearest(unknown[0], list(self.terms))
+            return Diagnostic(where, "K101", f"unknown object '{unknown[0]}'", hint)
+        terms = (self.terms[word] for word in words[1 : operator.header + 1])
+        return Function(operator.operator.name, tuple(terms))
+
+    def written(self, plan: Plan) -> str:
+        """The plan's steps in order, each with all the arguments that its action has."""
+        by_name = {each.operator.name: each for each in self.operators.values()}
+        lines: list[str] = []
+        for step in plan.steps:
+            lines += self._beginnings(plan, step)
+            words = self._arguments(by_name[step.operator.name], step, plan)
+            lines.append(
+                " ".join([self.names.of("action", step.operator.name), *map(self.names.term, words)])
+            )
+        return "".join(f"({line})\n" for line in lines)
+
+    def _beginnings(self, plan: Plan, step: Step) -> Iterator[str]:
+        for number, chain in enumerate(self.problem.chains):
+            if chain.after and (step.id, stage_atom(chain, 1)) in _produced(plan):
+                yield self.names.of("action", f"{BEGIN}_{number}")
+
+    def _arguments(self, operator: FlatOperator, step: Step, plan: Plan) -> Iterator[Term]:
+        yield from step.operator.arguments
+        variables = operator.operator.variables
+        bindings: dict[Variable, Term] = dict(zip(variables, step.operator.arguments, strict=False))
+        yield from (substitute(term, bindings) for term in operator.terms)
+        for event in operator.events:
+            atom = substitute(event, bindings)
+            for chain in self.problem.chains:
+                for count, stage in enumerate(chain.stages):
+                    if stage == atom and (step.id, stage_atom(chain, count + 1)) in _produced(plan):
+                        yield from (named(chain), Number(count), Number(count + 1))
+
+
+def _produced(plan: Plan) -> set[tuple[StepId, Function]]:
+    """Which step reaches which stage."""
+    return {(link.producer, link.condition) for link in plan.links if link.condition.name == STAGE}
+
+
+@dataclass(frozen=True, slots=True)
+class GroundPlans:
+    """Plans for a ground export."""
+
+    actions: Mapping[str, GroundOperator]
+    task: Task
+
+    def read(self, text: str, name: str) -> Plan:
+        """The plan in `text`; steps that only the compiled goal needs are none of ours."""
+        file, found, instances = File.of(name, text), list[Diagnostic](), list[Function]()
+        for words, offset in actions(text):
+            operator = self.actions.get(" ".join(words))
+            if operator is None:
+                hint = nearest(words[0], list(self.actions))
+                found.append(Diagnostic(file.at(offset), "K101", f"unknown action '{words[0]}'", hint))
+            elif not operator.instance.name.startswith("_"):
+                instances.append(operator.instance)
+        if found:
+            raise InvalidInput(found)
+        return _sequence(instances, self.task)
+
+    def written(self, plan: Plan) -> str:
+        """The plan's steps in order; of the operators that share an instance, one that applies and gets furthest."""
+        state, lines = self.task.initial, []
+        wanted = [step.operator for step in plan.steps]
+        wanted += [each.instance for each in self.actions.values() if each.instance.name == "_ends"]
+        for instance in wanted:
+            choices = [
+                (name, operator)
+                for name, operator in self.actions.items()
+                if operator.instance == instance and not operator.preconditions & ~state
+            ]
+            if not choices:
+                raise ValueError(f"{instance} cannot be done there")
+            name, operator = max(choices, key=lambda choice: choice[1].adds.bit_count())
+            state = progress(state, operator)
+            lines.append(name)
+        for name, operator in self.actions.items():
+            if operator.instance.name == "_meets" and not operator.preconditions & ~state:
+                lines.append(name)
+        return "".join(f"({line})\n" for line in lines)

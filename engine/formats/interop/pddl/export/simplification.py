@@ -1,0 +1,100 @@
+"""What need not be said is left out: types that are declared, and exceptions from deletes of what is added at once.
+
+The fewer conditional effects, the more planners and heuristics there are that take the export.
+"""
+
+from collections.abc import Collection, Iterable, Mapping
+from dataclasses import replace
+
+from engine.formats.interop.pddl.export.conditions import FALSE, conjunction, disjunction, negation
+from engine.formats.interop.pddl.export.world import World
+from kb.model.conditions import (
+    TRUE,
+    And,
+    Comparison,
+    Condition,
+    Exists,
+    ForAll,
+    Literal,
+    Not,
+    Or,
+    Parameter,
+    goal_parts,
+)
+from kb.model.domain import Effect, Operator
+from kb.terms import Atom, Function, Variable, substitute_atom
+
+Scope = Mapping[Variable, str]
+
+
+class Simplifier:
+    """Simplifies what is flat, given the types of the variables around it."""
+
+    def __init__(self, world: World) -> None:
+        self.world = world
+
+    def operator(self, operator: Operator) -> Operator:
+        """The operator with simpler conditions; effects that cannot happen are dropped."""
+        scope = _inside({}, operator.parameters)
+        added = {e.atom for e in operator.effects if e.adds and not e.parameters and e.condition == TRUE}
+        effects = (self._effect(_without_exceptions(e, added), scope) for e in operator.effects)
+        return replace(
+            operator,
+            precondition=self.condition(operator.precondition, scope),
+            effects=tuple(effect for effect in effects if effect.condition != FALSE),
+        )
+
+    def _effect(self, effect: Effect, scope: Scope) -> Effect:
+        return replace(effect, condition=self.condition(effect.condition, _inside(scope, effect.parameters)))
+
+    def condition(self, condition: Condition, scope: Scope) -> Condition:
+        """An equivalent condition without the types that its variables have anyway."""
+        match condition:
+            case Literal(Function(name, (Variable() as variable,)), positive):
+                return (TRUE if positive else FALSE) if self._known(name, variable, scope) else condition
+            case And(parts):
+                return conjunction(self.condition(part, scope) for part in parts)
+            case Or(parts):
+                return disjunction(self.condition(part, scope) for part in parts)
+            case Not(part):
+                return negation(self.condition(part, scope))
+            case Exists(parameters, part):
+                inner = self.condition(part, _inside(scope, parameters))
+                return FALSE if inner == FALSE else Exists(parameters, inner)
+            case ForAll(parameters, part):
+                inner = self.condition(part, _inside(scope, parameters))
+                return TRUE if inner == TRUE else ForAll(parameters, inner)
+            case _:
+                return condition
+
+    def _known(self, name: str, variable: Variable, scope: Scope) -> bool:
+        known = scope.get(variable)
+        return name in self.world.domain.types and known is not None and self.world.is_subtype(known, name)
+
+
+def _without_exceptions(effect: Effect, added: Collection[Atom]) -> Effect:
+    """The same delete for all values: where it meets what is added in any case, adding comes last in PDDL."""
+    if effect.adds:
+        return effect
+    own = {parameter.variable for parameter in effect.parameters}
+    kept = (p for p in goal_parts(effect.condition) if not _is_exception(p, effect.atom, own, added))
+    return replace(effect, condition=conjunction(kept))
+
+
+def _is_exception(part: Condition, atom: Atom, own: Collection[Variable], added: Collection[Atom]) -> bool:
+    """Whether a condition leaves out a value with which the atom is one of those added."""
+    match part:
+        case Not(Comparison(left, "=", right)):
+            pairs = ((left, right), (right, left))
+            return any(
+                isinstance(variable, Variable)
+                and variable in own
+                and substitute_atom(atom, {variable: value}) in added
+                for variable, value in pairs
+            )
+        case _:
+            return False
+
+
+def _inside(scope: Scope, parameters: Iterable[Parameter]) -> dict[Variable, str]:
+    return {**scope, **{parameter.variable: parameter.type for parameter in parameters}}

@@ -1,0 +1,104 @@
+"""The workflow in flat terms: a counter per chain, which events and fluents advance it, and steps that begin a chain."""
+
+from collections.abc import Iterator
+
+from engine.formats.interop.pddl.export.world import CHAIN, NUMERAL, Fresh, NotLiftable, World
+from kb.model.conditions import And, Condition, Literal, Parameter
+from kb.model.domain import Effect, Kind, Operator
+from kb.model.problem import Chain, superseded
+from kb.terms import Atom, Function, Number, Term, Text, is_ground, match
+
+REACHED, BEGIN = "_reached", "_begin"
+Happening = tuple[Condition, tuple[Parameter, ...], tuple[Effect, ...]]
+
+
+def named(chain: Chain) -> Function:
+    """The object that stands for a chain."""
+    return Function(CHAIN, (Text(chain.name),))
+
+
+def reached(chain: Chain, count: int) -> Atom:
+    """The fluent that says how many stages of a chain are reached."""
+    return Function(REACHED, (named(chain), Number(count)))
+
+
+class Stages:
+    """The chains of a problem as fluents, static facts and effects."""
+
+    def __init__(self, world: World, fresh: Fresh) -> None:
+        self.world, self.fresh = world, fresh
+        self.chains = world.problem.chains
+        self.names = {stage.name for chain in self.chains for stage in chain.stages}
+
+    def facts(self) -> Iterator[Atom]:
+        """Which atom moves which chain from where to where."""
+        for chain in self.chains:
+            for count, stage in enumerate(chain.stages):
+                for atom in self._matching(stage):
+                    place = (named(chain), Number(count), Number(count + 1))
+                    yield Function(f"_stage_{stage.name}", (*atom.arguments, *place))
+
+    def _matching(self, stage: Atom) -> list[Atom]:
+        if is_ground(stage):
+            return [stage]
+        return [atom for atom in self.world.task.atoms if match(stage, atom, {}) is not None]
+
+    def initial(self) -> Iterator[Atom]:
+        """The chains that wait for no other stand at their beginning."""
+        return (reached(chain, 0) for chain in self.chains if not chain.after)
+
+    def beginnings(self) -> Iterator[Operator]:
+        """A step for each chain that waits for others: it begins when they are finished."""
+        length = {chain.name: (chain, len(chain.stages)) for chain in self.chains}
+        for number, chain in enumerate(self.chains):
+            if chain.after:
+                finished = [Literal(reached(*length[name])) for name in chain.after]
+                yet = Function(f"{BEGIN}_{number}_yet")
+                effects = (Effect(reached(chain, 0)), Effect(yet, False))
+                condition = And((*finished, Literal(yet)))
+                yield Operator(f"{BEGIN}_{number}", (), condition, effects, cost=Number(0))
+
+    def waiting(self) -> Iterator[Atom]:
+        """What the steps that begin chains use up."""
+        return (Function(f"{BEGIN}_{n}_yet") for n, chain in enumerate(self.chains) if chain.after)
+
+    def goals(self) -> Iterator[Condition]:
+        """Every chain is finished; a fluent that ends one still holds, unless a later chain of its subject goes on."""
+        passing = superseded(self.chains)
+        for chain in self.chains:
+            yield Literal(reached(chain, len(chain.stages)))
+            last = chain.stages[-1]
+            lasting = self.world.kinds.get(last.name) is Kind.FLUENT and is_ground(last)
+            if lasting and chain.name not in passing:
+                yield Literal(last)
+
+    def happening(self, number: int, event: Atom) -> Happening:
+        """That an event is the next stage of some chain: the condition, its parameters, and how the chain moves on."""
+        if number:
+            raise NotLiftable("several events in one operator")
+        parameters = self._parameters()
+        static = Literal(
+            Function(f"_stage_{event.name}", (*event.arguments, *(p.variable for p in parameters)))
+        )
+        held, *effects = self._moves(parameters)
+        return And((static, Literal(held.atom))), parameters, (held, *effects)
+
+    def advancing(self, effect: Effect) -> Iterator[Effect]:
+        """How the chains move on whose next stage the effect adds."""
+        if not effect.adds or effect.atom.name not in self.names:
+            return
+        parameters = self._parameters()
+        arguments: tuple[Term, ...] = (*effect.atom.arguments, *(p.variable for p in parameters))
+        static = Literal(Function(f"_stage_{effect.atom.name}", arguments))
+        moves = self._moves(parameters)
+        condition = And((effect.condition, static, Literal(moves[0].atom)))
+        for move in moves:
+            yield Effect(move.atom, move.adds, (*effect.parameters, *parameters), condition)
+
+    def _parameters(self) -> tuple[Parameter, ...]:
+        names = (("chain", CHAIN), ("stage", NUMERAL), ("next", NUMERAL))
+        return tuple(Parameter(self.fresh.variable(name), type_) for name, type_ in names)
+
+    def _moves(self, parameters: tuple[Parameter, ...]) -> tuple[Effect, Effect]:
+        chain, before, after = (parameter.variable for parameter in parameters)
+        return Effect(Function(REACHED, (chain, before)), False), Effect(Function(REACHED, (chain, after)))

@@ -1,0 +1,49 @@
+"""Problems written as PDDL, and the plans that PDDL planners find for them."""
+
+from pathlib import Path
+
+from engine.formats.interop.pddl.export import PddlText, export, import_plan
+from engine.stages.grounding import ground
+from kb.diagnostics import Diagnostic, InvalidInput, Source
+from kb.files import read_file
+from kb.model.plan import Plan
+from kb.model.problem import Problem
+
+DOMAIN, PROBLEM = "domain.pddl", "problem.pddl"
+SIGNATURE = "; written by cellwright export pddl"
+
+
+def exported(problem: Problem, lifted: bool = True) -> PddlText:
+    """A problem as PDDL, lifted where lifted PDDL can say it. Raises `InvalidInput`."""
+    return export(problem, ground(problem), lifted)
+
+
+def write(text: PddlText, folder: Path) -> tuple[Path, Path]:
+    """Write both files into a folder, made if need be; files that are no exports are not overwritten.
+
+    Raises `InvalidInput`.
+    """
+    files = (folder / DOMAIN, folder / PROBLEM)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        if foreign := [file for file in files if not _ours(file)]:
+            raise InvalidInput([Diagnostic(Source(str(file)), "K403", _REFUSED, _HINT) for file in foreign])
+        for file, content in zip(files, (text.domain, text.problem), strict=True):
+            file.write_text(f"{SIGNATURE}\n{content}", "utf-8")
+    except OSError as error:
+        message = f"cannot be written: {error.strerror}"
+        raise InvalidInput([Diagnostic(Source(str(folder)), "K403", message, _HINT)]) from None
+    return files
+
+
+_REFUSED = "there is a file here that is no export, and nothing of it is overwritten"
+_HINT = "name another folder with --output"
+
+
+def _ours(file: Path) -> bool:
+    return not file.exists() or file.read_bytes().startswith(SIGNATURE.encode())
+
+
+def read_exported_plan(problem: Problem, file: Path, lifted: bool = True) -> Plan:
+    """The plan that a planner found for the export of a problem, as a sequence of our operators. Raises `InvalidInput`."""
+    return import_plan(exported(problem, lifted), read_file(file).text, str(file))

@@ -1,0 +1,84 @@
+"""Plans as the planning competitions write them: one action a line, in order."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+from engine.formats.interop.pddl import PddlProblem
+from engine.formats.interop.pddl.expressions import actions
+from kb.diagnostics import Diagnostic, InvalidInput, nearest
+from kb.files import File, read_file
+from kb.model.conditions import Literal
+from kb.model.domain import NUMERIC_TYPES, Operator
+from kb.model.plan import Plan, Step, StepId
+from kb.terms import Function, Number, Term, Variable, match, substitute_atom
+
+
+def write_plan(task: PddlProblem, plan: Plan) -> str:
+    """The steps in their executable order, with the names of the PDDL files and the cost."""
+    operators = {operator.name: operator for operator in task.problem.domain.operators}
+    lines = [
+        f"({' '.join(_words(task, operators[step.operator.name], step.operator))})" for step in plan.steps
+    ]
+    return "\n".join([*lines, f"; cost = {plan.cost}"]) + "\n"
+
+
+def _words(task: PddlProblem, operator: Operator, instance: Function) -> Iterator[str]:
+    yield task.names.original("operator", instance.name)
+    for parameter, argument in zip(operator.parameters, instance.arguments, strict=True):
+        if parameter.type not in NUMERIC_TYPES:  # costs are no arguments in PDDL
+            yield task.names.original("object", str(argument))
+
+
+def read_plan(task: PddlProblem, path: Path) -> Plan:
+    """The plan in a file as a sequence of steps. Raises `InvalidInput` for what is no action of the task."""
+    file = read_file(path)
+    found: list[Diagnostic] = []
+    steps: list[Step] = []
+    for number, (words, offset) in enumerate(actions(file.text), 1):
+        instance = _instance(task, words, file, offset, found)
+        after = (StepId(number - 1),) if number > 1 else ()
+        steps.append(Step(StepId(number), instance, after, cost=_cost(task, instance)))
+    if found:
+        raise InvalidInput(found)
+    return Plan(tuple(steps))
+
+
+def _instance(
+    task: PddlProblem, words: list[str], file: File, offset: int, found: list[Diagnostic]
+) -> Function:
+    names = {task.names.original("operator", o.name): o for o in task.problem.domain.operators}
+    operator = names.get(words[0])
+    if operator is None:
+        hint = nearest(words[0], list(names))
+        found.append(Diagnostic(file.at(offset), "K101", f"unknown action '{words[0]}'", hint))
+        return Function("unreadable")
+    plain = [parameter for parameter in operator.parameters if parameter.type not in NUMERIC_TYPES]
+    if len(plain) != len(words) - 1:
+        found.append(Diagnostic(file.at(offset), "K102", f"{words[0]} takes {len(plain)} arguments"))
+        return Function("unreadable")
+    bindings: dict[Variable, Term] = {
+        parameter.variable: Function(task.names.of("object", word))
+        for parameter, word in zip(plain, words[1:], strict=True)
+    }
+    bindings |= _costs(task, operator, bindings)
+    return Function(operator.name, tuple(bindings.get(v, Number(0)) for v in operator.variables))
+
+
+def _costs(task: PddlProblem, operator: Operator, bindings: dict[Variable, Term]) -> dict[Variable, Term]:
+    """The cost argument, which a static fact gives."""
+    for part in operator.body:
+        if isinstance(part, Literal):
+            pattern = substitute_atom(part.atom, bindings)
+            for fact in task.problem.statics:
+                if (extended := match(pattern, fact, {})) is not None:
+                    return extended
+    return {}
+
+
+def _cost(task: PddlProblem, instance: Function) -> int:
+    operator = next((o for o in task.problem.domain.operators if o.name == instance.name), None)
+    if operator is None or operator.cost is None:
+        return 1
+    values = dict(zip(operator.variables, instance.arguments, strict=True))
+    cost = values.get(operator.cost, operator.cost) if isinstance(operator.cost, Variable) else operator.cost
+    return cost.value if isinstance(cost, Number) else 1

@@ -1,0 +1,6 @@
+"""QIF 3.0 (ISO 23952): features, characteristics and their tolerances become points to be measured."""
+
+from engine.formats.interop.qif.features import read_features
+from engine.formats.interop.qif.points import inspection_of
+
+__all__ = ["inspection_of", "read_features"]

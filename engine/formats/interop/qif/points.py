@@ -1,0 +1,239 @@
+"""Points on features: how many by `counts`, and where by a scheme for each kind.
+
+Planes: inside their outline, each as far as possible from those before. Cylinders and cones: rings at a quarter and
+three quarters of their length, the second turned by half a step. Lines and arcs: evenly, half a step from the ends.
+Toroidal segments: along the
+middle of the tube. Opposite planes: a thickness, on the first of them. A feature without a scheme is excluded.
+"""
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from engine.formats.interop.qif.counts import curve_points, section_points, surface_points
+from engine.formats.interop.qif.features import read_features
+from engine.model.measurement import Excluded, Feature, Inspection, MeasurementPoint, Triple
+
+Floats = NDArray[np.float64]
+Placed = list[tuple[Floats, Floats]]  # positions and normals
+MARGIN = 0.08  # of its extent that a plane's points keep from its bounding box
+GRID = 24
+SECTIONS = (0.25, 0.75)
+FULL = (0.0, 2 * np.pi)
+REASONS = {
+    "Threaded": "a thread needs a gauge",
+    "Group": "its members are measured each on its own",
+    "ExtrudedCrossSection": "its cross-section is measured by the features that bound it",
+}
+
+
+def inspection_of(path: Path) -> Inspection:
+    """The points at which the features of a QIF document are measured. Raises `InvalidInput`."""
+    points: list[MeasurementPoint] = []
+    excluded: list[Excluded] = []
+    features = read_features(path)
+    for feature in features:
+        reason = _unmeasurable(feature)
+        if reason is None:
+            points += _points(feature)
+        else:
+            excluded.append(Excluded(feature.name, reason))
+    return Inspection(path.stem, tuple(points), tuple(excluded), len(features))
+
+
+def _unmeasurable(feature: Feature) -> str | None:
+    if feature.kind not in SCHEMES:
+        return REASONS.get(feature.kind, f"no scheme places points on features of the kind {feature.kind}")
+    missing = [size for size in SIZES.get(feature.kind, ()) if not feature.sizes.get(size)]
+    if missing:
+        return f"the file gives no {' and no '.join(missing).lower()}"
+    if not any(feature.along):
+        return "the file gives no direction"
+    return None
+
+
+def _points(feature: Feature) -> Iterator[MeasurementPoint]:
+    kind = "thickness" if feature.kind == "OppositeParallelPlanes" else "profile"
+    tolerance = min(feature.tolerances.values(), default=None)
+    bore = feature.sizes.get("Diameter") if feature.internal and feature.kind in BORES else None
+    for number, (position, normal) in enumerate(SCHEMES[feature.kind](feature), 1):
+        yield MeasurementPoint(
+            f"{feature.name}_{number}",
+            feature.name,
+            kind,
+            _triple(position),
+            _triple(normal),
+            tolerance,
+            bore,
+        )
+
+
+def _triple(v: Floats) -> Triple:
+    return (float(v[0]), float(v[1]), float(v[2]))
+
+
+def _unit(v: Triple | Floats) -> Floats:
+    found: Floats = np.asarray(v, float) / np.linalg.norm(v)
+    return found
+
+
+def _frame(feature: Feature) -> tuple[Floats, Floats, Floats]:
+    """The feature's direction, one at right angles to it, and the one at right angles to both."""
+    z = _unit(feature.along)
+    x = np.asarray(feature.across if feature.across else np.eye(3)[int(np.argmin(np.abs(z)))], float)
+    x = x - (x @ z) * z
+    if np.linalg.norm(x) < 1e-9:
+        x = np.cross(z, np.eye(3)[int(np.argmin(np.abs(z)))])
+    x = _unit(x)
+    return z, x, np.cross(z, x)
+
+
+def _plane(feature: Feature) -> Placed:
+    normal = _unit(feature.along)
+    if len(feature.outline) < 3:
+        return [(np.array(feature.position), normal)]
+    z, x, y = _frame(feature)
+    corners = np.array(feature.outline)
+    flat = (corners - corners[0]) @ np.stack([x, y], axis=1)
+    area = 0.5 * abs(float(_cross(flat, np.roll(flat, -1, axis=0)).sum()))
+    chosen = _spread(_inside(flat), surface_points(area, feature))
+    return [(corners[0] + u * x + v * y, z) for u, v in chosen]
+
+
+def _cross(a: Floats, b: Floats) -> Floats:
+    found: Floats = a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
+    return found
+
+
+def _inside(flat: Floats) -> Floats:
+    """Points of a grid that lie within a polygon (even-odd rule); its middle if there are none."""
+    low, high = flat.min(axis=0), flat.max(axis=0)
+    rule = np.linspace(MARGIN, 1 - MARGIN, GRID)
+    grid = np.stack(np.meshgrid(*(low[i] + rule * (high[i] - low[i]) for i in (0, 1))), axis=-1).reshape(
+        -1, 2
+    )
+    a, b = flat, np.roll(flat, -1, axis=0)
+    crosses = (a[:, 1] > grid[:, 1:]) != (b[:, 1] > grid[:, 1:])
+    rise = np.where(b[:, 1] == a[:, 1], 1.0, b[:, 1] - a[:, 1])
+    right = grid[:, :1] < a[:, 0] + (grid[:, 1:] - a[:, 1]) * (b[:, 0] - a[:, 0]) / rise
+    within: Floats = grid[(crosses & right).sum(axis=1) % 2 == 1]
+    return within if len(within) else flat.mean(axis=0)[None]
+
+
+def _spread(candidates: Floats, count: int) -> Floats:
+    """That many of the candidates, each as far as possible from those before (Gonzalez 1985)."""
+    chosen = [int(np.argmin(((candidates - candidates.mean(axis=0)) ** 2).sum(axis=1)))]
+    chosen = [int(np.argmax(((candidates - candidates[chosen[0]]) ** 2).sum(axis=1)))]
+    near = ((candidates - candidates[chosen[0]]) ** 2).sum(axis=1)
+    while len(chosen) < min(count, len(candidates)):
+        chosen.append(int(np.argmax(near)))
+        near = np.minimum(near, ((candidates - candidates[chosen[-1]]) ** 2).sum(axis=1))
+    return candidates[chosen]
+
+
+def _angles(feature: Feature, count: int, turned: float = 0.0) -> Floats:
+    """Angles from `across`, evenly over the sweep, half a step from the ends of one that is not full."""
+    first, last = feature.sweep or FULL
+    found: Floats = (
+        first + (last - first) * (np.arange(count) + (0.5 if last - first < 6.28 else turned)) / count
+    )
+    return found
+
+
+def _rings(feature: Feature, reach: tuple[float, float], slope: float) -> Placed:
+    """Rings on a cylinder (slope 0) or a cone, whose radius grows by `slope` along its axis."""
+    z, x, y = _frame(feature)
+    first, last = feature.sweep or FULL
+    length, radius = reach[1] - reach[0], feature.sizes.get("Diameter", 0.0) / 2
+    area = (last - first) * length * (radius + slope * sum(reach) / 2)
+    count = max(section_points(feature), -(-surface_points(abs(area), feature) // len(SECTIONS)))
+    sign, placed = (-1.0 if feature.internal else 1.0), []
+    for ring, part in enumerate(SECTIONS):
+        s = reach[0] + part * length
+        for angle in _angles(feature, count, ring / 2):
+            out = np.cos(angle) * x + np.sin(angle) * y
+            where = np.array(feature.position) + s * z + (radius + slope * s) * out
+            placed.append((where, sign * _unit(out - slope * z)))
+    return placed
+
+
+def _cylinder(feature: Feature) -> Placed:
+    return _rings(feature, (0.0, feature.sizes["Length"]), 0.0)
+
+
+def _cone(feature: Feature) -> Placed:
+    reach = (-feature.sizes.get("SmallEndDistance", 0.0), feature.sizes["LargeEndDistance"])
+    return _rings(feature, reach, float(np.tan(feature.sizes["HalfAngle"])))
+
+
+def _line(feature: Feature) -> Placed:
+    z, x, _ = _frame(feature)
+    length = feature.sizes["Length"]
+    count = curve_points(length, feature)
+    return [(np.array(feature.position) + length * (i + 0.5) / count * z, x) for i in range(count)]
+
+
+def _arc(feature: Feature) -> Placed:
+    _, x, y = _frame(feature)
+    first, last = feature.sweep or FULL
+    radius = feature.sizes.get("Radius") or feature.sizes["Diameter"] / 2
+    sign, placed = (-1.0 if feature.internal else 1.0), []
+    for angle in _angles(feature, curve_points((last - first) * radius, feature)):
+        out = np.cos(angle) * x + np.sin(angle) * y
+        placed.append((np.array(feature.position) + radius * out, sign * out))
+    return placed
+
+
+def _torus(feature: Feature) -> Placed:
+    """Along the middle of the tube: its latitude is that of the segment's outer edge, a quarter turn from the axis."""
+    z, x, y = _frame(feature)
+    first, last = feature.sweep or FULL
+    major, minor = feature.sizes["MajorDiameter"] / 2, feature.sizes["MinorDiameter"] / 2
+    latitude, sign, placed = 3 * np.pi / 4, (-1.0 if feature.internal else 1.0), []
+    for angle in _angles(feature, surface_points((last - first) * major * minor * np.pi / 2, feature)):
+        out = np.cos(angle) * x + np.sin(angle) * y
+        normal = np.cos(latitude) * out + np.sin(latitude) * z
+        placed.append((np.array(feature.position) + major * out + minor * normal, sign * normal))
+    return placed
+
+
+def _opposite(feature: Feature) -> Placed:
+    z, x, _ = _frame(feature)
+    length, depth = feature.sizes.get("Length", 0.0), feature.sizes.get("Depth", 0.0)
+    count = surface_points(length * depth, feature)
+    start = np.array(feature.position) + 0.5 * feature.sizes["Width"] * z
+    return [(start + length * ((i + 0.5) / count - 0.5) * x, z) for i in range(count)]
+
+
+def _point(feature: Feature) -> Placed:
+    return [(np.array(feature.position), _unit(feature.along))]
+
+
+SCHEMES: dict[str, Callable[[Feature], Placed]] = {
+    "Plane": _plane,
+    "Cylinder": _cylinder,
+    "CylindricalSegment": _cylinder,
+    "Cone": _cone,
+    "ConicalSegment": _cone,
+    "Line": _line,
+    "Circle": _arc,
+    "CircularArc": _arc,
+    "ToroidalSegment": _torus,
+    "OppositeParallelPlanes": _opposite,
+    "Point": _point,
+    "EdgePoint": _point,
+}
+SIZES: dict[str, tuple[str, ...]] = {
+    "Cylinder": ("Diameter", "Length"),
+    "CylindricalSegment": ("Diameter", "Length"),
+    "Cone": ("LargeEndDistance", "HalfAngle"),
+    "ConicalSegment": ("LargeEndDistance", "HalfAngle"),
+    "Line": ("Length",),
+    "Circle": ("Diameter",),
+    "CircularArc": ("Radius",),
+    "ToroidalSegment": ("MajorDiameter", "MinorDiameter"),
+    "OppositeParallelPlanes": ("Width",),
+}
+BORES = frozenset({"Cylinder", "Cone"})

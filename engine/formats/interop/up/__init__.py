@@ -1,0 +1,53 @@
+"""The engine for unified-planning, with our stages behind it.
+
+get_environment().factory.add_engine("cellwright", "engine.formats.interop.up", "CellwrightEngine")
+"""
+
+from collections.abc import Callable
+from typing import Any
+
+from engine.formats.interop.up.engine import Stages, UpEngine
+from engine.model.outcome import Outcome
+from engine.pipelines import planning
+from engine.pipelines.optimum import proved
+from engine.pipelines.orders import every_order
+from engine.pipelines.revision import Course, revise
+from engine.stages.grounding import ground
+from engine.stages.planning import Limits
+from kb.model.plan import Plan
+from kb.model.problem import Problem
+from kb.terms import Function
+
+
+def _plan(
+    problem: Problem,
+    interrupted: Callable[[], bool],
+    improved: Callable[[Plan], None],
+    options: dict[str, Any],
+) -> Outcome:
+    limits = Limits(
+        interrupted=interrupted, improved=lambda plan: improved(planning.accepted(problem, plan)), **options
+    )
+    return planning.plan(problem, limits)
+
+
+def _revise(
+    former: Problem,
+    plan: Plan,
+    problem: Problem,
+    interrupted: Callable[[], bool],
+    compare: bool,
+    options: dict[str, Any],
+) -> Outcome:
+    limits = Limits(interrupted=interrupted, **options)
+    return revise(Course.of(former, plan), (), problem.initial, limits, compare).outcome
+
+
+def _instances(problem: Problem) -> tuple[Function, ...]:
+    return tuple(dict.fromkeys(operator.instance for operator in ground(problem).operators))
+
+
+class CellwrightEngine(UpEngine):
+    """One-shot and anytime planner, validator of sequential and partial-order plans, grounder and replanner."""
+
+    stages = Stages(_plan, _revise, proved, every_order, _instances)

@@ -1,0 +1,50 @@
+"""A plan in Graphviz's DOT language: orders as solid edges, causal links as dashed ones with their condition."""
+
+from collections.abc import Callable, Iterator
+
+from engine.model.forecast import wording
+from kb.model.plan import GOAL, START, Plan, StepId
+from kb.model.problem import Problem
+from kb.terms import Atom
+
+
+def plan(made: Plan, problem: Problem | None = None) -> str:
+    """The partial order with its causal links. Stages are said in the problem's words."""
+    lines = (f"  {line}" for line in _lines(made, wording(problem)))
+    return "\n".join(["digraph plan {", *lines, "}"]) + "\n"
+
+
+def _lines(made: Plan, say: Callable[[Atom], str]) -> Iterator[str]:
+    yield 'node [shape=box, style=rounded, fontname="Helvetica"];'
+    yield 'edge [fontname="Helvetica", fontsize=10];'
+    yield "start [shape=circle];"
+    yield "goal [shape=doublecircle];"
+    for step in made.steps:
+        held = f"\\n[{_escaped(', '.join(map(str, step.resources)))}]" if step.resources else ""
+        yield f'{step.id} [label="{step.id} {_escaped(str(step.operator))}{held}"];'
+    for earlier, later in orders(made):
+        yield f"{_name(earlier)} -> {_name(later)};"
+    for link in made.links:
+        label = _escaped(say(link.condition))
+        ends = f"{_name(link.producer)} -> {_name(link.consumer)}"
+        yield f'{ends} [style=dashed, color=steelblue, fontcolor=steelblue, constraint=false, label="{label}"];'
+
+
+def orders(made: Plan) -> Iterator[tuple[StepId, StepId]]:
+    """The direct orders, with the start before all that waits for nothing and the goal after all that nothing waits for."""
+    awaited = {before for step in made.steps for before in step.after}
+    for step in made.steps:
+        yield from ((before, step.id) for before in step.after or (START,))
+        if step.id not in awaited:
+            yield step.id, GOAL
+    if not made.steps:
+        yield START, GOAL
+
+
+def _name(step: StepId) -> str:
+    return {START: "start", GOAL: "goal"}.get(step, str(step))
+
+
+def _escaped(text: str) -> str:
+    """Text in a quoted string, where a backslash would begin a line break or a name of Graphviz."""
+    return text.replace("\\", "\\\\").replace('"', '\\"')

@@ -1,0 +1,214 @@
+"""Schedules as Gantt charts on the terminal, and as entries for programs.
+
+One row per job, then one per unit of each resource: what it does, and by whom it is held. Bars say what they are in
+letters as well as in colours, so that a chart can be read in a pipe.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import Any
+
+from rich.console import Console, ConsoleOptions, Group, RenderableType
+from rich.text import Text
+
+from engine.model.shop import Hold, Schedule, Shop
+
+STYLES = ("blue", "red", "green", "magenta", "yellow", "cyan", "bright_blue", "bright_red")
+NARROWEST = 30  # columns of the part with the bars
+
+
+class Kind(StrEnum):
+    """What a bar stands for."""
+
+    STAGE = "stage"
+    HOLD = "hold"
+    CHANGE = "change"
+
+
+@dataclass(frozen=True, slots=True)
+class Bar:
+    """From `start` to `end`; `job` is a number among the jobs, -1 for none."""
+
+    start: int
+    end: int
+    label: str
+    kind: Kind
+    job: int = -1
+    detail: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """A line of the chart; its bars do not overlap."""
+
+    name: str
+    bars: tuple[Bar, ...]
+
+
+def rows(shop: Shop, schedule: Schedule) -> tuple[Row, ...]:
+    """The chart of a schedule: jobs in their order, then every unit of every resource that does something."""
+    number = {job.name: n for n, job in enumerate(shop.jobs)}
+    found = [
+        Row(job.name, tuple(_stage_bar(shop, schedule, stage.name, number[job.name]) for stage in job.stages))
+        for job in shop.jobs
+        if len(job.stages) > 1
+    ]
+    for resource in shop.resources:
+        bars = sorted(
+            _resource_bars(shop, schedule, resource.name, number), key=lambda bar: (bar.start, bar.end)
+        )
+        units = _units(bars)
+        names = _unit_names(resource.name, resource.units, len(units))
+        found += [Row(name, tuple(unit)) for name, unit in zip(names, units, strict=True)]
+    return tuple(found)
+
+
+def _stage_bar(shop: Shop, schedule: Schedule, name: str, job: int) -> Bar:
+    start, stage = schedule.starts[name], shop.stages[name]
+    owner = shop.owners[name].name
+    return Bar(start, start + stage.duration, _short(name, owner), Kind.STAGE, job, name)
+
+
+def _short(stage: str, job: str) -> str:
+    """The name of a stage without that of its job."""
+    return stage.removeprefix(job).lstrip(" .:") or stage
+
+
+def _resource_bars(shop: Shop, schedule: Schedule, resource: str, number: Mapping[str, int]) -> Iterator[Bar]:
+    for stage in shop.stages.values():
+        if resource in stage.resources:
+            owner = shop.owners[stage.name].name
+            start = schedule.starts[stage.name]
+            yield Bar(start, start + stage.duration, owner, Kind.STAGE, number[owner], stage.name)
+    for hold in (each for each in shop.holds if each.resource == resource):
+        yield _hold_bar(shop, schedule, hold, number)
+    for each in schedule.adjustments:
+        if shop.device[each.device].operator == resource:
+            yield Bar(
+                each.start, each.end, each.device, Kind.CHANGE, -1, f"{each.device}: {each.change.after}"
+            )
+
+
+def _hold_bar(shop: Shop, schedule: Schedule, hold: Hold, number: Mapping[str, int]) -> Bar:
+    begin = schedule.starts[hold.begin.stage] + hold.begin.offset if hold.begin else 0
+    end = schedule.starts[hold.end.stage] + hold.end.offset if hold.end else schedule.makespan
+    moment = hold.begin or hold.end
+    owner = shop.owners[moment.stage].name if moment else ""
+    return Bar(begin, end, owner, Kind.HOLD, number.get(owner, -1), f"{owner} in {hold.resource}")
+
+
+def _units(bars: Sequence[Bar]) -> list[list[Bar]]:
+    """The bars of equal units: each goes to the first that is free."""
+    units: list[list[Bar]] = []
+    for bar in bars:
+        free = [unit for unit in units if unit[-1].end <= bar.start]
+        if free:
+            free[0].append(bar)
+        else:
+            units.append([bar])
+    return units
+
+
+def _unit_names(resource: str, units: Sequence[str], count: int) -> list[str]:
+    if count <= 1:
+        return [resource] * count
+    return list(units) if len(units) == count else [f"{resource} #{n}" for n in range(1, count + 1)]
+
+
+@dataclass(frozen=True, slots=True)
+class Gantt:
+    """The chart, drawn to the width of the terminal."""
+
+    shop: Shop
+    schedule: Schedule
+    unit: str = ""
+
+    def __rich_console__(self, console: Console, options: ConsoleOptions) -> Iterator[RenderableType]:
+        lines = rows(self.shop, self.schedule)
+        names = min(max((len(row.name) for row in lines), default=0), options.max_width // 3)
+        width = max(NARROWEST, options.max_width - names - 2)
+        scale = width / max(1, self.schedule.makespan)
+        for row in lines:
+            text = Text(f"{row.name[:names]:{names}} ", no_wrap=True, overflow="crop", end="")
+            yield Group(text.append_text(_line(row, scale, width)), Text())
+        yield Text(" " * (names + 1) + _ticks(self.schedule.makespan, scale, width, self.unit), style="dim")
+
+
+def _line(row: Row, scale: float, width: int) -> Text:
+    """One row of bars; what is too short for a column of its own takes a free one."""
+    text, column = Text(), 0
+    for bar in row.bars:
+        first = max(column, min(width - 1, round(bar.start * scale)))
+        last = max(first + 1, min(width, round(bar.end * scale)))
+        if first >= width:
+            break
+        text.append(" " * (first - column))
+        text.append(_bar(bar, last - first), _style(bar))
+        column = last
+    return text
+
+
+def _bar(bar: Bar, width: int) -> str:
+    fill = {Kind.STAGE: "█", Kind.HOLD: "░", Kind.CHANGE: "▒"}[bar.kind]
+    return f"{bar.label} ".ljust(width, fill) if len(bar.label) < width else fill * width
+
+
+def _style(bar: Bar) -> str:
+    return "dim" if bar.job < 0 else STYLES[bar.job % len(STYLES)]
+
+
+def _ticks(makespan: int, scale: float, width: int, unit: str) -> str:
+    """Round times below the bars, as many as have room."""
+    step = 1
+    while step * scale < 8:
+        step *= 5 if str(step)[0] == "1" else 2
+    line = [" "] * width
+    last = width - len(unit) - 1
+    for time in range(0, makespan + 1, step):
+        place, said = round(time * scale), f"|{time}"
+        if place + len(said) <= last:
+            line[place : place + len(said)] = said
+    return f"{''.join(line).rstrip()} {unit}".rstrip()
+
+
+def summary(schedule: Schedule, unit: str = "") -> str:
+    """Makespan, bound and proof in one line."""
+    late = f", weighted tardiness {schedule.tardiness}" if schedule.tardiness else ""
+    if schedule.proved:
+        return f"makespan {schedule.makespan} {unit}, proved to be the least{late}".replace(" ,", ",")
+    bound = f"at least {schedule.lower_bound}, gap {100 * schedule.gap:.1f} %"
+    return f"makespan {schedule.makespan} {unit}, {bound}{late}".replace(" ,", ",")
+
+
+def schedule_entry(shop: Shop, schedule: Schedule) -> dict[str, Any]:
+    """A schedule for programs: sums, stages in the order of their starts, changes of devices, holds."""
+    stages = [
+        {
+            "job": shop.owners[name].name,
+            "stage": name,
+            "start": schedule.starts[name],
+            "end": schedule.starts[name] + stage.duration,
+            "resources": list(stage.resources),
+        }
+        for name, stage in shop.stages.items()
+    ]
+    changes = [
+        {
+            "device": each.device,
+            "from": each.change.before,
+            "to": each.change.after,
+            "start": each.start,
+            "end": each.end,
+        }
+        for each in sorted(schedule.adjustments, key=lambda each: each.start)
+    ]
+    return {
+        "makespan": schedule.makespan,
+        "lower_bound": schedule.lower_bound,
+        "gap": round(schedule.gap, 6),
+        "proved": schedule.proved,
+        "tardiness": schedule.tardiness,
+        "stages": sorted(stages, key=lambda each: (each["start"], each["end"], each["stage"])),
+        "changes": changes,
+    }

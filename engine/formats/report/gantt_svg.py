@@ -1,0 +1,80 @@
+"""A schedule as SVG: the Gantt chart of `engine.formats.report.gantt` with colours by job, and what each bar is as a tooltip."""
+
+from collections.abc import Iterator
+from xml.sax.saxutils import escape
+
+from engine.formats.report.gantt import Bar, Kind, Row, rows, summary
+from engine.formats.report.svg import COLOURS, INK, PAPER
+from engine.model.shop import Schedule, Shop
+
+HEIGHT, GAP, MARGIN, WIDTH, CHARACTER = 22, 6, 16, 1000, 7.3
+STYLE = """
+  .bar:hover { stroke-width: 2; }
+  @media (prefers-color-scheme: dark) { .paper { fill: #16181c; } .text { fill: #e8e8e8; } .grid { stroke: #444a55; } }
+"""
+
+
+def chart(shop: Shop, schedule: Schedule, unit: str = "") -> str:
+    """The chart; the same bytes for the same schedule."""
+    lines = rows(shop, schedule)
+    left = MARGIN + max((len(row.name) for row in lines), default=0) * CHARACTER + GAP
+    height = 2 * MARGIN + (len(lines) + 2) * (HEIGHT + GAP)
+    scale = WIDTH / max(1, schedule.makespan)
+    body = [*_grid(schedule, left, scale, len(lines), unit)]
+    for number, row in enumerate(lines):
+        body += _row(row, MARGIN + number * (HEIGHT + GAP), left, scale)
+    said = escape(summary(schedule, unit))
+    return "\n".join([*_opening(left + WIDTH + 2 * MARGIN, height, said), *body, "</svg>"]) + "\n"
+
+
+def _opening(width: float, height: float, said: str) -> Iterator[str]:
+    yield (
+        f'<svg xmlns="http://www.w3.org/2000/svg" width="{width:.0f}" height="{height:.0f}" '
+        f'viewBox="0 0 {width:.0f} {height:.0f}" font-family="monospace" font-size="12">'
+    )
+    yield f"<title>{said}</title>"
+    yield f"<style>{STYLE}</style>"
+    yield f'<rect class="paper" width="100%" height="100%" fill="{PAPER}"/>'
+    yield f'<text class="text" x="{MARGIN}" y="{height - MARGIN:.0f}" fill="{INK}">{said}</text>'
+
+
+def _grid(schedule: Schedule, left: float, scale: float, lines: int, unit: str) -> Iterator[str]:
+    """Lines at round times, and a dashed one at the lower bound."""
+    step = 1
+    while step * scale < 60:
+        step *= 5 if str(step)[0] == "1" else 2
+    bottom = MARGIN + lines * (HEIGHT + GAP)
+    for time in range(0, schedule.makespan + 1, step):
+        x = left + time * scale
+        yield _line(x, bottom, '#c8ccd4"')
+        yield f'<text class="text" x="{x:.1f}" y="{bottom + 14}" fill="{INK}" text-anchor="middle">{time}</text>'
+    yield _line(left + schedule.lower_bound * scale, bottom, '#d55e00" stroke-dasharray="4 3"')
+    if unit:
+        end = left + WIDTH
+        yield f'<text class="text" x="{end:.1f}" y="{bottom + 28}" fill="{INK}" text-anchor="end">{escape(unit)}</text>'
+
+
+def _line(x: float, bottom: float, stroke: str) -> str:
+    return f'<line class="grid" x1="{x:.1f}" y1="{MARGIN}" x2="{x:.1f}" y2="{bottom}" stroke="{stroke}/>'
+
+
+def _row(row: Row, y: float, left: float, scale: float) -> Iterator[str]:
+    name = escape(row.name)
+    yield f'<text class="text" x="{left - GAP:.1f}" y="{y + 15:.0f}" fill="{INK}" text-anchor="end">{name}</text>'
+    for bar in row.bars:
+        yield _bar(bar, left + bar.start * scale, y, max(0.5, (bar.end - bar.start) * scale))
+
+
+def _bar(bar: Bar, x: float, y: float, width: float) -> str:
+    colour = COLOURS[bar.job % len(COLOURS)] if bar.job >= 0 else "#8a8f98"
+    opacity = {Kind.STAGE: 0.85, Kind.HOLD: 0.35, Kind.CHANGE: 0.85}[bar.kind]
+    tooltip = escape(f"{bar.detail}, {bar.start} to {bar.end}")
+    rect = (
+        f'<rect class="bar" x="{x:.1f}" y="{y:.0f}" width="{width:.1f}" height="{HEIGHT}" rx="2" fill="{colour}" '
+        f'fill-opacity="{opacity}" stroke="{colour}" stroke-width="0.5"><title>{tooltip}</title></rect>'
+    )
+    if len(bar.label) * CHARACTER + 4 > width:
+        return rect
+    fill = "#ffffff" if bar.kind is Kind.STAGE else INK
+    label = f'<text x="{x + 3:.1f}" y="{y + 15:.0f}" fill="{fill}" pointer-events="none">{escape(bar.label)}</text>'
+    return rect + label

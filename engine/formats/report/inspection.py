@@ -1,0 +1,81 @@
+"""Measurements parted by tool, for people and programs."""
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+from rich.console import Group, RenderableType
+from rich.text import Text
+
+from engine.formats.report.rows import Rows
+from engine.model.tour import PoseProblem, Tour
+
+
+class Parts(Protocol):
+    """The measurements by tool, those done, and those that are impossible with their reasons."""
+
+    @property
+    def groups(self) -> Mapping[str, tuple[str, ...]]: ...
+    @property
+    def done(self) -> tuple[str, ...]: ...
+    @property
+    def impossible(self) -> Mapping[str, str]: ...
+
+
+class Posed(Protocol):
+    """A closed tour of one tool by one arm, with a configuration at each visit."""
+
+    @property
+    def tool(self) -> str: ...
+    @property
+    def arm(self) -> str: ...
+    @property
+    def problem(self) -> PoseProblem: ...
+    @property
+    def tour(self) -> Tour: ...
+    @property
+    def configurations(self) -> NDArray[np.float64]: ...
+
+
+def posed_entry(found: Posed) -> dict[str, Any]:
+    """What JSON says of a tour through configurations, which are in radians and metres."""
+    return {
+        "tool": found.tool,
+        "arm": found.arm,
+        "visits": [found.problem.visits[each].name for each in found.tour.order],
+        "configurations": np.round(found.configurations, 6).tolist(),
+        "cost": found.tour.cost,
+        "unit": "µs",
+        "method": found.tour.method,
+        "work": found.tour.work,
+    }
+
+
+def posed(tours: Sequence[Posed], partition: Parts) -> RenderableType:
+    """The tours tool by tool, how long each takes, and what cannot be measured."""
+    rows = []
+    for each in tours:
+        names = ", ".join(each.problem.visits[visit].name for visit in each.tour.order)
+        rows.append((each.tool, each.arm, f"{each.tour.cost / 1e6:.2f}", names))
+    return Group(parts(partition), Rows(("tool", "arm", "s", "in order"), rows))
+
+
+def entry(partition: Parts) -> dict[str, Any]:
+    """What JSON says: every measurement stands in one group."""
+    return {
+        "groups": {tool: list(names) for tool, names in partition.groups.items()},
+        "done": list(partition.done),
+        "impossible": dict(partition.impossible),
+    }
+
+
+def parts(partition: Parts, title: str = "") -> RenderableType:
+    """How many measurements each tool takes, and how many cannot be made for which reason."""
+    rows = [(str(len(names)), tool) for tool, names in partition.groups.items()]
+    rows += [(str(len(partition.done)), "done")] if partition.done else []
+    impossible = sorted(Counter(partition.impossible.values()).items())
+    rows += [(str(count), f"impossible: {reason}") for reason, count in impossible]
+    table = Rows(("measurements", "by"), rows, right=("measurements",))
+    return Group(Text(title), table) if title else table

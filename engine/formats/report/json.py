@@ -1,0 +1,149 @@
+"""Answers for programs: one envelope `{version, status, data, diagnostics}` for every command.
+
+Other forms of answers ask here for the status alone, so what only documents need is imported when one is made.
+"""
+
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+from engine.model.forecast import earliest_starts, histories, makespan
+from engine.model.outcome import Found, GaveUp, Infeasible, Outcome, Statistics
+from kb.diagnostics import Diagnostic
+from kb.model.conditions import And
+from kb.model.plan import Plan
+from kb.model.problem import Chain, Problem
+
+VERSION = 1
+
+
+def envelope(status: str, content: Mapping[str, Any], diagnostics: Iterable[Diagnostic] = ()) -> str:
+    """The answer of a command as JSON text, the same bytes for the same answer."""
+    import json
+
+    whole = {
+        "version": VERSION,
+        "status": status,
+        "data": content,
+        "diagnostics": [diagnostic_entry(each) for each in diagnostics],
+    }
+    return json.dumps(whole, indent=1, ensure_ascii=False)
+
+
+def diagnostic_entry(diagnostic: Diagnostic) -> dict[str, Any]:
+    """One diagnostic; line and column count from 1 and are 0 where there is none."""
+    where = diagnostic.where
+    return {
+        "code": diagnostic.code,
+        "severity": "warning" if diagnostic.warning else "error",
+        "file": where.path,
+        "line": where.line,
+        "column": where.column,
+        "message": diagnostic.message,
+        "try": diagnostic.hint,
+    }
+
+
+def status(outcome: Outcome) -> str:
+    """The word for an outcome."""
+    match outcome:
+        case Found(optimal=optimal):
+            return "optimal" if optimal else "found"
+        case Infeasible():
+            return "infeasible"
+        case GaveUp(limit="expansions"):
+            return "gave up"
+        case GaveUp():
+            return "stopped"
+
+
+def outcome(result: Outcome, problem: Problem, domain: str = "") -> dict[str, Any]:
+    """What an outcome says: the plan, or the reason why there is none. `domain` is how the file names the domain."""
+    from kb.targets import reference
+
+    entry = problem_entry(problem, domain or reference(problem.domain))
+    match result:
+        case Found(plan):
+            return {"plan": {"problem": entry, **plan_entry(plan), **history_entry(plan, problem)}}
+        case Infeasible(reason):
+            return {"problem": entry, "reason": reason}
+        case GaveUp(reason, limit):
+            return {"problem": entry, "reason": reason, "limit": limit}
+
+
+def statistics(figures: Statistics) -> dict[str, Any]:
+    """Counts, and times in seconds."""
+    return {
+        "counts": dict(figures.counts),
+        "seconds": {name: round(s, 4) for name, s in figures.seconds.items()},
+    }
+
+
+def plan_entry(plan: Plan) -> dict[str, Any]:
+    """A plan as `cellwright validate` reads it beside its problem."""
+    starts = earliest_starts(plan)
+    return {
+        "cost": plan.cost,
+        "makespan": makespan(plan),
+        "steps": [
+            {
+                "id": step.id,
+                "operator": str(step.operator),
+                "after": list(step.after),
+                "resources": [str(resource) for resource in step.resources],
+                "start": starts[step.id],
+                "duration": step.duration,
+                "cost": step.cost,
+            }
+            for step in plan.steps
+        ],
+        "links": [
+            {"producer": link.producer, "condition": str(link.condition), "consumer": link.consumer}
+            for link in plan.links
+        ],
+    }
+
+
+def history_entry(plan: Plan, problem: Problem) -> dict[str, Any]:
+    """What is done to each object of a workflow, in order; nothing without a workflow."""
+    made = [
+        {
+            "subject": str(history.subject or history.chain),
+            "chain": history.chain,
+            "names": dict(history.names),
+            "stages": [
+                {"stage": str(each.stage), "step": each.step, "start": each.start, "duration": each.duration}
+                for each in history.happenings
+            ],
+        }
+        for history in histories(problem, plan)
+    ]
+    return {"histories": made} if made else {}
+
+
+def problem_entry(problem: Problem, domain: str) -> dict[str, Any]:
+    """A problem in the shape of a problem file, workflow and goals written out."""
+    objects: dict[str, list[str]] = {}
+    for name, type_ in problem.objects.items():
+        objects.setdefault(type_, []).append(name)
+    entry: dict[str, Any] = {
+        "problem": problem.name,
+        "domain": domain,
+        "objects": objects,
+        "statics": list(map(str, problem.statics)),
+        "initial": list(map(str, problem.initial)),
+        "complete": problem.complete,
+        "goals": list(map(str, problem.goal.parts if isinstance(problem.goal, And) else (problem.goal,))),
+        "workflow": [chain_entry(chain) for chain in problem.chains],
+    }
+    return {key: value for key, value in entry.items() if value}
+
+
+def chain_entry(chain: Chain) -> dict[str, Any]:
+    """One chain of a workflow."""
+    entry = {
+        "name": chain.name,
+        "subject": str(chain.subject) if chain.subject else None,
+        "stages": ", ".join(map(str, chain.stages)),
+        "after": list(chain.after),
+    }
+    return {key: value for key, value in entry.items() if value}

@@ -1,0 +1,66 @@
+"""How it goes on after a diagnosis, for people and programs."""
+
+from collections.abc import Sequence
+from typing import Any, Protocol
+
+from rich.console import Group, RenderableType
+from rich.text import Text
+
+from engine.formats.report import json, progress
+from engine.formats.report import text as outcomes
+from engine.model.outcome import Outcome
+from kb.model.plan import Step
+from kb.model.problem import Problem
+
+WAYS = {
+    "planned": "planned from the revised state",
+    "done": "nothing is left to do",
+    "continued": "the failed plan is continued",
+    "repaired": "the failed plan is repaired",
+    "replanned": "planned anew: no repair was found, or a new plan is cheaper",
+}
+
+
+class Recovery(Protocol):
+    """A plan for what is left, how it was made, how it differs from the plan that failed, and what became of a sequence."""
+
+    @property
+    def problem(self) -> Problem: ...
+    @property
+    def outcome(self) -> Outcome: ...
+    @property
+    def way(self) -> str: ...
+    @property
+    def kept(self) -> Sequence[Step]: ...
+    @property
+    def dropped(self) -> Sequence[Step]: ...
+    @property
+    def added(self) -> Sequence[Step]: ...
+    @property
+    def sequence(self) -> progress.Progress | None: ...
+
+
+def entry(found: Recovery) -> dict[str, Any]:
+    """What JSON says of a recovery."""
+    content: dict[str, Any] = {
+        "status": json.status(found.outcome),
+        "way": found.way,
+        **json.outcome(found.outcome, found.problem),
+    }
+    if found.way != "planned":
+        parts = {"kept": found.kept, "dropped": found.dropped, "added": found.added}
+        content["revision"] = {name: [str(step.operator) for step in steps] for name, steps in parts.items()}
+    if found.sequence is not None:
+        content["sequence"] = progress.entry(found.sequence)
+    return content
+
+
+def text(found: Recovery) -> RenderableType:
+    """How the plan was made, the plan, and the kept sequence."""
+    said = WAYS[found.way]
+    if found.way != "planned":
+        said += f": {len(found.kept)} steps kept, {len(found.dropped)} dropped, {len(found.added)} added"
+    shown: list[RenderableType] = [Text(said), outcomes.outcome(found.outcome, found.problem)]
+    if found.sequence is not None:
+        shown += [Text("the kept sequence was told:"), progress.text(found.sequence)]
+    return Group(*shown)

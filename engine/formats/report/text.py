@@ -1,0 +1,207 @@
+"""Outcomes as rich tables.
+
+Colours are rich's business: none in a pipe, none with NO_COLOR. Tables are made for the width at hand, because rich alone
+would break atoms in the middle of words.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+from rich.console import Console, ConsoleOptions, Group, RenderableType
+from rich.table import Table
+from rich.text import Text
+
+from engine.formats.report.rows import Rows, headed
+from engine.formats.report.wrapping import wrapped
+from engine.model.forecast import History, earliest_starts, histories, makespan, purposes
+from engine.model.outcome import Found, GaveUp, Infeasible, Outcome, Statistics
+from kb.model.plan import Plan, StepId
+from kb.model.problem import Problem
+
+LIST = 12  # characters of a line of step numbers
+LEGIBLE = 40  # characters that operators and what they achieve need side by side
+WIDEST = 10_000
+JUDGED = 60  # steps that decide on the widths of columns
+
+
+def outcome(result: Outcome, problem: Problem) -> RenderableType:
+    """What a person reads on the terminal."""
+    match result:
+        case Found(plan):
+            return plan_table(plan, problem)
+        case Infeasible(reason):
+            return Text(f"No plan exists: {reason}.")
+        case GaveUp(reason):
+            return Text(f"Gave up: {reason}.")
+
+
+def plan_table(plan: Plan, problem: Problem) -> RenderableType:
+    """Steps, what they wait for, when they can start, and what for they are there; then the histories and sums."""
+    if not plan.steps:
+        return Text("Nothing to do: the goals hold already.")
+    timed = any(step.duration for step in plan.steps)
+    unit = problem.domain.time_unit
+    said = [_counted(len(plan.steps), "step"), f"cost {plan.cost}"]
+    if timed:
+        said.append(f"{makespan(plan)} {unit} when every step starts as early as it may")
+    made = histories(problem, plan)
+    steps = _Steps(plan, purposes(problem, plan), unit if timed else "")
+    between: list[RenderableType] = [Text(), _Histories(made, unit), Text()] if made else []
+    return Group(steps, *between, Text(", ".join(said)))
+
+
+def _counted(number: int, noun: str) -> str:
+    return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
+
+
+@dataclass(frozen=True, slots=True)
+class _Steps:
+    """The table of steps, made when its width is known. Without a `unit` there are no times."""
+
+    plan: Plan
+    purposes: Mapping[StepId, Mapping[str, Sequence[str]]]
+    unit: str
+
+    def __rich_console__(self, console: Console, options: ConsoleOptions) -> Iterator[RenderableType]:
+        names, rows = self._narrow()
+        spare = options.max_width - sum(
+            max(map(_width, cells)) + 2 for cells in zip(names, *rows, strict=True)
+        )
+        yield self._stacked(options.max_width) if spare < LEGIBLE else self._table(names, rows, spare)
+
+    def _stacked(self, width: int) -> Table:
+        """On a narrow terminal: what the table says of a step, line under line."""
+        starts = earliest_starts(self.plan)
+        table = Table(box=None, pad_edge=False, show_header=False, padding=(0, 2, 0, 0))
+        table.add_column(justify="right", no_wrap=True, style="cyan")
+        table.add_column(overflow="fold")
+        room = width - 2 - max(len(str(step.id)) for step in self.plan.steps)
+        for step in self.plan.steps:
+            said = [f"after {', '.join(map(str, step.after))}"] if step.after else []
+            said += [_span(starts[step.id], step.duration, self.unit)] if self.unit else []
+            parts = ["; ".join(said), *_reasons(self.purposes.get(step.id, {}))]
+            table.add_row(str(step.id), headed(str(step.operator), filter(None, parts), room))
+        return table
+
+    def _table(self, names: Sequence[str], rows: Sequence[tuple[str, ...]], spare: int) -> Table:
+        reasons = [_reasons(self.purposes.get(step.id, {})) for step in self.plan.steps]
+        operators, achieved = _widths([str(step.operator) for step in self.plan.steps], reasons, spare - 2)
+        table = Table(box=None, pad_edge=False)
+        table.add_column(names[0], justify="right", no_wrap=True, style="cyan")
+        table.add_column("operator", overflow="fold")
+        table.add_column(names[1], overflow="fold")
+        for name in names[2:]:
+            table.add_column(name, justify="right", no_wrap=True)
+        table.add_column("achieves", overflow="fold")
+        for step, (number, *rest), reason in zip(self.plan.steps, rows, reasons, strict=True):
+            operator = Text(wrapped(str(step.operator), operators))
+            operator.highlight_regex(r"^\w+", "bold")
+            table.add_row(number, operator, *rest, _reason_text(reason, achieved))
+        return table
+
+    def _narrow(self) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
+        """Head and rows of the columns that take what they need: numbers of steps, and times."""
+        starts = earliest_starts(self.plan)
+        rows = [
+            (str(step.id), wrapped(", ".join(map(str, step.after)), LIST, 0))
+            + ((str(starts[step.id]), str(step.duration)) if self.unit else ())
+            for step in self.plan.steps
+        ]
+        return ("step", "after") + ((f"start ({self.unit})", "lasts") if self.unit else ()), rows
+
+
+def _span(start: int, duration: int, unit: str) -> str:
+    return f"from {start} for {duration} {unit}"
+
+
+def _width(cell: str) -> int:
+    return max((len(line) for line in cell.splitlines()), default=0)
+
+
+def _reasons(achieved: Mapping[str, Sequence[str]]) -> list[str]:
+    """What a step achieves and for which steps, in their order, the goal last."""
+    return [
+        f"{condition} for {', '.join(sorted(users, key=lambda user: (user == 'goal', len(user), user)))}"
+        for condition, users in achieved.items()
+    ]
+
+
+def _widths(operators: Sequence[str], reasons: Sequence[Sequence[str]], spare: int) -> tuple[int, int]:
+    """How wide operators and reasons may be: as wide as they are, or else so that the table is as short as can be.
+
+    Long tables are judged by their first steps.
+    """
+    widest = max(len("operator"), *map(len, operators))
+    if widest + max(len("; ".join(reason)) for reason in reasons) <= spare:
+        return widest, spare - widest
+    rows = list(zip(operators, reasons, strict=True))[:JUDGED]
+
+    def lines(given: int) -> int:
+        return sum(
+            max(wrapped(operator, given).count("\n"), _stacked(reason, spare - given).count("\n"))
+            for operator, reason in rows
+        )
+
+    least, most = len("operator"), max(min(widest, spare - len("achieves")), len("operator"))
+    given = min(range(most, least - 1, -1), key=lines)
+    return given, max(spare - given, len("achieves"))
+
+
+def _stacked(reasons: Sequence[str], width: int) -> str:
+    """On one line if it fits, else each reason on lines of its own."""
+    line = "; ".join(reasons)
+    return line if len(line) <= width else "\n".join(wrapped(reason, width) for reason in reasons)
+
+
+def _reason_text(reasons: Sequence[str], width: int) -> Text:
+    made = Text(_stacked(reasons, width))
+    made.highlight_regex(r" for(?= (\d|goal\b))", "dim")
+    made.highlight_regex(r"\bgoal\b", "green")
+    return made
+
+
+@dataclass(frozen=True, slots=True)
+class _Histories:
+    """What is done to each object, in order, as a table if there is room for it."""
+
+    made: Sequence[History]
+    unit: str
+
+    def __rich_console__(self, console: Console, options: ConsoleOptions) -> Iterator[RenderableType]:
+        table = _history_table(self.made, self.unit)
+        if console.measure(table, options=options.update(max_width=WIDEST)).maximum <= options.max_width:
+            yield table
+            return
+        for history in self.made:
+            stages = (
+                f"{each.stage} {_span(each.start, each.duration, self.unit)}, step {each.step}"
+                for each in history.happenings
+            )
+            yield headed(_named(history), stages, options.max_width)
+
+
+def _named(history: History) -> str:
+    return ", ".join([str(history.subject or history.chain), *history.names.values()])
+
+
+def _history_table(made: Sequence[History], unit: str) -> Table:
+    """One line for each stage."""
+    table = Table(box=None, pad_edge=False)
+    table.add_column("history of", style="bold", overflow="fold")
+    table.add_column("done", overflow="fold")
+    for name in (f"start ({unit})", "lasts", "step"):
+        table.add_column(name, justify="right", no_wrap=True)
+    for history in made:
+        name = _named(history)
+        for place, each in enumerate(history.happenings):
+            times = (str(each.start), str(each.duration), str(each.step))
+            table.add_row(Text(name if place == 0 else ""), Text(str(each.stage)), *times)
+    return table
+
+
+def statistics(figures: Statistics) -> RenderableType:
+    """Counts and seconds."""
+    rows = [(name, str(count)) for name, count in figures.counts.items()]
+    rows += [(f"{name} (s)", f"{seconds:.3f}") for name, seconds in figures.seconds.items()]
+    widest = max((len(said) for _, said in rows), default=0)
+    return Rows(("", ""), [(name, said.rjust(widest)) for name, said in rows])

@@ -1,6 +1,0 @@
-"""QIF 3.0 (ISO 23952): features, characteristics and their tolerances become points to be measured."""
-
-from engine.interop.qif.features import read_features
-from engine.interop.qif.points import inspection_of
-
-__all__ = ["inspection_of", "read_features"]

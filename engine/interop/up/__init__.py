@@ -1,1 +1,0 @@
-"""unified-planning: its problems as ours, our plans as its own, and the engine that it calls."""

@@ -1,0 +1,1 @@
+"""What joins stages: the ways from a question to its answer."""

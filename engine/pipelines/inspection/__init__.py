@@ -1,0 +1,120 @@
+"""From measurements to tours: rules part the measurements by tool, the sequencer orders them.
+
+A domain of this kind derives `chosen(Tool, Measurement)`, and `refused(Tool, Measurement, Why)` for what a tool that
+would fit cannot do; `position(Measurement, X, Y, Z)` is given in micrometres, `change(Tool, Other, Way)` as a way.
+"""
+
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from engine.model.tour import TourProblem, Visit
+from kb.asp import Grounder
+from kb.asp.vocabulary import static_program
+from kb.diagnostics import Diagnostic, InvalidInput, Source
+from kb.model.domain import Domain
+from kb.model.problem import Problem
+from kb.terms import Number, Term, Text
+
+MEASUREMENT = "measurement"
+NO_TOOL = "no tool takes a measurement of this kind"
+NO_POSITION = "its position is not known"
+
+
+@dataclass(frozen=True, slots=True)
+class Partition:
+    """The measurements of a problem: by tool what is to be done, what is done, and what is impossible, with the reason."""
+
+    groups: Mapping[str, tuple[str, ...]]
+    done: tuple[str, ...]
+    impossible: Mapping[str, str]
+
+
+def chooses_tools(domain: Domain) -> bool:
+    """Whether the rules of a domain say which tool takes which measurement."""
+    return "chosen" in domain.predicates
+
+
+def partition(problem: Problem, placed: Collection[str] | None = None) -> Partition:
+    """Which tool takes which measurement, by the rules of the domain. Raises `InvalidInput`.
+
+    Where a measurement is says its `position`, or `placed` names those of which it is known otherwise.
+    """
+    if not chooses_tools(problem.domain):
+        hint = "declare the statics chosen(tool, measurement) and refused(tool, measurement, text), as bulkhead does"
+        raise InvalidInput([Diagnostic(Source(problem.path), "K401", "the domain chooses no tools", hint)])
+    grounder = _grounded(problem)
+    objects = {**problem.domain.objects, **problem.objects}
+    measurements = [name for name, type_ in objects.items() if type_ == MEASUREMENT]
+    chosen = {
+        str(name): str(tool) for tool, name in sorted(grounder.atoms("chosen", 2), key=str, reverse=True)
+    }
+    reasons = _reasons(grounder)
+    measured = {str(fact.arguments[-1]) for fact in problem.initial if fact.name == "measured"}
+    done = tuple(name for name in measurements if f"meas({name})" in measured)
+    left = [name for name in measurements if name not in set(done)]
+    located = {str(name) for name, *_ in grounder.atoms("position", 4)} if placed is None else set(placed)
+    tools = sorted({chosen[name] for name in left if name in chosen})
+    groups = {tool: tuple(n for n in left if chosen.get(n) == tool and n in located) for tool in tools}
+    impossible = {
+        name: NO_POSITION if name in chosen else "; ".join(reasons.get(name, [NO_TOOL]))
+        for name in left
+        if name not in chosen or name not in located
+    }
+    return Partition({tool: names for tool, names in groups.items() if names}, done, impossible)
+
+
+def _grounded(problem: Problem) -> Grounder:
+    grounder = Grounder()
+    grounder.ground(static_program(problem))
+    return grounder
+
+
+def _reasons(grounder: Grounder) -> dict[str, list[str]]:
+    """For each measurement why it cannot be made: what its file says, else what each tool that would fit says."""
+    found = {str(name): [_plain(why)] for name, why in grounder.atoms("impossible", 2)}
+    told: dict[str, list[str]] = {}
+    for name, tool, why in sorted((str(m), str(t), _plain(w)) for t, m, w in grounder.atoms("refused", 3)):
+        told.setdefault(name, []).append(f"{tool} is {why}")
+    return told | found
+
+
+def _plain(term: Term) -> str:
+    return term.value if isinstance(term, Text) else str(term)
+
+
+def tour_problem(problem: Problem, parts: Partition) -> TourProblem:
+    """All measurements that a tool takes, by straight lines in micrometres, changes of tools as the domain says."""
+    grounder = _grounded(problem)
+    where = _positions(grounder)
+    changes = {(str(a), str(b)): int(_number(way)) for a, b, way in grounder.atoms("change", 3)}
+    visits = (Visit(name, where[name], tool) for tool, names in parts.groups.items() for name in names)
+    return straight(problem.name, tuple(visits), changes)
+
+
+def positions(problem: Problem) -> dict[str, tuple[float, ...]]:
+    """Where the measurements are whose position is given, whatever tool takes them: metres."""
+    return _positions(_grounded(problem))
+
+
+def _positions(grounder: Grounder) -> dict[str, tuple[float, ...]]:
+    return {
+        str(name): tuple(_number(each) * 1e-6 for each in at) for name, *at in grounder.atoms("position", 4)
+    }
+
+
+def straight(
+    name: str, visits: tuple[Visit, ...], changes: Mapping[tuple[str, str], int], start: int | None = None
+) -> TourProblem:
+    """An open tour of visits whose positions are known, in metres: straight lines between them, in micrometres."""
+    places = np.array([visit.position for visit in visits], float).reshape(-1, 3)
+    travel = (
+        np.stack([np.linalg.norm(places - place, axis=1) for place in places]) if visits else np.zeros((0, 0))
+    )
+    ways = np.rint(travel * 1e6).astype(np.int64)
+    return TourProblem(name, visits, ways, closed=False, start=start, changes=changes, unit="µm")
+
+
+def _number(term: Term) -> float:
+    return term.value if isinstance(term, Number) else 0.0

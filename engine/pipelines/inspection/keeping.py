@@ -1,0 +1,37 @@
+"""Sequences that are kept in a store between calls, whoever else uses it."""
+
+from collections.abc import Collection
+
+from engine.pipelines.inspection.places import with_places
+from engine.pipelines.inspection.progress import News, Progress, carried_on, resources
+from engine.stages.sequencing import Limits
+from kb.model.problem import Problem
+from kb.store.sequences import SequencePlan, Sequences
+
+
+def carry_on(
+    store: str, problem: Problem, news: News = News(), limits: Limits = Limits(), anew: bool = False
+) -> Progress:
+    """Bring the kept sequence of a problem up to date, or make it; `anew` forgets what was kept. Raises `InvalidInput`.
+
+    Where another process has written in the meantime the news are told to what it wrote: nothing is lost.
+    """
+    problem = with_places(problem)
+    with Sequences(store) as sequences:
+        while True:
+            kept = sequences.of(problem.domain.name, problem.name)
+            plan = SequencePlan(problem.domain.name, problem.name, version=kept.version if kept else 0)
+            progress = carried_on(plan if kept is None or anew else kept, problem, news, limits)
+            if progress.plan == kept or sequences.keep(progress.plan):
+                return progress
+
+
+def told_of_losses(store: str, problem: Problem, lost: Collection[str]) -> Progress | None:
+    """The kept sequence of a problem after tools or resources were lost; None if none is kept. Raises `InvalidInput`.
+
+    What is lost but neither an object nor a resource of the problem is no matter of sequences.
+    """
+    with Sequences(store) as sequences:
+        if sequences.of(problem.domain.name, problem.name) is None:
+            return None
+    return carry_on(store, problem, News(lost=tuple(name for name in lost if name in resources(problem))))

@@ -1,0 +1,64 @@
+"""What can still be measured when tools or other resources are lost."""
+
+from collections.abc import Collection, Sequence
+from dataclasses import replace
+
+from engine.pipelines.inspection import Partition, partition
+from kb.model.domain import Operator
+from kb.model.problem import Problem
+from kb.terms import Function, Term, Variable
+
+UNAVAILABLE = "unavailable"
+
+
+def parted(problem: Problem, lost: Collection[str]) -> Partition:
+    """The partition without what is lost. Raises `InvalidInput`.
+
+    Where the domain declares `unavailable(tool)`, its rules may choose another tool; what they still give to a tool that
+    cannot be used is impossible.
+    """
+    gone = unusable(problem, lost)
+    if UNAVAILABLE in problem.domain.predicates:
+        (kind,) = problem.domain.predicates[UNAVAILABLE].arguments
+        tools = sorted(gone & _of_type(problem, kind))
+        facts = (Function(UNAVAILABLE, (Function(tool),)) for tool in tools)
+        problem = replace(problem, statics=(*problem.statics, *facts))
+    parts = partition(problem)
+    refused = {
+        name: f"{tool} is lost" for tool, names in parts.groups.items() if tool in gone for name in names
+    }
+    groups = {tool: names for tool, names in parts.groups.items() if tool not in gone}
+    return replace(parts, groups=groups, impossible={**parts.impossible, **refused})
+
+
+def unusable(problem: Problem, lost: Collection[str]) -> frozenset[str]:
+    """What is lost, and every object that measures only together with some other resource that is lost."""
+    if not lost:
+        return frozenset()
+    choices = [
+        [_candidates(operator, each, problem) for each in operator.resources]
+        for operator in problem.domain.operators
+        if any(effect.adds and effect.atom.name == "measured" for effect in operator.effects)
+    ]
+    names = {name for sets in choices for each in sets for name in each}
+    able = {name for name in names if any(_possible(name, sets, lost) for sets in choices)}
+    return frozenset({*lost, *(names - able)})
+
+
+def _possible(name: str, choices: Sequence[frozenset[str]], lost: Collection[str]) -> bool:
+    """Whether an object can be one of the resources of an operator, with others for the rest, none of them lost."""
+    if name in lost or not any(name in each for each in choices):
+        return False
+    return all(name in each or each - set(lost) for each in choices)
+
+
+def _candidates(operator: Operator, resource: Term, problem: Problem) -> frozenset[str]:
+    """The objects that a resource of an operator may stand for."""
+    if not isinstance(resource, Variable):
+        return frozenset({str(resource)})
+    return _of_type(problem, next(each.type for each in operator.parameters if each.variable == resource))
+
+
+def _of_type(problem: Problem, wanted: str) -> frozenset[str]:
+    objects = {**problem.domain.objects, **problem.objects}
+    return frozenset(name for name, type_ in objects.items() if problem.domain.is_subtype(type_, wanted))

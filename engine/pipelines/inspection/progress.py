@@ -1,0 +1,246 @@
+"""A sequence under way: what is done stays as it is; when something changes, the rest is sequenced anew.
+
+A kept sequence is compared with the problem whenever it is used, so that points that were added, removed, placed
+elsewhere or given to another tool are noticed.
+"""
+
+from bisect import bisect_left
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
+
+from engine.model.tour import Longs, Tour, TourProblem, Visit, cost_of
+from engine.pipelines.inspection import MEASUREMENT, Partition, positions, straight, tour_problem
+from engine.pipelines.inspection.losses import parted
+from engine.stages.sequencing import Limits, sequence
+from kb.diagnostics import Diagnostic, InvalidInput, Source, unknown_name
+from kb.model.problem import Problem
+from kb.store.sequences import PlannedVisit, SequencePlan
+
+REMOVED = "no longer in the problem"
+FOUND_BAD = "found bad"
+Visits = tuple[PlannedVisit, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class News:
+    """What has happened: visits done, tools and resources lost, visits found bad with the reason, and what is well again."""
+
+    done: tuple[str, ...] = ()
+    lost: tuple[str, ...] = ()
+    bad: Mapping[str, str] = field(default_factory=dict)
+    restored: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Progress:
+    """How a sequence goes on. `way`: made, kept as it was, or resequenced.
+
+    `problem` and `tour` are those of the rest, which begin at the last visit done if there is one. Of the rest as it
+    was, `kept` are in the old order among each other, `reordered` are not, `moved` have another tool (old, new) and
+    `dropped` are out, with the reason. `outdated` are visits done that the problem has otherwise now.
+    """
+
+    plan: SequencePlan
+    way: str
+    problem: TourProblem
+    tour: Tour
+    kept: tuple[str, ...] = ()
+    reordered: tuple[str, ...] = ()
+    moved: Mapping[str, tuple[str, str]] = field(default_factory=dict)
+    added: tuple[str, ...] = ()
+    dropped: Mapping[str, str] = field(default_factory=dict)
+    outdated: tuple[str, ...] = ()
+
+    @property
+    def next(self) -> PlannedVisit | None:
+        """The next visit; None when none is left."""
+        return self.plan.rest[0] if self.plan.rest else None
+
+
+def carried_on(
+    plan: SequencePlan, problem: Problem, news: News = News(), limits: Limits = Limits()
+) -> Progress:
+    """The sequence after some news, held against the problem as it is now. Raises `InvalidInput`."""
+    if _empty(plan) and news != News():
+        plan = carried_on(plan, problem, limits=limits).plan
+    _known(problem, plan, news)
+    lost = tuple(sorted({*plan.lost, *news.lost} - set(news.restored)))
+    bad = {name: why for name, why in {**plan.bad, **news.bad}.items() if name not in news.restored}
+    parts = parted(problem, lost)
+    asked = tour_problem(problem, parts)
+    visits = tuple(PlannedVisit(each.name, each.tool, each.position or ()) for each in asked.visits)
+    done = _done(plan, visits, parts, news)
+    names = {each.name for each in done}
+    _not_done(names, news)
+    wanted = tuple(each for each in visits if each.name not in names and each.name not in bad)
+    changes = tuple(sorted((a, b, cost) for (a, b), cost in asked.changes.items()))
+    now = replace(plan, done=done, lost=lost, bad=bad, impossible=dict(parts.impossible), changes=changes)
+    made = _sequenced(plan, now, wanted, limits)
+    return _compared(plan, made, problem)
+
+
+def _empty(plan: SequencePlan) -> bool:
+    return plan == SequencePlan(plan.domain, plan.problem, version=plan.version)
+
+
+def _known(problem: Problem, plan: SequencePlan, news: News) -> None:
+    """Refuse names that mean nothing."""
+    measurements = _measurements(problem) | {each.name for each in (*plan.done, *plan.rest)}
+    others = resources(problem)
+    for option, names, known in (
+        ("done", news.done, measurements),
+        ("bad", news.bad, measurements),
+        ("lost", news.lost, others),
+        ("restored", news.restored, {*others, *measurements}),
+    ):
+        wrong = [
+            unknown_name(_kind(option), each, sorted(known), Source(f"--{option}"))
+            for each in names
+            if each not in known
+        ]
+        if wrong:
+            raise InvalidInput(wrong)
+
+
+def _measurements(problem: Problem) -> set[str]:
+    objects = {**problem.domain.objects, **problem.objects}
+    return {name for name, type_ in objects.items() if type_ == MEASUREMENT}
+
+
+def resources(problem: Problem) -> set[str]:
+    """What can be lost: the objects that are no measurements, and the resources of operators."""
+    named = {str(each) for operator in problem.domain.operators for each in operator.resources}
+    return {*problem.domain.objects, *problem.objects, *named} - _measurements(problem)
+
+
+def _kind(option: str) -> str:
+    return "visit" if option in ("done", "bad") else "resource"
+
+
+def _done(plan: SequencePlan, visits: Visits, parts: Partition, news: News) -> Visits:
+    """What is done: as it was, then what the problem says is done, then what the news say, each in order."""
+    finished = {each.name for each in plan.done}
+    recorded = {each.name: each for each in (*visits, *plan.rest)}
+    said = [each.name for each in plan.rest if each.name in set(parts.done)]
+    new = [
+        name
+        for name in dict.fromkeys((*said, *news.done))
+        if name not in finished | set(parts.done) - set(said)
+    ]
+    out = {**parts.impossible, **plan.bad}
+    wrong = [
+        Diagnostic(Source("--done"), "K401", f"'{name}' is left out: {out.get(name, REMOVED)}", "")
+        for name in new
+        if name not in recorded or name in plan.bad
+    ]
+    if wrong:
+        raise InvalidInput(wrong)
+    return (*plan.done, *(recorded[name] for name in new))
+
+
+def _not_done(done: set[str], news: News) -> None:
+    wrong = [
+        Diagnostic(Source("--bad"), "K401", f"'{name}' is done already", "what is done is left alone")
+        for name in news.bad
+        if name in done
+    ]
+    if wrong:
+        raise InvalidInput(wrong)
+
+
+def _sequenced(old: SequencePlan, now: SequencePlan, wanted: Visits, limits: Limits) -> Progress:
+    """The rest in the order it had, if that is still the rest from where we are; else in the best order found."""
+    behind = len(now.done) - len(old.done)
+    problem, first = _tours(now, wanted)
+    standing = old.rest[behind:]
+    on_course = now.done[len(old.done) :] == old.rest[:behind] and old.changes == now.changes
+    if not _empty(old) and on_course and {*standing} == {*wanted}:
+        problem, first = _tours(now, standing)
+        order = tuple(range(len(problem.visits)))
+        tour = Tour(order, cost_of(problem, order) if order else 0, 0)
+        return Progress(replace(now, rest=standing), "kept", problem, tour)
+    found = sequence(problem, limits)
+    tour = _steadier(problem, _inserted(problem, wanted, old.rest, first), found)
+    rest = tuple(wanted[each - first] for each in tour.order[first:])
+    return Progress(replace(now, rest=rest), "made" if _empty(old) else "resequenced", problem, tour)
+
+
+def _tours(plan: SequencePlan, rest: Visits) -> tuple[TourProblem, int]:
+    """The tour problem of the rest, and how many visits before it are done: the last one, if any."""
+    before = plan.done[-1:]
+    visits = tuple(Visit(each.name, each.position, each.tool) for each in (*before, *rest))
+    changes = {(a, b): cost for a, b, cost in plan.changes}
+    return straight(plan.problem, visits, changes, 0 if before else None), len(before)
+
+
+def _inserted(problem: TourProblem, wanted: Visits, old: Visits, first: int) -> tuple[int, ...]:
+    """The old order of what is still wanted as it was, with every other visit put in where that costs least."""
+    number = {each: index + first for index, each in enumerate(wanted)}
+    order = [*range(first), *(number[each] for each in old if each in number)]
+    arcs = problem.arcs
+    for each in sorted({*number.values()} - {*order}):
+        order.insert(_cheapest(arcs, order, each, first), each)
+    return tuple(order)
+
+
+def _cheapest(arcs: Longs, order: Sequence[int], visit: int, first: int) -> int:
+    """Where one more visit costs least in an open tour whose first visits are given."""
+    if not order:
+        return 0
+    ways = [int(arcs[a, visit] + arcs[visit, b] - arcs[a, b]) for a, b in pairwise(order)]
+    ways.append(int(arcs[order[-1], visit]))
+    if not first:
+        ways.insert(0, int(arcs[visit, order[0]]))
+    return ways.index(min(ways)) + first
+
+
+def _steadier(problem: TourProblem, order: tuple[int, ...], found: object) -> Tour:
+    """The tour that was found if it is shorter than the order there was."""
+    cost = cost_of(problem, order) if order else 0
+    if not isinstance(found, Tour):
+        return Tour(order, cost, 0)
+    return found if found.cost < cost else replace(found, order=order, cost=cost)
+
+
+def _compared(old: SequencePlan, made: Progress, problem: Problem) -> Progress:
+    """What became of the visits that were left."""
+    tools, now = {each.name: each.tool for each in old.rest}, made.plan
+    done = {each.name for each in now.done}
+    rest = {each.name: each for each in now.rest}
+    moved = {
+        name: (tool, rest[name].tool)
+        for name, tool in tools.items()
+        if name in rest and rest[name].tool != tool
+    }
+    place = {name: index for index, name in enumerate(tools)}
+    staying = [each.name for each in now.rest if each.name in tools and each.name not in moved]
+    kept = _rising(staying, place)
+    out = {**now.impossible, **now.bad}
+    return replace(
+        made,
+        kept=kept,
+        reordered=tuple(name for name in staying if name not in set(kept)),
+        moved=moved,
+        added=tuple(each.name for each in now.rest if each.name not in tools),
+        dropped={name: out.get(name, REMOVED) for name in tools if name not in rest and name not in done},
+        outdated=_outdated(now, problem),
+    )
+
+
+def _rising(names: Sequence[str], place: Mapping[str, int]) -> tuple[str, ...]:
+    """A longest subsequence whose places rise (Fredman 1975)."""
+    ends: list[int] = []
+    tails: list[tuple[str, ...]] = []
+    for name in names:
+        at = bisect_left(ends, place[name])
+        chain = (*(tails[at - 1] if at else ()), name)
+        ends[at : at + 1] = [place[name]]
+        tails[at : at + 1] = [chain]
+    return tails[-1] if tails else ()
+
+
+def _outdated(plan: SequencePlan, problem: Problem) -> tuple[str, ...]:
+    """Visits done that are elsewhere now, or that the problem no longer has."""
+    places = positions(problem) if plan.done else {}
+    return tuple(each.name for each in plan.done if places.get(each.name) != each.position)

@@ -1,0 +1,106 @@
+"""The stages in order. What the command line does is one call of a function here.
+
+What reads files of our own language is imported by the functions that read them: tasks in PDDL go without it.
+"""
+
+import time
+from dataclasses import replace
+
+from engine.model.outcome import Found, Outcome, Statistics
+from engine.model.task import Task
+from engine.stages.grounding import ground
+from engine.stages.grounding.limits import require_affordable_statics
+from engine.stages.planning import NO_MACROS, Limits, Macros
+from engine.stages.planning import plan as plan_task
+from engine.stages.validation import validate
+from kb.diagnostics import Diagnostic, InvalidInput, Source
+from kb.model.plan import Plan, in_sequence
+from kb.model.problem import Problem
+from kb.terms import Atom
+
+
+class InternalError(Exception):
+    """The engine made a plan that its own checker refuses: a bug. Carries the checker's findings."""
+
+    def __init__(self, diagnostics: list[Diagnostic]) -> None:
+        super().__init__("the checker refuses the plan:\n" + "\n".join(map(str, diagnostics)))
+
+
+def problem_of(target: str, goals: str = "", command: str = "") -> Problem:
+    """The problem that a target names, with other goals if some are given, or with those of a command in words.
+
+    Raises `InvalidInput`.
+    """
+    from kb.commands import understand
+    from kb.loader import find, load, problem_files, with_goals
+
+    loaded = load(find(target))
+    if goals and command:
+        raise InvalidInput(
+            [Diagnostic(Source("--command"), "K401", "goals are given already", "give one of the two")]
+        )
+    if goals:
+        return with_goals(loaded.domain, goals, loaded.problem)
+    if command:
+        return understand(loaded.problem or loaded.domain, command)
+    if loaded.problem is None:
+        problems = sorted(path.stem for path in problem_files(find(target)))
+        ways = "give --goals or --command"
+        hint = f"{ways}, or one of its problems: {', '.join(problems)}" if problems else ways
+        raise InvalidInput([Diagnostic(Source(target), "K401", "this is a domain, not a problem", hint)])
+    return loaded.problem
+
+
+def plan(problem: Problem, limits: Limits = Limits()) -> Outcome:
+    """A checked plan for a problem, the proof that there is none, or where the search stopped. Raises `InvalidInput`."""
+    return planned(problem, limits)[0]
+
+
+def planned(problem: Problem, limits: Limits = Limits(), macros: Macros = NO_MACROS) -> tuple[Outcome, Task]:
+    """`plan` with MACROPs that serve searches as operators; the ground task, too. Raises `InvalidInput`."""
+    started = time.perf_counter()
+    task = ground(problem)
+    grounded = time.perf_counter()
+    outcome = plan_task(task, limits, macros)
+    finished = time.perf_counter()
+    if isinstance(outcome, Found):
+        outcome = replace(outcome, plan=accepted(problem, outcome.plan))
+    checked = time.perf_counter()
+    counts = {
+        "operators": len(task.operators),
+        "atoms": len(task.atoms),
+        "mutex groups": len(task.mutex_groups),
+        **outcome.statistics.counts,
+    }
+    seconds = {"grounding": grounded - started, "search": finished - grounded, "check": checked - finished}
+    statistics = Statistics(counts, seconds, outcome.statistics.offer)
+    return replace(outcome, statistics=statistics), task
+
+
+def accepted(problem: Problem, made: Plan) -> Plan:
+    """The plan, if the checker accepts it; as a sequence, if all that it cannot show is that some steps need no order.
+
+    Such steps may interfere, or reach the stages of a chain in another order than the plan means.
+    """
+    wrong = validate(problem, made)
+    if wrong and all(each.code in ("K503", "K506") for each in wrong):
+        made = in_sequence(made)
+        wrong = validate(problem, made)
+    if wrong:
+        raise InternalError(wrong)
+    return made
+
+
+def check_plan(problem: Problem, made: Plan, name: str = "plan") -> list[Diagnostic]:
+    """Everything that the independent checker has against a plan; empty if it is valid. Raises `InvalidInput`."""
+    require_affordable_statics(problem)
+    return validate(problem, made, name)
+
+
+def initial_facts(target: str) -> frozenset[Atom]:
+    """What is true at the start of the problem that a target names; nothing for a domain. Raises `InvalidInput`."""
+    from engine.stages.validation.semantics import Semantics
+    from kb.loader import find, load
+
+    problem = load(find(target)).problem
+    return frozenset() if problem is None else Semantics(problem).initial()

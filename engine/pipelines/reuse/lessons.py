@@ -1,0 +1,81 @@
+"""Plans in files become MACROPs in a library; MACROPs go from library to library as files."""
+
+import json
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+from engine.pipelines import planning
+from engine.pipelines.reuse.subsequences import SIGNATURE
+from engine.stages.macros.learning.generalise import NotGeneral, generalise
+from engine.stages.macros.lifted.world import World
+from engine.stages.macros.lookup.repertoire import record_of
+from engine.stages.validation.semantics import Semantics
+from kb.diagnostics import Diagnostic, InvalidInput, Source
+from kb.loader.plan import load_plan
+from kb.model.macro import Macrop
+from kb.store import Library, NotationError, Record, document, macrop_of
+
+VERSION = 1
+
+
+@dataclass(frozen=True, slots=True)
+class Lesson:
+    """What was learned from one plan: the number of its MACROP, or the reason why there is none."""
+
+    file: Path
+    macrop: int | None = None
+    name: str = ""
+    reason: str = ""
+    diagnostics: tuple[Diagnostic, ...] = ()
+
+    def __str__(self) -> str:
+        return (
+            f"learned as MACROP {self.macrop}, {self.name}" if self.macrop else f"not learned: {self.reason}"
+        )
+
+
+def lesson(file: Path, library: Library) -> Lesson:
+    """Learn from the plan in a file, if the independent checker has nothing against it. Raises `InvalidInput`."""
+    problem, plan = load_plan(file)
+    wrong = planning.check_plan(problem, plan, str(file))
+    if wrong:
+        return Lesson(file, reason="the plan is not valid", diagnostics=tuple(wrong))
+    try:
+        learned = generalise(problem, plan, World(problem), Semantics(problem).initial()).macrop
+    except NotGeneral as error:
+        return Lesson(file, reason=str(error))
+    (number,) = library.add(records([learned]))
+    return Lesson(file, number, str(learned.name), "" if number is not None else "the library has it")
+
+
+def records(macrops: Iterable[Macrop]) -> list[Record]:
+    """MACROPs as a library keeps them."""
+    return [Record(each, SIGNATURE) if each.subsequence else record_of(each) for each in macrops]
+
+
+def write(file: Path, macrops: Iterable[Macrop]) -> None:
+    """Write MACROPs as JSON. Raises `InvalidInput` if the file cannot be written."""
+    whole = {"version": VERSION, "macrops": list(map(document, macrops))}
+    try:
+        file.write_text(json.dumps(whole, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+    except OSError as error:
+        raise _refused(file, f"cannot be written: {error.strerror}") from error
+
+
+def read(file: Path) -> list[Macrop]:
+    """The MACROPs in a file that `write` made. Raises `InvalidInput`."""
+    try:
+        whole = json.loads(file.read_text(encoding="utf-8"))
+        if whole["version"] != VERSION:
+            raise _refused(file, f"this is format {whole['version']}, not {VERSION}")
+        return list(map(macrop_of, whole["macrops"]))
+    except OSError as error:
+        raise _refused(file, f"cannot be read: {error.strerror}") from error
+    except (NotationError, ValueError, KeyError, TypeError, RecursionError) as error:
+        raise _refused(file, f"these are no MACROPs: {error}") from error
+
+
+def _refused(file: Path, message: str) -> InvalidInput:
+    hint = "write one with `cellwright macros export FILE`"
+    return InvalidInput([Diagnostic(Source(str(file)), "K401", message, hint)])

@@ -1,0 +1,268 @@
+"""Lookup before planning, learning after it."""
+
+import time
+from dataclasses import dataclass, replace
+from types import TracebackType
+
+from engine.model.forecast import makespan
+from engine.model.outcome import Found, Outcome, Statistics
+from engine.pipelines import planning
+from engine.pipelines.reuse.composition import Part, Served, compose, kinds_of, worth_composing
+from engine.pipelines.reuse.subsequences import Subsequences
+from engine.stages.grounding.initial import initial_state
+from engine.stages.grounding.limits import require_affordable_statics
+from engine.stages.grounding.program import Vocabulary
+from engine.stages.macros.learning.generalise import NotGeneral, generalise
+from engine.stages.macros.lifted.world import Worlds
+from engine.stages.macros.lookup.checking import executed
+from engine.stages.macros.lookup.query import Query, Situation, query
+from engine.stages.macros.lookup.repertoire import Repertoire
+from engine.stages.planning import Limits
+from kb.diagnostics import InvalidInput
+from kb.model.domain import Domain
+from kb.model.macro import MacroPart
+from kb.model.plan import Plan
+from kb.model.problem import Problem
+from kb.store import Library
+from kb.terms import ordered
+
+LONG_SEARCH = 5_000  # expansions that it is worth while to spare
+LARGEST = 100  # steps of a plan that is learned: to generalise takes time that grows with their square
+DEARER, LONGER = 1.05, 1.1  # of what the planner's plan costs, and lasts, a composed one may
+
+
+@dataclass(frozen=True, slots=True)
+class Answered:
+    """An outcome and where it comes from: `library`, `planner`, `parts` (composed of MACROPs), or `state` when nothing was
+    left to do.
+
+    `macrop` is the number of the MACROP that was used, or of the one that was learned. `reason` says why a plan was not
+    learned. `after` is the situation that the plan leads to; where nothing is learned, only who gave a situation is told.
+    """
+
+    outcome: Outcome
+    origin: str
+    macrop: int | None = None
+    name: str = ""
+    reason: str = ""
+    after: Situation | None = None
+    parts: tuple[Part, ...] = ()
+
+
+class Practice:
+    """A library at work. Problems of one cell share its statics; situations move on from plan to plan."""
+
+    def __init__(
+        self, library: Library, limits: Limits = Limits(), thorough: bool = False, learns: bool = True
+    ) -> None:
+        """`thorough`: the independent checker looks at what lookup finds, too, not at what is planned alone.
+
+        Without `learns` the library is used and stays as it is.
+        """
+        self.library, self.limits, self.thorough = library, limits, thorough
+        self.learns = learns and library.writable
+        self._worlds = Worlds()
+        self._repertoires: list[Repertoire] = []
+        self._subsequences: list[Subsequences] = []
+
+    def __enter__(self) -> "Practice":
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.flush()
+
+    def flush(self) -> None:
+        """Tell the library how often its MACROPs served."""
+        for each in self._repertoires:
+            each.flush()
+
+    def repertoire(self, domain: Domain) -> Repertoire:
+        """What the library holds for a domain."""
+        found = next((each for each in self._repertoires if each.domain is domain), None)
+        if found is None:
+            found = Repertoire(self.library, domain)
+            self._repertoires.append(found)
+        return found
+
+    def subsequences(self, domain: Domain) -> Subsequences:
+        """The sub-sequences that the library holds for a domain."""
+        found = next((each for each in self._subsequences if each.domain is domain), None)
+        if found is None:
+            found = Subsequences(self.library, domain)
+            self._subsequences.append(found)
+        return found
+
+    def folded(self, problem: Problem, found: Answered) -> Answered:
+        """An answer with the parts of its plan: those that it is composed of, else the sub-sequences in it."""
+        if found.parts or not isinstance(found.outcome, Found):
+            return found
+        return replace(found, parts=self.subsequences(problem.domain).folded(found.outcome.plan))
+
+    def situation(self, problem: Problem) -> Situation:
+        """The initial state of a problem, in its world. Raises `InvalidInput` as grounding would."""
+        require_affordable_statics(problem)
+        state, contradicted = initial_state(problem, Vocabulary(problem.domain))
+        if contradicted:
+            raise InvalidInput(contradicted)
+        return Situation.of(self._worlds.of(problem), state)
+
+    def plan(self, problem: Problem, situation: Situation | None = None) -> Answered:
+        """A checked plan for a problem, from a situation if that is given, else from its own initial state.
+
+        Raises `InvalidInput`.
+        """
+        here = situation if situation is not None else self.situation(problem)
+        found = self._known(problem, here)
+        if found is not None:
+            return found
+        if situation is None:
+            return self._planned(problem, here)
+        found = self._planned(problem.replace(ordered(here.facts)), here)
+        if found.after is None and isinstance(found.outcome, Found):
+            found = replace(found, after=executed(found.outcome.plan, here))
+        return found
+
+    def _known(self, problem: Problem, here: Situation) -> Answered | None:
+        """An answer by what is known: nothing is left to do, or MACROPs do it."""
+        asked = query(problem, here)
+        if asked is None:
+            return None
+        found = (
+            Answered(Found(Plan(())), "state", after=here)
+            if asked.served
+            else self._looked_up(problem, asked)
+        )
+        if found is None and worth_composing(asked):
+            found = self._composed_if_it_pays(problem, asked)
+        return None if found is None or here.world.violated else found
+
+    def _composed_if_it_pays(self, problem: Problem, asked: Query) -> Answered | None:
+        """A composed plan, unless composing for such goals failed or did not pay more often than it did.
+
+        The first one has to stand beside the planner's plan for the same problem, and is not tried where nothing is learned.
+        """
+        kinds = " + ".join(sorted(kinds_of(asked)))
+        successes, failures = self.library.tried(problem.domain.name, kinds)
+        if failures > successes or not (successes or self.learns) or asked.world.violated:
+            return None
+        found = self._composed(problem, asked)
+        if successes and (found is not None or not self.learns):
+            return found
+        here = problem.replace(ordered(asked.facts))
+        rival, planning = self._searched(here, asked.situation)
+        better = found is not None and _pays(found.outcome, rival)
+        self.library.note_trial(problem.domain.name, kinds, better)
+        if found is None or not better:
+            return self._learned(here, rival, planning, asked.situation)
+        return self._learned_whole(problem, asked, found, planning)
+
+    def _learned_whole(self, problem: Problem, asked: Query, found: Answered, planning: float) -> Answered:
+        """Keep the composed plan as a MACROP that contains others."""
+        assert isinstance(found.outcome, Found)
+        plan, here = found.outcome.plan, asked.situation
+        if len(plan.steps) > LARGEST or not self.learns:
+            return found
+        try:
+            whole = generalise(problem, plan, here.world, here.state).macrop
+        except NotGeneral as error:
+            return replace(found, reason=str(error))
+        parts = tuple(MacroPart(part.name, part.steps) for part in found.parts)
+        number = self.repertoire(problem.domain).learn(replace(whole, parts=parts), planning)
+        return replace(found, macrop=number, name=str(whole.name))
+
+    def _composed(self, problem: Problem, asked: Query) -> Answered | None:
+        started = time.perf_counter()
+        made = compose(problem, asked, self._serve)
+        if made is None or not self._approved(problem, asked.situation, made.plan):
+            return None
+        seconds = {"composing": time.perf_counter() - started}
+        return Answered(
+            Found(made.plan, Statistics({}, seconds)), "parts", after=made.after, parts=made.parts
+        )
+
+    def _serve(self, part: Problem, here: Situation, may_plan: bool) -> Served | None:
+        """One part, looked up or, where its plan can be learned, planned."""
+        part = _alone(part)
+        asked = query(part, here)
+        if asked is None or asked.served:
+            return None if asked is None else Served(Plan(()), None, here)
+        answered = self._looked_up(part, asked, approve=False)
+        if answered is None and not (may_plan and self.learns):
+            return None
+        planned = answered is None
+        if answered is None:
+            answered = self._planned(part.replace(ordered(here.facts)), here, whole=False)
+        if not isinstance(answered.outcome, Found) or answered.after is None:
+            return None
+        return Served(answered.outcome.plan, answered.macrop, answered.after, planned, answered.name)
+
+    def _looked_up(self, problem: Problem, asked: Query, approve: bool = True) -> Answered | None:
+        started = time.perf_counter()
+        hit = self.repertoire(problem.domain).find(asked)
+        if hit is None or (approve and not self._approved(problem, asked.situation, hit.plan)):
+            return None
+        seconds = {"lookup": time.perf_counter() - started}
+        outcome = Found(hit.plan, Statistics({}, seconds))
+        assert isinstance(hit.key, int)
+        parts = tuple(Part(None, part.name, "", part.steps) for part in hit.macrop.parts)
+        return Answered(outcome, "library", hit.key, str(hit.macrop.name), after=hit.after, parts=parts)
+
+    def _approved(self, problem: Problem, here: Situation, plan: Plan) -> bool:
+        return not self.thorough or not planning.check_plan(problem.replace(ordered(here.facts)), plan)
+
+    def _planned(self, problem: Problem, here: Situation, whole: bool = True) -> Answered:
+        outcome, seconds = self._searched(problem, here, whole)
+        return self._learned(problem, outcome, seconds, here)
+
+    def _searched(self, problem: Problem, here: Situation, whole: bool = True) -> tuple[Outcome, float]:
+        """The planner's answer, with sub-sequences among its operators, and the seconds that it took; plans of whole problems
+        are searched for more of them."""
+        started = time.perf_counter()
+        inner = self.subsequences(problem.domain)
+        outcome, task = planning.planned(problem, self.limits, inner.offered())
+        seconds = time.perf_counter() - started
+        if self.learns and isinstance(outcome, Found):
+            inner.note(outcome.statistics)
+            if whole:
+                inner.study(problem, outcome.plan, task, here, self.limits.interrupted)
+        return outcome, seconds
+
+    def _learned(self, problem: Problem, outcome: Outcome, seconds: float, here: Situation) -> Answered:
+        """The planner's answer, and what was learned from it."""
+        if not isinstance(outcome, Found):
+            return Answered(outcome, "planner")
+        if not self.learns:
+            idle = "nothing is to be learned" if self.library.writable else "the library may only be read"
+            return Answered(outcome, "planner", reason=idle)
+        left = executed(outcome.plan, here)
+        if len(outcome.plan.steps) > LARGEST:
+            return Answered(
+                outcome, "planner", reason=f"{len(outcome.plan.steps)} steps are too many", after=left
+            )
+        try:
+            learned = generalise(problem, outcome.plan, here.world, here.state).macrop
+        except NotGeneral as error:
+            return Answered(outcome, "planner", reason=str(error), after=left)
+        number = self.repertoire(problem.domain).learn(learned, seconds)
+        reason = "" if number is not None else "the library has it"
+        return Answered(outcome, "planner", number, str(learned.name), reason, left)
+
+
+def _alone(part: Problem) -> Problem:
+    """A part whose chains wait for none of another part."""
+    return replace(part, chains=tuple(replace(chain, after=()) for chain in part.chains))
+
+
+def _pays(composed: Outcome, rival: Outcome) -> bool:
+    """Whether a composed plan was worth it: hardly dearer or longer than the planner's, and cheaper or a long search spared.
+
+    Judged by work, not by the clock, so that the same input gives the same plan.
+    """
+    if not isinstance(rival, Found) or not isinstance(composed, Found):
+        return True
+    cost, other = composed.plan.cost, rival.plan.cost
+    longer = makespan(composed.plan) > LONGER * makespan(rival.plan)
+    long_search = rival.statistics.counts.get("expanded", 0) >= LONG_SEARCH
+    return cost <= DEARER * other and not longer and (cost < other or long_search)

@@ -1,0 +1,79 @@
+"""A plan under way: its steps as ground operators, and what each tail of it needs to lead to the goal.
+
+What a tail needs is its kernel in the triangle table of Fikes, Hart & Nilsson (1972): the goal regressed through it.
+"""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+from engine.model.forecast import STAGE, stage_atom
+from engine.model.replay import Instances, instances, reached_goals, replayed
+from engine.model.task import Bits, GroundOperator, Task, indices
+from engine.stages.grounding import ground
+from engine.stages.macros.lifted.world import World
+from engine.stages.macros.lookup.query import Situation
+from engine.stages.validation.semantics import Semantics
+from kb.model.plan import Plan
+from kb.model.problem import Problem
+from kb.terms import Atom, Function
+
+
+@dataclass(frozen=True)
+class Course:
+    """A problem, the plan that is being executed for it, and the task and world that they live in."""
+
+    problem: Problem
+    plan: Plan
+    task: Task
+    start: Situation
+
+    @classmethod
+    def of(cls, problem: Problem, plan: Plan) -> "Course":
+        """Ground the problem once, so that revising need not. Raises `InvalidInput`."""
+        start = Situation.of(World(problem), Semantics(problem).initial())
+        return cls(problem, plan, ground(problem), start)
+
+    @cached_property
+    def index(self) -> Mapping[Atom, int]:
+        """The number of each atom."""
+        return {atom: number for number, atom in enumerate(self.task.atoms)}
+
+    @cached_property
+    def instances(self) -> Instances:
+        """The ground operators of each instance."""
+        return instances(self.task)
+
+    def bits(self, observed: Iterable[Atom], reached: Mapping[str, int]) -> Bits:
+        """A state of the task: what is observed, the stages reached, complements; atoms it does not know are left out."""
+        found = sum({1 << self.index[atom] for atom in observed if atom in self.index})
+        for chain in self.problem.chains:
+            found |= 1 << self.index[stage_atom(chain, reached[chain.name])]
+        for number, atom in enumerate(self.task.atoms):
+            if atom.name == "not" and len(atom.arguments) == 1:
+                inner = atom.arguments[0]
+                assert isinstance(inner, Function)
+                if not found >> self.index[inner] & 1:
+                    found |= 1 << number
+            elif atom.name.startswith("_") and atom.name != STAGE and self.task.initial >> number & 1:
+                found |= 1 << number
+        return found
+
+    def executed(self, state: Bits, steps: Iterable[Function]) -> list[GroundOperator] | None:
+        """The ground operators of instances taken one after another from a state; None if one cannot be taken."""
+        return replayed(self.instances, state, steps)
+
+    def kernels(self, steps: Sequence[GroundOperator], goals: Bits) -> list[Bits]:
+        """What must hold so that the steps from each position on lead to the goals; the last one is the goals."""
+        found = [goals]
+        for operator in reversed(steps):
+            found.append((found[-1] & ~operator.adds) | operator.preconditions)
+        return found[::-1]
+
+    def reached_goals(self, state: Bits) -> Bits | None:
+        """The alternative of the goals that holds in a state."""
+        return reached_goals(self.task, state)
+
+    def named(self, bits: Bits) -> tuple[Atom, ...]:
+        """The atoms in a bitset."""
+        return tuple(self.task.atoms[number] for number in indices(bits))

@@ -1,0 +1,205 @@
+"""Repair or replan, whichever is cheaper.
+
+What can be done at once: the shortest tail whose kernel holds. Else the planner closes the gap from what is observed to the
+kernel of some tail, over the task that is grounded already. Steps that the new situation makes needless are dropped
+(Nakhost & Müller 2010). Replanning from nothing is asked where repair fails, or costs more than it should.
+"""
+
+import dataclasses
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from engine.model.forecast import STAGE
+from engine.model.outcome import Found, Outcome
+from engine.model.task import Bits, GroundOperator, progress
+from engine.pipelines import planning
+from engine.pipelines.revision.course import Course
+from engine.pipelines.revision.remaining import remaining, stages_reached
+from engine.stages.macros.lookup.checking import changes_of, check
+from engine.stages.macros.lookup.query import Situation, query
+from engine.stages.planning import Limits
+from engine.stages.planning import plan as plan_task
+from engine.stages.planning.elimination import eliminate
+from engine.stages.planning.improvement.deorder import deorder
+from engine.stages.planning.variants import plainly
+from kb.model.plan import CausalLink, Plan, Step, StepId
+from kb.model.problem import Problem
+from kb.terms import Atom, Function, Number, Text
+
+GAPS = 3  # tails to which a gap is planned
+SLACK = (
+    5  # steps or a quarter of what was left: so much dearer may a repair be before replanning is asked, too
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Revision:
+    """What is to be done now. `way`: done, continued, repaired or replanned.
+
+    `problem` is what was left to do, `outcome` the answer for it. `kept`, `dropped` and `added` compare steps with those
+    that were left of the old plan. Costs are None where a way was not tried or led nowhere.
+    """
+
+    problem: Problem
+    outcome: Outcome
+    way: str
+    kept: tuple[Step, ...] = ()
+    dropped: tuple[Step, ...] = ()
+    added: tuple[Step, ...] = ()
+    repair_cost: int | None = None
+    replanning_cost: int | None = None
+
+
+def revise(
+    course: Course,
+    done: Sequence[StepId],
+    observed: Sequence[Atom],
+    limits: Limits = Limits(),
+    both: bool = False,
+) -> Revision:
+    """A plan for what is left, after the steps `done`, from the state `observed`.
+
+    `both` compares repair with replanning in any case. Raises `InvalidInput`.
+    """
+    finished = [step for step in course.plan.steps if step.id in set(done)]
+    left = [step for step in course.plan.steps if step.id not in set(done)]
+    reached = stages_reached(course.problem.chains, changes_of(course.start, finished))
+    problem = remaining(course.problem, reached, observed)
+    repair = _Repair(course, problem, reached, left, limits)
+    repaired, way = repair.plan()
+    if repaired is not None and repaired.cost <= affordable(left) and not both:
+        return _revision(problem, Found(repaired), way, left, repaired.cost, None)
+    replanned = planning.plan(problem, limits)
+    cost = replanned.plan.cost if isinstance(replanned, Found) else None
+    if repaired is not None and (cost is None or repaired.cost <= cost):
+        return _revision(problem, Found(repaired), way, left, repaired.cost, cost)
+    return _revision(problem, replanned, "replanned", left, repaired.cost if repaired else None, cost)
+
+
+def affordable(left: Sequence[Step]) -> int:
+    """What a repair may cost before replanning is asked, too."""
+    wanted = sum(step.cost for step in left)
+    return wanted + max(SLACK, wanted // 4)
+
+
+def _revision(
+    problem: Problem,
+    outcome: Outcome,
+    way: str,
+    left: Sequence[Step],
+    repair: int | None,
+    replanning: int | None,
+) -> Revision:
+    steps = outcome.plan.steps if isinstance(outcome, Found) else ()
+    kept, added = _common(steps, left)
+    _, dropped = _common(left, steps)
+    return Revision(problem, outcome, way, kept, dropped, added, repair, replanning)
+
+
+def _common(steps: Sequence[Step], others: Sequence[Step]) -> tuple[tuple[Step, ...], tuple[Step, ...]]:
+    """Which steps are among the others, each matched once, and which are not."""
+    free = Counter(step.operator for step in others)
+    shared, own = [], []
+    for step in steps:
+        if free[step.operator] > 0:
+            free[step.operator] -= 1
+            shared.append(step)
+        else:
+            own.append(step)
+    return tuple(shared), tuple(own)
+
+
+@dataclass(frozen=True)
+class _Repair:
+    course: Course
+    problem: Problem
+    reached: dict[str, int]
+    left: Sequence[Step]
+    limits: Limits
+
+    def plan(self) -> tuple[Plan | None, str]:
+        """The cheapest repaired plan that passes the check, and how it was made."""
+        here = self.course.bits(self.problem.initial, self.reached)
+        if self.course.reached_goals(here) is not None and self._checked(Plan(())):
+            return Plan(()), "done"
+        tail = self._tail()
+        if tail is None:
+            return None, ""
+        goals, steps = tail
+        kernels = self.course.kernels(steps, goals)
+        whole = next((n for n in range(len(steps), -1, -1) if not kernels[n] & ~here), None)
+        if whole is not None:
+            made = self._made(here, steps[whole:], goals)
+            return made, "continued" if made is not None else ""
+        return self._over_a_gap(here, steps, goals, kernels), "repaired"
+
+    def _tail(self) -> tuple[Bits, list[GroundOperator]] | None:
+        """The steps that were left as ground operators, and the goals that they lead to as planned."""
+        finished = [step for step in self.course.plan.steps if step not in self.left]
+        operators = self.course.executed(
+            self.course.task.initial, [s.operator for s in [*finished, *self.left]]
+        )
+        if operators is None:
+            return None
+        state = self.course.task.initial
+        for operator in operators:
+            state = progress(state, operator)
+        goals = self.course.reached_goals(state)
+        left = plainly(self.course.task, operators)[len(finished) :]  # kernels do not see conditional effects
+        return None if goals is None else (goals, left)
+
+    def _over_a_gap(
+        self, here: Bits, steps: Sequence[GroundOperator], goals: Bits, kernels: Sequence[Bits]
+    ) -> Plan | None:
+        """A plan for a gap with the tail behind it: the first that is no detour, else the cheapest of a few.
+
+        Tails that miss least and are shortest come first.
+        """
+
+        def promise(n: int) -> tuple[int, int]:
+            missing = (kernels[n] & ~here).bit_count()
+            return missing + sum(step.cost for step in steps[n:]), n
+
+        best: Plan | None = None
+        for n in sorted(range(len(steps) + 1), key=promise)[:GAPS]:
+            made = self._gap(here, steps[n:], goals, kernels[n])
+            if made is not None and (best is None or made.cost < best.cost):
+                best = made
+            if best is not None and best.cost <= affordable(self.left):
+                break
+        return best
+
+    def _gap(self, here: Bits, tail: Sequence[GroundOperator], goals: Bits, kernel: Bits) -> Plan | None:
+        task = dataclasses.replace(self.course.task, initial=here, goals=(kernel,))
+        outcome = plan_task(task, self.limits)
+        if not isinstance(outcome, Found):
+            return None
+        gap = self.course.executed(here, [step.operator for step in outcome.plan.steps])
+        return self._made(here, [*gap, *tail], goals) if gap is not None else None
+
+    def _made(self, here: Bits, steps: Sequence[GroundOperator], goals: Bits) -> Plan | None:
+        """A plan of the steps that are needed, if it passes the check."""
+        task = dataclasses.replace(self.course.task, initial=here)
+        kept = eliminate(here, plainly(task, steps), goals)
+        made = deorder(task, kept, goals)
+        shifted = Plan(made.steps, tuple(self._shifted(link) for link in made.links))
+        return shifted if self._checked(shifted) else None
+
+    def _checked(self, plan: Plan) -> bool:
+        here = Situation.of(self.course.start.world, self.problem.initial)
+        asked = query(self.problem, here)
+        if asked is None:
+            return not planning.check_plan(self.problem, plan)
+        return isinstance(check(plan, asked), Situation)
+
+    def _shifted(self, link: CausalLink) -> CausalLink:
+        """A link whose stage is counted from what was reached already."""
+        condition = link.condition
+        if condition.name != STAGE:
+            return link
+        chain, number = condition.arguments
+        assert isinstance(chain, Text)
+        assert isinstance(number, Number)
+        counted = Function(STAGE, (chain, Number(number.value - self.reached[chain.value])))
+        return dataclasses.replace(link, condition=counted)

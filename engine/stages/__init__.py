@@ -1,0 +1,1 @@
+"""The stages: each answers one question, and none knows another."""

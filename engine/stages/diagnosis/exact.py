@@ -1,0 +1,172 @@
+"""The exact searches behind one face: over sets of causes where outcomes are certain, over weights where they are not.
+
+Values are weighted with the probability of what was seen so far.
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Protocol
+
+import numpy as np
+
+from engine.model.troubleshooting import Troubleshooting
+from engine.stages.diagnosis import arrays
+from engine.stages.diagnosis.arrays import Floats
+from engine.stages.diagnosis.kernels import belief, dense, partition
+from engine.stages.diagnosis.kernels.belief import Beliefs
+from engine.stages.diagnosis.kernels.memo import BUDGET, EXPANSIONS, FULL, RUNNING, STATUS, Memo, grown, memo
+from engine.stages.diagnosis.kernels.partition import Partition
+
+FIRST_LENGTH = 1 << 14
+CHEAPER = 8  # a state met in passing costs about as much as an eighth of an expansion
+MOST_STATES = 8_000_000
+
+
+SLICE = 20_000  # expansions between two questions whether to stop
+Interrupted = Callable[[], bool]
+
+
+def never() -> bool:
+    """Nobody interrupts."""
+    return False
+
+
+class Searcher(Protocol):
+    """Values of states, remembered from question to question; `rest` is the second word of a state's key."""
+
+    @property
+    def beliefs(self) -> Beliefs:
+        """The problem."""
+        ...
+
+    @property
+    def spent(self) -> int:
+        """Expansions so far."""
+        ...
+
+    def value(self, weights: Floats, rest: int, limit: float, expansions: int) -> tuple[float, bool]:
+        """The value of a state, if it is below `limit` and found within the budget; else a lower bound and False."""
+        ...
+
+    def estimate(self, action: int, weights: Floats, rest: int) -> float:
+        """A lower bound of beginning with an action, from all that has been found out."""
+        ...
+
+
+def begun(
+    search: Searcher, action: int, weights: Floats, rest: int, limit: float, expansions: int
+) -> tuple[float, bool]:
+    """The cost of beginning with an action and going on optimally; as `Searcher.value`."""
+    problem = search.beliefs
+    total = float(problem.costs[belief.situation_of(problem, rest), action] * weights.sum())
+    for outcome in range(problem.masks.shape[1]):
+        after = weights * problem.likelihoods[action, outcome]
+        if problem.ends[action, outcome] or not after.any():
+            continue
+        then = int(belief.rest_after(problem, action, outcome, rest))
+        found, proved = search.value(after, then, limit - total, expansions)
+        total += found
+        if not proved:
+            return total, False
+    return total, True
+
+
+@dataclass
+class BranchAndBound:
+    """Depth-first search with bounds, over sets of causes if there is a `partition`, else over weights."""
+
+    beliefs: Beliefs
+    partition: Partition | None
+    interrupted: Interrupted = never
+    table: Memo = field(default_factory=lambda: memo(FIRST_LENGTH, 0))
+
+    def value(self, weights: Floats, rest: int, limit: float, expansions: int) -> tuple[float, bool]:
+        """As the protocol says."""
+        last = self.spent + expansions
+        while True:
+            self.table.counts[BUDGET] = min(last, self.spent + SLICE)
+            self.table.counts[STATUS] = RUNNING
+            found = self._solve(weights, rest, limit)
+            if self.table.counts[STATUS] == RUNNING:
+                return found, found < limit
+            if self.table.counts[STATUS] == FULL:
+                self.table = grown(self.table)
+            elif self.spent >= last or self.interrupted():
+                return found, False
+
+    def estimate(self, action: int, weights: Floats, rest: int) -> float:
+        """As the protocol says."""
+        causes = int(belief.possible(weights))
+        if self.partition is None:
+            return float(belief.estimate(self.beliefs, self.table, action, causes, weights, rest))
+        return float(partition.estimate(self.partition, self.table, action, causes, rest))
+
+    @property
+    def spent(self) -> int:
+        """Expansions so far."""
+        return int(self.table.counts[EXPANSIONS])
+
+    def _solve(self, weights: Floats, rest: int, limit: float) -> float:
+        if self.partition is None:
+            return float(belief.solve(self.beliefs, self.table, weights, rest, limit))
+        causes = int(belief.possible(weights))
+        return float(partition.solve(self.partition, self.table, causes, rest, limit))
+
+
+@dataclass
+class Table:
+    """The value of every state there is, computed at the first question."""
+
+    beliefs: Beliefs
+    problem: Troubleshooting
+    values: Floats | None = None
+
+    @property
+    def radix(self) -> tuple[int, ...]:
+        """For each action the number of its outcomes plus one."""
+        return tuple(len(action.outcomes) + 1 for action in self.problem.actions)
+
+    @property
+    def spent(self) -> int:
+        """The work done, in expansions."""
+        return 0 if self.values is None else self.values.size // CHEAPER
+
+    def value(self, weights: Floats, rest: int, limit: float, expansions: int) -> tuple[float, bool]:
+        """As the protocol says; the budget was looked at when this search was chosen."""
+        del expansions
+        if self.values is None:
+            radix = np.array(self.radix, dtype=np.int64)
+            self.values = dense.values(self.beliefs, arrays.priors(self.problem), radix)
+        situation = belief.situation_of(self.beliefs, rest)
+        found = float(self.values[situation, self._number(weights, rest)])
+        return found, found < limit
+
+    def estimate(self, action: int, weights: Floats, rest: int) -> float:
+        """As the protocol says; it is the cost itself."""
+        return begun(self, action, weights, rest, math.inf, 0)[0]
+
+    def _number(self, weights: Floats, rest: int) -> int:
+        """The state of the table that has these weights: what can no longer tell anything is taken as done."""
+        number, place = 0, 1
+        for index, radix in enumerate(self.radix):
+            number += place * self._digit(index, weights, rest)
+            place *= radix
+        return number
+
+    def _digit(self, action: int, weights: Floats, rest: int) -> int:
+        width = int(self.beliefs.widths[action])
+        if width:
+            return (rest >> int(self.beliefs.shifts[action])) & ((1 << width) - 1)
+        sure = self.beliefs.likelihoods[action][:, weights > 0.0].all(axis=1) & ~self.beliefs.ends[action]
+        return int(np.argmax(sure)) + 1 if sure.any() else 0
+
+
+def searcher(problem: Troubleshooting, expansions: int, interrupted: Interrupted = never) -> Searcher:
+    """The search that suits a problem, knowing nothing yet."""
+    beliefs, sets = arrays.beliefs(problem), arrays.partition(problem)
+    states = math.prod(len(action.outcomes) + 1 for action in problem.actions) * len(beliefs.costs)
+    open_ended = 2 * sum(not action.certain for action in problem.actions) >= len(problem.actions)
+    if sets is None and open_ended and states <= min(MOST_STATES, CHEAPER * expansions):
+        return Table(beliefs, problem)
+    return BranchAndBound(beliefs, sets, interrupted)

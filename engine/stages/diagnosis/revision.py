@@ -1,0 +1,80 @@
+"""What a belief says of the world model: how certain assertions are while a case is open, and what is left of them after."""
+
+from collections.abc import Iterable, Mapping, Sequence
+
+from engine.model.cases import Diagnosis, Hypothesis, Revision
+from kb.model.faults import FaultModel
+from kb.terms import Atom, Function, Term, Variable, is_ground, match, substitute, substitute_atom
+
+Binding = Mapping[Variable, Term]
+
+
+def binding_of(model: FaultModel, exception: str, step: Function | None) -> Binding:
+    """What the interrupted step binds of the exception's variables; nothing if it is another operator's."""
+    pattern = model.exceptions[exception].operator
+    if pattern is None or step is None or pattern.name != step.name:
+        return {}
+    pairs = zip(pattern.arguments, step.arguments, strict=True)
+    return {variable: term for variable, term in pairs if isinstance(variable, Variable)}
+
+
+def certainties(
+    model: FaultModel, belief: Iterable[tuple[Hypothesis, float]], binding: Binding
+) -> dict[Atom, float]:
+    """For each assertion in doubt the probability that no cause is there that puts it in doubt."""
+    doubted: dict[Atom, float] = {}
+    for hypothesis, probability in belief:
+        atoms = {a for c in hypothesis.causes for a in bound(model.causes[c].doubts, binding)}
+        for atom in sorted(atoms, key=str):
+            doubted[atom] = doubted.get(atom, 0.0) + probability
+    return {atom: max(0.0, 1.0 - doubt) for atom, doubt in doubted.items()}
+
+
+def revision(model: FaultModel, made: Diagnosis, binding: Binding, repaired: str | None = None) -> Revision:
+    """What the cause that was found withdraws and asserts, then what its repair does; what was doubted in vain is restored."""
+    causes = list(made.hypotheses[0][0].causes) if made.isolated and made.hypotheses else []
+    withdrawn: dict[Atom, str] = {}
+    asserted: dict[Atom, str] = {}
+    lost: list[str] = []
+    for cause in causes:
+        entry = model.causes[cause]
+        withdrawn |= {atom: f"{cause}: {entry.say}" for atom in bound(entry.denies, binding)}
+        asserted |= {atom: f"{cause}: {entry.say}" for atom in bound(entry.adds, binding)}
+        lost += [str(substitute(term, binding)) for term in entry.loses]
+    if repaired is not None:
+        repair = model.repairs[repaired]
+        withdrawn |= {atom: f"{repaired}: {repair.say}" for atom in bound(repair.denies, binding)}
+        for atom in bound(repair.adds, binding):
+            withdrawn.pop(atom, None)
+            asserted[atom] = f"{repaired}: {repair.say}"
+        lost = []
+    possible = {cause for hypothesis, _ in made.hypotheses for cause in hypothesis.causes}
+    restored = {
+        atom: f"{cause} is ruled out"
+        for cause in model.exceptions[made.exception].counts
+        if cause not in possible
+        for atom in bound(model.causes[cause].doubts, binding)
+        if atom not in withdrawn and not _doubted(model, possible, atom, binding)
+    }
+    return Revision(tuple(withdrawn.items()), tuple(asserted.items()), tuple(restored.items()), tuple(lost))
+
+
+def revised(state: Sequence[Atom], change: Revision) -> tuple[Atom, ...]:
+    """The facts of a world model after a revision; variables left in what is withdrawn match anything."""
+    kept = [fact for fact in state if not any(fits(atom, fact) for atom, _ in change.withdrawn)]
+    added = [atom for atom, _ in change.asserted if atom not in kept and is_ground(atom)]
+    return tuple([*kept, *added])
+
+
+def bound(atoms: Iterable[Atom], binding: Binding) -> tuple[Atom, ...]:
+    """The atoms with the step's arguments in place of variables."""
+    return tuple(substitute_atom(atom, binding) for atom in atoms)
+
+
+def fits(pattern: Atom, fact: Atom) -> bool:
+    """Whether a fact is an instance of a pattern."""
+    return match(pattern, fact, {}) is not None
+
+
+def _doubted(model: FaultModel, causes: Iterable[str], atom: Atom, binding: Binding) -> bool:
+    return any(atom in bound(model.causes[cause].doubts, binding) for cause in causes)

@@ -1,0 +1,192 @@
+"""Test selection: which action to take next, and the tree of all that may follow.
+
+Exact by branch and bound within a budget of expansions, else a rollout of two steps beside a proven lower bound. Ties go
+to the action declared first. A `Selector` remembers what it has proved: asking again after an outcome costs little.
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from engine.model.troubleshooting import Advice, Conclude, Standing, Tree, Troubleshooting, Try
+from engine.stages.diagnosis import arrays
+from engine.stages.diagnosis.arrays import Floats
+from engine.stages.diagnosis.exact import Interrupted, Searcher, begun, never, searcher
+from engine.stages.diagnosis.kernels import belief, rollout
+from engine.stages.diagnosis.kernels.memo import FULL, RUNNING, STATUS, Memo, memo
+
+EXPANSIONS = 200_000
+LEAVES = 10_000  # up to as many a third step is looked ahead
+RULES = {"gain": rollout.GAIN, "pairs": rollout.PAIRS, "p/c": rollout.CURES}
+TIE = 1e-9
+
+
+@dataclass
+class Selector:
+    """Chooses actions for one problem; `expansions` bounds the exact search for each question, 0 leaves it out."""
+
+    problem: Troubleshooting
+    expansions: int = EXPANSIONS
+    interrupted: Interrupted = never
+    exact: Searcher = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.exact = searcher(self.problem, self.expansions, self.interrupted)
+        self.groups = arrays.groups(self.problem)
+        self._bases = (memo(1 << 12, 0), memo(1 << 12, 0), memo(1 << 12, 0))
+        self._followed: dict[int, Memo] = {}
+
+    def start(self, situation: int = 0) -> Standing:
+        """The beginning: every cause of positive prior is possible, nothing was seen."""
+        return Standing(int(belief.possible(arrays.priors(self.problem))), 0, situation)
+
+    def advise(self, standing: Standing) -> Advice:
+        """What to do next. Raises `ValueError` when no cause is possible any more."""
+        weights, rest = self._state(standing)
+        before = self.exact.spent
+        value, proved = self.exact.value(weights, rest, math.inf, self.expansions)
+        if proved:
+            action, cost = self._first_best(weights, rest, value), value
+        else:
+            action, cost = self._rollout(weights, rest)
+        total = float(weights.sum())
+        floor = value if proved else min(value, cost)
+        conclusion = self._conclusion(weights) if action is None else None
+        others = self._others(weights, rest, action)
+        spent = self.exact.spent - before
+        return Advice(action, conclusion, cost / total, floor / total, proved, others, spent)
+
+    def compare(self, standing: Standing, actions: tuple[int, ...]) -> tuple[tuple[int, float, bool], ...]:
+        """For each action the expected cost of beginning with it, and whether that is exact or a lower bound."""
+        weights, rest = self._state(standing)
+        found = [(a, *begun(self.exact, a, weights, rest, math.inf, self.expansions)) for a in actions]
+        return tuple((a, value / float(weights.sum()), exact) for a, value, exact in found)
+
+    def weights(self, standing: Standing) -> Floats:
+        """The probability of each cause together with everything observed (C,); not normalised."""
+        return self._state(standing)[0]
+
+    def observe(self, standing: Standing, action: int, outcome: int) -> Standing:
+        """Where the case stands after an outcome. `possible` is 0 if no cause explains it."""
+        weights, rest = self._state(standing)
+        problem = self.exact.beliefs
+        after = weights * problem.likelihoods[action, outcome]
+        return self._standing(after, int(belief.rest_after(problem, action, outcome, rest)))
+
+    def tree(
+        self, standing: Standing | None = None, choose: Callable[[Standing], Advice] | None = None
+    ) -> Tree:
+        """All that may follow, by the advice of this selector or of `choose`."""
+        first = self.start() if standing is None else standing
+        return self._grow(first, choose or self.advise, float(self.weights(first).sum()))
+
+    def rule(self, name: str) -> Callable[[Standing], Advice]:
+        """Advice by a one-step rule of `RULES`."""
+
+        def choose(standing: Standing) -> Advice:
+            weights, rest = self._state(standing)
+            cost = self._follow(weights, rest, RULES[name])
+            action = int(rollout.greedy(self.exact.beliefs, self.groups, weights, rest, RULES[name]))
+            stops = action < 0 or float(belief.stop(self.exact.beliefs, weights)) <= cost
+            conclusion = self._conclusion(weights) if stops else None
+            return Advice(None if stops else action, conclusion, cost / float(weights.sum()), 0.0, False)
+
+        return choose
+
+    def _grow(self, standing: Standing, choose: Callable[[Standing], Advice], root: float) -> Tree:
+        weights = self.weights(standing)
+        total = float(weights.sum())
+        advice = choose(standing)
+        if advice.action is None:
+            conclusion = advice.conclusion
+            loss = float(belief.stop(self.exact.beliefs, weights)) / total
+            return Conclude(total / root, conclusion, loss)
+        problem, action = self.exact.beliefs, advice.action
+        branches: list[tuple[int, Tree]] = []
+        for outcome in range(len(self.problem.actions[action].outcomes)):
+            after = weights * problem.likelihoods[action, outcome]
+            if not after.any():
+                continue
+            if problem.ends[action, outcome]:
+                branches.append((outcome, Conclude(float(after.sum()) / root, None)))
+            else:
+                branches.append((outcome, self._grow(self.observe(standing, action, outcome), choose, root)))
+        cost = float(problem.costs[standing.situation, action])
+        return Try(total / root, action, cost, tuple(branches))
+
+    def _first_best(self, weights: Floats, rest: int, value: float) -> int | None:
+        """The first action declared that is optimal; None to stop, which comes before every action."""
+        limit = value * (1.0 + TIE) + 1e-15
+        if float(belief.stop(self.exact.beliefs, weights)) <= limit:
+            return None
+        for action in self._telling(weights, rest):
+            if self.exact.estimate(action, weights, rest) < limit:
+                _, proved = begun(self.exact, action, weights, rest, limit, self.expansions)
+                if proved:
+                    return action
+        raise AssertionError("a value that no action reaches")
+
+    def _rollout(self, weights: Floats, rest: int) -> tuple[int | None, float]:
+        while True:
+            for base in self._bases:
+                base.counts[STATUS] = RUNNING
+            problem = self.exact.beliefs
+            steps = 3 if problem.masks.size**3 <= LEAVES else 2
+            action, cost = rollout.look_ahead(
+                problem, self.groups, self._bases, weights, rest, steps, math.inf
+            )
+            if all(base.counts[STATUS] != FULL for base in self._bases):
+                return (None if action < 0 else int(action)), float(cost)
+            one, two, three = self._bases
+            self._bases = (_longer(one), _longer(two), _longer(three))
+
+    def _follow(self, weights: Floats, rest: int, rule: int) -> float:
+        """The weighted cost of a one-step rule."""
+        while True:
+            table = self._followed.setdefault(rule, memo(1 << 12, 0))
+            table.counts[STATUS] = RUNNING
+            cost = rollout.follow(self.exact.beliefs, self.groups, table, weights, rest, rule)
+            if table.counts[STATUS] != FULL:
+                return float(cost)
+            self._followed[rule] = _longer(table)
+
+    def _telling(self, weights: Floats, rest: int) -> list[int]:
+        actions = range(len(self.problem.actions))
+        return [a for a in actions if belief.tells(self.exact.beliefs, a, weights, rest)]
+
+    def _others(self, weights: Floats, rest: int, chosen: int | None) -> tuple[tuple[int, float], ...]:
+        total = float(weights.sum())
+        telling = [action for action in self._telling(weights, rest) if action != chosen]
+        costs = [(self.exact.estimate(action, weights, rest) / total, action) for action in telling]
+        return tuple((action, cost) for cost, action in sorted(costs))
+
+    def _conclusion(self, weights: Floats) -> int | None:
+        losses = self.exact.beliefs.losses
+        if not len(losses):
+            return None
+        expected = np.where(weights > 0.0, losses, 0.0) @ weights
+        return int(np.argmin(expected)) if np.isfinite(expected).any() else None
+
+    def _state(self, standing: Standing) -> tuple[Floats, int]:
+        """The weights and the second word of the key."""
+        problem = self.exact.beliefs
+        weights = arrays.priors(self.problem)
+        weights *= (standing.possible >> np.arange(len(weights))) & 1
+        rest = standing.history << problem.situations | standing.situation
+        for action in np.flatnonzero(problem.widths):
+            seen = (rest >> int(problem.shifts[action])) & ((1 << int(problem.widths[action])) - 1)
+            if seen:
+                weights = weights * problem.likelihoods[action, seen - 1]
+        if not weights.any():
+            raise ValueError("no cause explains what was observed")
+        return weights, int(rest)
+
+    def _standing(self, weights: Floats, rest: int) -> Standing:
+        bits = self.exact.beliefs.situations
+        return Standing(int(belief.possible(weights)), rest >> bits, rest & ((1 << bits) - 1))
+
+
+def _longer(base: Memo) -> Memo:
+    return memo(4 * base.possible.shape[0], 0)

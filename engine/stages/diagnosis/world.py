@@ -1,0 +1,48 @@
+"""A small model of a world with a hidden cause: it answers tests and repairs as the fault base says they would be."""
+
+import random
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from engine.model.cases import Hypothesis
+from engine.model.troubleshooting import Action
+from engine.stages.diagnosis.knowledge import CURED, NOT_CURED, cure_chance, likelihood
+from kb.model.faults import FaultModel
+
+
+@dataclass
+class HiddenWorld:
+    """Answers by name of a test or repair; the same question gets the same answer. `chance` settles the uncertain ones."""
+
+    model: FaultModel
+    hidden: Hypothesis
+    chance: random.Random = field(default_factory=lambda: random.Random(0))
+    answered: dict[str, str] = field(default_factory=dict)
+
+    def answer(self, name: str) -> str:
+        """The outcome of a test or repair."""
+        if name not in self.answered:
+            distribution = self._distribution(name)
+            self.answered[name] = self.chance.choices(list(distribution), list(distribution.values()))[0]
+        return self.answered[name]
+
+    def respond(self, action: Action) -> str:
+        """The outcome of an action of a case; to the question of a safe stop, the truth."""
+        if action.name in self.model.tests or action.name in self.model.repairs:
+            return self.answer(action.name)
+        return str(self.hidden) if str(self.hidden) in action.outcomes else action.outcomes[-1]
+
+    def _distribution(self, name: str) -> Mapping[str, float]:
+        if name in self.model.repairs:
+            cured = cure_chance(self.model.repairs[name], self.hidden)
+            return {CURED: cured, NOT_CURED: 1.0 - cured}
+        test = self.model.tests[name]
+        return {outcome: likelihood(test, outcome, self.hidden) for outcome in test.outcomes}
+
+
+def draw_cause(
+    model: FaultModel, exception: str, chance: random.Random, counts: Mapping[str, float] | None = None
+) -> Hypothesis:
+    """A hidden cause of an exception, by its true frequencies."""
+    priors = model.priors(exception, counts)
+    return Hypothesis((chance.choices(list(priors), list(priors.values()))[0],))

@@ -1,0 +1,104 @@
+"""The built-in geometry backend: compiled kernels over packed arrays."""
+
+from functools import cached_property
+
+import numpy as np
+
+from engine.kernels.geometry.layout import Pairs
+from engine.model.geometry import Contact, Floats, Longs, Scene, Truths
+from engine.ports import CollisionChecker
+from engine.stages.geometry.collision.carriers import pose_batch
+from engine.stages.geometry.collision.likelihood import SAMPLES, likeliest_first, sampled, touchable
+from engine.stages.geometry.collision.region_checker import RegionChecker
+from engine.stages.geometry.shapes.contacts import nearest_of_bodies
+from engine.stages.geometry.shapes.packing import bounded, grouped
+from engine.stages.geometry.stretches import in_stretches
+
+MANY = 100  # standing pieces: beyond it, walking down a tree beats comparing every pair
+
+
+class BuiltinChecker:
+    """A scene packed for the kernels."""
+
+    def __init__(self, scene: Scene) -> None:
+        self._scene = scene
+        self._pieces, bound_of = bounded(scene)
+        self._pairs = grouped(scene.pairs, bound_of)
+        self._touchable = grouped(scene.pairs, bound_of, touchable(scene, self._pieces))
+
+    @cached_property
+    def _likeliest(self) -> Pairs:
+        """The pairs that can touch; before a large batch it is worth finding out which ones do so most often."""
+        if self._scene.free:
+            return self._touchable
+        poses = pose_batch(self._scene, sampled(self._scene.joints))
+        return likeliest_first(poses, self._pieces, self._touchable)
+
+    @property
+    def scene(self) -> Scene:
+        """What is checked."""
+        return self._scene
+
+    def collides(self, where: Floats) -> Truths:
+        """Whether any pair touches (n,)."""
+        return self.first_contacts(where) >= 0
+
+    def first_contacts(self, where: Floats) -> Longs:
+        """A pair that touches for each of the batch, as an index into the scene's pairs (n,); -1 for none."""
+        from engine.kernels.geometry.checks import first_contacts
+
+        found = np.full(len(where), -1, dtype=np.int64)
+        pairs = self._likeliest if len(where) > SAMPLES else self._touchable
+
+        def look(first: int, after: int) -> None:
+            poses = pose_batch(self._scene, where[first:after])
+            first_contacts(poses, self._pieces, pairs, found[first:after])
+
+        in_stretches(len(where), look)
+        return found
+
+    def clearance(self, where: Floats, beyond_m: float = 1.0) -> Floats:
+        """The least signed distance (n,), at most `beyond_m`."""
+        from engine.kernels.geometry.checks import nearest_pairs
+
+        n = len(where)
+        distance, pair, witness = np.empty(n), np.empty(n, dtype=np.int64), np.empty((n, 9))
+
+        def look(first: int, after: int) -> None:
+            poses, rows = pose_batch(self._scene, where[first:after]), slice(first, after)
+            out = distance[rows], pair[rows], witness[rows]
+            nearest_pairs(poses, self._pieces, self._pairs, float(beyond_m), *out)
+
+        in_stretches(n, look)
+        return distance
+
+    def contacts(self, where: Floats, within_m: float = 0.0) -> tuple[Contact, ...]:
+        """Every pair of bodies nearer than `within_m`, nearest first."""
+        from engine.kernels.geometry.checks import near_pairs
+
+        pairs = self._pairs.pairs
+        distance, witness = np.empty(len(pairs)), np.empty((len(pairs), 9))
+        poses = pose_batch(self._scene, np.asarray(where, dtype=float)[None])
+        near_pairs(poses[0], self._pieces, pairs, float(within_m), distance, witness)
+        near = np.nonzero(distance <= within_m)[0]
+        return nearest_of_bodies(
+            Contact(
+                self._scene.pieces[pairs[m, 0]].body,
+                self._scene.pieces[pairs[m, 1]].body,
+                float(distance[m]),
+                *(part.copy() for part in np.split(witness[m], 3)),
+            )
+            for m in near
+        )
+
+
+class BuiltinBackend:
+    """Compiled kernels; always there."""
+
+    name = "builtin"
+    exact_depths = True
+
+    def checker(self, scene: Scene) -> CollisionChecker:
+        """Pack a scene; what stands in it becomes a region tree when it is much."""
+        standing = sum(piece.carrier == 0 for piece in scene.pieces)
+        return RegionChecker(scene) if standing > MANY else BuiltinChecker(scene)

@@ -1,0 +1,1 @@
+"""Arms: where a configuration puts the flange, and which configurations reach a pose."""

@@ -1,0 +1,108 @@
+"""Serial arms: forward kinematics and Jacobian, single and batched, in plain NumPy; limits."""
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from engine.model.geometry import Floats, Joints, Truths
+from engine.stages.geometry import transforms
+from kb.model.cell import Arm, JointKind
+
+
+def joints_of(arm: Arm) -> Joints:
+    """The joints of a serial arm as arrays, its base being carrier 0."""
+    k = len(arm.joints)
+    axes = np.array([joint.axis for joint in arm.joints], dtype=float).reshape(k, 3)
+    return Joints(
+        parent=np.arange(k),
+        T_parent_origin=np.array([transforms.of_offsets(joint.origin) for joint in arm.joints]).reshape(
+            k, 4, 4
+        ),
+        axis=axes / np.linalg.norm(axes, axis=1, keepdims=True),
+        prismatic=np.array([joint.kind is JointKind.PRISMATIC for joint in arm.joints], dtype=bool),
+        lower=np.array([joint.lower for joint in arm.joints], dtype=float),
+        upper=np.array([joint.upper for joint in arm.joints], dtype=float),
+    )
+
+
+def joint_motion(joints: Joints, index: int, values: Floats) -> Floats:
+    """The motion (..., 4, 4) of one joint at values (...), in rad or m."""
+    axis = joints.axis[index]
+    if joints.prismatic[index]:
+        return transforms.transform(
+            np.broadcast_to(np.eye(3), (*values.shape, 3, 3)), values[..., None] * axis
+        )
+    return transforms.transform(transforms.rotation(axis, values), np.zeros(3))
+
+
+def carrier_poses(joints: Joints, q: Floats) -> Floats:
+    """The pose of every carrier, the world first: q (..., k) gives (..., k + 1, 4, 4)."""
+    poses = [np.broadcast_to(np.eye(4), (*q.shape[:-1], 4, 4))]
+    for index in range(joints.count):
+        moved = joint_motion(joints, index, q[..., index])
+        poses.append(poses[joints.parent[index]] @ joints.T_parent_origin[index] @ moved)
+    return np.stack(poses, axis=-3)
+
+
+@dataclass(frozen=True, eq=False)
+class ArmModel:
+    """A serial arm ready for computing; all poses are in its base frame.
+
+    A configuration q is (k,) or a batch (..., k): rad for revolute joints, m for prismatic ones.
+    """
+
+    arm: Arm
+
+    @cached_property
+    def joints(self) -> Joints:
+        """Its joints as arrays."""
+        return joints_of(self.arm)
+
+    @cached_property
+    def T_last_flange(self) -> Floats:
+        """The flange after the last joint (4, 4)."""
+        return transforms.of_offsets(self.arm.flange)
+
+    def flange_pose(self, q: Floats) -> Floats:
+        """T_base_flange: q (..., k) gives (..., 4, 4)."""
+        pose: Floats = (
+            carrier_poses(self.joints, np.asarray(q, dtype=float))[..., -1, :, :] @ self.T_last_flange
+        )
+        return pose
+
+    def jacobian(self, q: Floats) -> Floats:
+        """Velocity of the flange's origin (m), then its angular velocity (rad), per joint: (..., k) gives (..., 6, k)."""
+        q = np.asarray(q, dtype=float)
+        poses = carrier_poses(self.joints, q)
+        origin = (poses[..., -1, :, :] @ self.T_last_flange)[..., :3, 3]
+        columns = []
+        for index in range(self.joints.count):
+            axis = poses[..., index + 1, :3, :3] @ self.joints.axis[index]
+            arm = origin - poses[..., index + 1, :3, 3]
+            still = np.zeros_like(axis)
+            pair = (axis, still) if self.joints.prismatic[index] else (np.cross(axis, arm), axis)
+            columns.append(np.concatenate(pair, axis=-1))
+        return np.stack(columns, axis=-1)
+
+    def within_limits(self, q: Floats, tolerance: float = 1e-9) -> Truths:
+        """Whether each configuration (..., k) keeps its joint limits."""
+        inside = (q >= self.joints.lower - tolerance) & (q <= self.joints.upper + tolerance)
+        return np.asarray(inside.all(axis=-1))
+
+    def within_limits_of(self, joint: int, value: float, tolerance: float = 1e-9) -> bool:
+        """Whether one joint may take a value."""
+        return bool(self.joints.lower[joint] - tolerance <= value <= self.joints.upper[joint] + tolerance)
+
+    def random(self, count: int, rng: np.random.Generator) -> Floats:
+        """Configurations (count, k), uniform within the limits; an unlimited joint turns once around."""
+        lower = np.maximum(self.joints.lower, -math.pi * 2)
+        upper = np.minimum(self.joints.upper, math.pi * 2)
+        return rng.uniform(lower, upper, (count, self.joints.count))
+
+
+def wrapped(angles: Floats) -> Floats:
+    """The same directions in (-pi, pi]."""
+    turned: Floats = -((-angles + math.pi) % (2 * math.pi) - math.pi)
+    return turned

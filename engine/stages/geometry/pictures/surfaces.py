@@ -1,0 +1,82 @@
+"""What is drawn: every piece of a scene as triangles with a colour, those in collision marked."""
+
+import math
+from collections.abc import Collection
+from dataclasses import dataclass
+
+import numpy as np
+
+from engine.model.geometry import Contact, Floats, Longs, Piece, Scene
+from engine.stages.geometry import transforms
+from engine.stages.geometry.shapes.hull import hull_triangles
+from engine.stages.geometry.shapes.primitives import length_of, primitive_frame
+from engine.stages.geometry.world.model import World
+from kb.model.cell import BodyKind
+
+SIDES = 16  # of a circle
+Colour = tuple[float, float, float]
+COLOURS: dict[object, Colour] = {
+    BodyKind.FIXTURE: (0.72, 0.74, 0.77),
+    BodyKind.PART: (0.30, 0.55, 0.80),
+    BodyKind.TOOL: (0.36, 0.62, 0.45),
+}
+LINKS: tuple[Colour, Colour] = ((0.93, 0.66, 0.24), (0.85, 0.55, 0.16))  # one link after the other
+REGION: Colour = (0.80, 0.78, 0.70)
+MARKED: Colour = (0.86, 0.16, 0.16)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Surface:
+    """Triangles (m, 3) of vertices (n, 3), which hang on a carrier; counter-clockwise seen from outside."""
+
+    body: str
+    carrier: int
+    vertices: Floats
+    triangles: Longs
+    colour: Colour
+    marked: bool = False
+
+
+def surfaces(world: World, scene: Scene, contacts: Collection[Contact] = ()) -> list[Surface]:
+    """Every piece of a scene; the bodies of the contacts are marked."""
+    marked = {name for contact in contacts for name in (contact.first, contact.second)}
+    found = []
+    for piece in scene.pieces:
+        vertices, triangles = mesh_of(piece)
+        colour = MARKED if piece.body in marked else _colour(world, piece.body)
+        found.append(Surface(piece.body, piece.carrier, vertices, triangles, colour, piece.body in marked))
+    return found
+
+
+def _colour(world: World, body: str) -> Colour:
+    if body in world.cell.bodies:
+        return COLOURS[world.cell.bodies[body].kind]
+    arm, _, link = body.partition(".")
+    if arm in world.cell.arms:
+        names = [each.name for each in world.cell.arms[arm].arm.links]
+        return LINKS[names.index(link) % 2]
+    return REGION
+
+
+def mesh_of(piece: Piece) -> tuple[Floats, Longs]:
+    """Vertices (n, 3) in the carrier and triangles (m, 3): balls and tubes as grids, the rest as hulls."""
+    if len(piece.vertices) > 2:
+        return transforms.apply(piece.T_carrier_piece, piece.vertices), hull_triangles(piece.vertices)
+    half = length_of(piece) / 2 if len(piece.vertices) == 2 else 0.0
+    vertices, triangles = _capsule(piece.radius_m, half)
+    return transforms.apply(primitive_frame(piece), vertices), triangles
+
+
+def _capsule(radius: float, half: float) -> tuple[Floats, Longs]:
+    """A tube along z with round ends: rings from pole to pole, the middle one twice, half a length away each."""
+    quarter = np.linspace(0.0, math.pi / 2, SIDES // 4 + 1)
+    tilt = np.concatenate([-quarter[::-1], quarter])
+    shift = np.where(np.arange(len(tilt)) < len(quarter), -half, half)
+    around = np.arange(SIDES) * 2 * math.pi / SIDES
+    ring = np.stack([np.cos(around), np.sin(around)], axis=1)
+    z = np.repeat((radius * np.sin(tilt) + shift)[:, None], SIDES, axis=1)[..., None]
+    vertices = np.concatenate([radius * np.cos(tilt)[:, None, None] * ring, z], axis=2).reshape(-1, 3)
+    rows, sides = np.meshgrid(np.arange(len(tilt) - 1), np.arange(SIDES), indexing="ij")
+    a, b = rows * SIDES + sides, rows * SIDES + (sides + 1) % SIDES
+    quads = np.stack([a, b, b + SIDES, a, b + SIDES, a + SIDES], axis=-1).reshape(-1, 3)
+    return vertices, quads

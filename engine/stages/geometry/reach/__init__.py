@@ -1,0 +1,1 @@
+"""Which places an arm reaches, and why not the others."""

@@ -1,0 +1,124 @@
+"""What is wrong with a `cell.yaml`: its shapes, and the places that no configuration of an arm reaches."""
+
+from collections.abc import Callable, Collection, Iterator
+from pathlib import Path
+
+from engine.ports import GeometryBackend
+from engine.stages.geometry.reach.reach import unreached
+from engine.stages.geometry.regions.hierarchies import declared_tree
+from engine.stages.geometry.shapes.parts import check_polyhedron, cores
+from engine.stages.geometry.world.model import World
+from kb.diagnostics import Diagnostic, InvalidInput, errors, nearest, unknown_name
+from kb.loader.cell import read_cell
+from kb.loader.reader import Findings
+from kb.model.cell import Cell, PlacedShape, Polyhedron
+from kb.model.domain import Domain
+from kb.terms import Atom, Function, Term
+
+
+def check_cell(
+    path: Path,
+    domain: Domain,
+    backend: Callable[[], GeometryBackend] | None = None,
+    atoms: Collection[Atom] = (),
+) -> list[Diagnostic]:
+    """Everything that is wrong with a cell file, in order of place.
+
+    `atoms` are those that can become true: the places that they speak of must have a pose. Without a backend nobody asks what the arms reach. What depends on a sound file is asked of sound files alone.
+    """
+    findings = Findings()
+    try:
+        cell = read_cell(path, findings)
+    except InvalidInput as error:
+        return list(error.diagnostics)
+    found = [*findings.diagnostics]
+    if errors(found):
+        return sorted(set(found))
+    found += [
+        *_strangers(cell, domain),
+        *_strange_facts(cell, domain),
+        *_placeless(cell, atoms),
+        *(wrong for each in _shapes(cell) for wrong in _shape_problems(each)),
+    ]
+    if not errors(found):
+        found += _outside(cell)
+    if backend is not None and not errors(found):
+        found += _unreached(cell, backend())
+    return sorted(set(found))
+
+
+def _strangers(cell: Cell, domain: Domain) -> Iterator[Diagnostic]:
+    """Places whose name no term of the domain can be."""
+    known = {*domain.functions, *domain.objects}
+    for name, place in cell.places.items():
+        functor = name.partition("(")[0]
+        if functor not in known:
+            hint = nearest(functor, known) or "places are called as the domain's terms are"
+            message = f"the domain knows no '{functor}'"
+            yield Diagnostic(place.placement.where, "K101", message, hint, warning=True)
+
+
+def _strange_facts(cell: Cell, domain: Domain) -> Iterator[Diagnostic]:
+    """Locations whose fact no atom of the domain can be."""
+    for location in cell.locations:
+        fact, signatures = location.fact, domain.predicates
+        if fact.name not in signatures:
+            yield unknown_name("predicate", fact.name, signatures, location.where)
+        elif len(fact.arguments) != (arity := len(signatures[fact.name].arguments)):
+            message = f"{fact.name} has {arity} arguments, not {len(fact.arguments)}"
+            yield Diagnostic(location.where, "K102", message, "write it as the domain declares it")
+
+
+def _placeless(cell: Cell, atoms: Collection[Atom]) -> Iterator[Diagnostic]:
+    """Terms such as slot(drawer, 5) that the cell has no pose for, though it has one for others of their kind."""
+    kin = {name.partition("(")[0]: place for name, place in cell.places.items() if "(" in name}
+    terms = {str(term): term.name for atom in atoms for term in _compound(atom) if term.name in kin}
+    for name in sorted(terms.keys() - cell.places.keys()):
+        where = kin[terms[name]].placement.where
+        hint = "say where the tool goes there, or make no problem need it"
+        yield Diagnostic(
+            where, "K705", f"no configuration reaches {name}: it has no place", hint, warning=True
+        )
+
+
+def _compound(term: Term) -> Iterator[Function]:
+    """The compound terms within a term."""
+    if isinstance(term, Function):
+        for argument in term.arguments:
+            if isinstance(argument, Function) and argument.arguments:
+                yield argument
+            yield from _compound(argument)
+
+
+def _shapes(cell: Cell) -> Iterator[PlacedShape]:
+    for mounted in cell.arms.values():
+        for link in mounted.arm.links:
+            yield from link.shapes
+    for body in cell.bodies.values():
+        yield from body.shapes
+    yield from (PlacedShape(region.shape) for region in cell.regions.values())
+
+
+def _shape_problems(placed: PlacedShape) -> list[Diagnostic]:
+    try:
+        cores(placed.shape)
+    except InvalidInput as error:
+        return list(error.diagnostics)
+    return check_polyhedron(placed.shape) if isinstance(placed.shape, Polyhedron) else []
+
+
+def _outside(cell: Cell) -> Iterator[Diagnostic]:
+    """Regions that are not within their parents."""
+    if any(region.parents for region in cell.regions.values()):
+        for error in declared_tree(World.of(cell))[1]:
+            where = cell.regions[error.region].where
+            yield Diagnostic(
+                where, "K704", str(error), "enlarge a parent, name another one, or shrink the region"
+            )
+
+
+def _unreached(cell: Cell, backend: GeometryBackend) -> Iterator[Diagnostic]:
+    for name, answer in unreached(World.of(cell), backend).items():
+        where = cell.places[name].placement.where
+        message = f"no configuration reaches {name}: {answer.reason}"
+        yield Diagnostic(where, "K705", message, answer.hint, warning=True)

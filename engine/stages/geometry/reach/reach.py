@@ -1,0 +1,182 @@
+"""Which places of a cell an arm reaches, and why not the others.
+
+A place asks for a pose of the tool point (or of the tip of a tool in hand), and for a second one backed off along
+the tool's z. Every branch of the inverse kinematics is tried, and for tools that may turn about their own z a ring of
+poses; what remains must keep the joint limits and touch nothing but what the place allows.
+"""
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from engine.model.geometry import Contact, Floats
+from engine.ports import CollisionChecker, GeometryBackend
+from engine.stages.geometry import transforms
+from engine.stages.geometry.kinematics.inverse import Branches, InverseKinematics, turns
+from engine.stages.geometry.world.model import World
+from engine.stages.geometry.world.scenes import scene_of
+from kb.model.cell import Place
+
+TURNS = 24  # poses tried of a tool that may turn about its own z
+ORIENTATIONS = 256  # tried to tell a wrong orientation from a position out of reach
+NEAR_MISSES = 3
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Reached:
+    """Configurations (m, k) of the place's arm that take the pose, keep the limits and touch nothing.
+
+    Of those that differ by whole turns the one nearest to where the arm stands now.
+    """
+
+    q: Floats
+
+
+@dataclass(frozen=True, slots=True)
+class Unreached:
+    """`reason` is a sentence for people, without the place's name; `hint` says what to try."""
+
+    reason: str
+    hint: str
+
+
+class Reachability:
+    """Asks for the places of one world; inverse kinematics and scenes are kept from place to place."""
+
+    def __init__(self, world: World, backend: GeometryBackend) -> None:
+        self._world, self._backend = world, backend
+        self._kinematics = {name: InverseKinematics(model) for name, model in world.models.items()}
+        self._checkers: dict[tuple[str, str, tuple[str, ...]], CollisionChecker] = {}
+
+    def at(self, place: Place) -> Reached | Unreached:
+        """How an arm gets to a place, or why it does not."""
+        goal = self._answer(place, 0.0)
+        if isinstance(goal, Unreached) or place.approach_m == 0.0:
+            return goal
+        before = self._answer(place, place.approach_m)
+        if isinstance(before, Unreached):
+            return replace(before, reason=f"approaching it from {place.approach_m:g} m, {before.reason}")
+        return goal
+
+    def target(self, place: Place, back_m: float = 0.0) -> Floats:
+        """T_base_flange for a place, backed off along the tool's z: (n, 4, 4), one pose for each turn of the tool."""
+        base = self._world.pose(f"{place.arm}.base", place.placement.parent)
+        T_base_goal = base @ transforms.of_pose(place.placement.pose)
+        angles = np.arange(TURNS if place.turns else 1) * 2 * math.pi / TURNS
+        around = transforms.transform(transforms.rotation((0, 0, 1), angles), np.zeros(3))
+        ends = T_base_goal @ around @ transforms.translation(0.0, 0.0, -back_m)
+        poses: Floats = ends @ transforms.inverse(self._flange_to_end(place))
+        return poses
+
+    def _flange_to_end(self, place: Place) -> Floats:
+        """T_flange_end (4, 4): the tool point, or the tip of the tool held there."""
+        T = transforms.of_pose(self._world.cell.arms[place.arm].tool)
+        if place.tool:
+            tip = transforms.of_pose(self._world.cell.bodies[place.tool].features["tip"])
+            T = T @ transforms.inverse(self._world.grip(place.tool)) @ tip
+        return T
+
+    def _answer(self, place: Place, back_m: float) -> Reached | Unreached:
+        poses = self.target(place, back_m)
+        found = self._kinematics[place.arm].solve(poses)
+        if not found.valid.any():
+            return self._why_too_far(place, poses)
+        within = self._within_limits(place.arm, found)
+        if not len(within):
+            return self._why_limited(place, found)
+        checker = self._checker(place)
+        whole = self._whole(place, within)
+        hits = checker.collides(whole)
+        if hits.all():
+            return _why_blocked(checker, whole)
+        return Reached(within[~hits])
+
+    def _within_limits(self, arm: str, found: Branches) -> Floats:
+        """Of every branch of every pose the whole turns that keep the limits and are nearest to where the arm stands."""
+        model, now = self._world.models[arm], self._world.configurations[arm]
+        kept = []
+        for q in found.q[found.valid]:
+            inside = turns(model, q)
+            kept += [inside[np.argmin(np.abs(inside - now).max(axis=1))]] if len(inside) else []
+        return np.array(kept).reshape(-1, len(now))
+
+    def _whole(self, place: Place, q: Floats) -> Floats:
+        """Configurations of all arms, the others as they stand."""
+        first = self._world.first_carriers[place.arm]
+        whole = np.repeat(self._world.configuration[None], len(q), axis=0)
+        whole[:, first : first + q.shape[1]] = q
+        return whole
+
+    def _checker(self, place: Place) -> CollisionChecker:
+        """The scene with the place's tool in hand; what the place touches may touch the tool and what it is made of."""
+        key = (place.arm, place.tool, place.touches)
+        if key not in self._checkers:
+            world = self._world
+            if place.tool:
+                world = world.held(place.tool, place.arm)
+            carried = [body for body in world.cell.bodies if f"{place.arm}.base" in world.supports(body)[1:]]
+            ends = [
+                *carried,
+                *(f"{place.arm}.{link.name}" for link in world.cell.arms[place.arm].arm.links[-2:]),
+            ]
+            allowed = frozenset(frozenset((end, other)) for end in ends for other in place.touches)
+            self._checkers[key] = self._backend.checker(scene_of(world, allowed=allowed))
+        return self._checkers[key]
+
+    def _why_too_far(self, place: Place, poses: Floats) -> Unreached:
+        """Whether the position alone can be reached, in some orientation."""
+        T_flange_end, rng = self._flange_to_end(place), np.random.default_rng(0)
+        position = (poses[0] @ T_flange_end)[:3, 3]
+        axes = rng.normal(size=(ORIENTATIONS, 3))
+        axes /= np.linalg.norm(axes, axis=1, keepdims=True)
+        spun = np.stack([transforms.rotation(axis, rng.uniform(0, math.pi)) for axis in axes])
+        any_way = transforms.transform(spun, position) @ transforms.inverse(T_flange_end)
+        if self._kinematics[place.arm].solve(any_way).valid.any():
+            reason = f"{place.arm} reaches the position, but not in this orientation"
+            return Unreached(reason, "give it another `rpy`, or let the tool turn with `turns: true`")
+        away = f"{float(np.linalg.norm(position)):.2f} m from its base"
+        return Unreached(
+            f"it is out of the reach of {place.arm}: {away}", "move the place, or the arm's base"
+        )
+
+    def _why_limited(self, place: Place, found: Branches) -> Unreached:
+        """The joint that is nearest to its limits in the best branch."""
+        model = self._world.models[place.arm]
+        q = found.q[found.valid][:, :, None] + np.where(model.joints.prismatic, 0.0, 2 * math.pi)[:, None] * [
+            -1,
+            0,
+            1,
+        ]
+        below, above = model.joints.lower[:, None] - q, q - model.joints.upper[:, None]
+        beyond = np.maximum(below, above).clip(min=0.0).min(axis=2)
+        best = int(np.argmin(beyond.max(axis=1)))
+        joint = int(np.argmax(beyond[best]))
+        amount, unit = float(beyond[best, joint]), "m"
+        if not model.joints.prismatic[joint]:
+            amount, unit = math.degrees(amount), "degrees"
+        name = f"{model.arm.joints[joint].name} of {place.arm}"
+        reason = f"{name} would have to go {amount:.3g} {unit} beyond its limit"
+        return Unreached(reason, "move the place or the arm's base, or give another `rpy`")
+
+
+def _why_blocked(checker: CollisionChecker, whole: Floats) -> Unreached:
+    """What is in the way of the configurations that are nearest to free."""
+    depth = checker.clearance(whole, 0.0)
+    contacts = [contact for n in np.argsort(-depth)[:NEAR_MISSES] for contact in checker.contacts(whole[n])]
+    told: dict[str, Contact] = {}
+    for contact in contacts:
+        told.setdefault(f"{contact.first} touches {contact.second}", contact)
+    shown = [
+        f"{said} by {contact.depth_m * 1000:.0f} mm" for said, contact in list(told.items())[:NEAR_MISSES]
+    ]
+    every = "every configuration" if len(whole) > 1 else "the only configuration"
+    reason = f"{every} is in collision: {', '.join(shown)}"
+    return Unreached(reason, "move what is in the way, or name in `touches` what may be in contact there")
+
+
+def unreached(world: World, backend: GeometryBackend) -> dict[str, Unreached]:
+    """The places that no configuration reaches, with the reason."""
+    ask = Reachability(world, backend)
+    answers = {name: ask.at(place) for name, place in world.cell.places.items()}
+    return {name: answer for name, answer in answers.items() if isinstance(answer, Unreached)}

@@ -1,0 +1,1 @@
+"""Convex pieces, meshes and hulls."""

@@ -1,0 +1,147 @@
+"""Whether a convex piece lies within the union of others.
+
+The block around the piece is halved along its axes again and again: a cell that lies within one of the others, or off
+the piece, needs no further look. What cannot be decided at the last level is bounded: no point there is farther than the
+slack from the others. All pieces stand in one frame.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from engine.model.geometry import Floats, Piece, Truths
+from engine.stages.geometry import transforms
+from engine.stages.geometry.shapes.hull import hull_triangles, planes
+from engine.stages.geometry.shapes.packing import CORNERS
+
+LEVELS = 6
+CLOSE = 1e-9  # metres; what rounding may add
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Covered:
+    """The piece lies within the others, but for `slack_m`."""
+
+    slack_m: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Hole:
+    """A point (3,) of the piece that lies in none of the others."""
+
+    point: Floats
+
+
+def covering(piece: Piece, others: Sequence[Piece]) -> Covered | Hole:
+    """Whether the others together cover a piece."""
+    own, around = _Convex(piece), [_Convex(other) for other in others]
+    if any(each.holds(own) for each in around):
+        return Covered(CLOSE)
+    axes, centres, half = own.block
+    for level in range(LEVELS):
+        open_ = ~_inside_one(centres, axes, half, around) & ~own.surely_without(centres, half)
+        centres = centres[open_]
+        holes = own.contains(centres, -CLOSE) & ~_in_any(centres, around)
+        if holes.any():
+            return Hole(centres[holes][0])
+        if not len(centres):
+            return Covered(CLOSE)
+        if level < LEVELS - 1:
+            half = half / 2
+            centres = (centres[:, None] + (2 * CORNERS * half) @ axes).reshape(-1, 3)
+    away = np.min([each.distances(centres) for each in around], axis=0).clip(min=0.0)
+    return Covered(float(away.max() + np.linalg.norm(half)) + CLOSE)
+
+
+def _in_any(points: Floats, around: "list[_Convex]") -> Truths:
+    found = np.zeros(len(points), dtype=bool)
+    for each in around:
+        found |= each.contains(points, CLOSE)
+    return found
+
+
+def _inside_one(centres: Floats, axes: Floats, half: Floats, around: "list[_Convex]") -> Truths:
+    """Which cells lie within one of the others."""
+    corners = (centres[:, None] + (2 * CORNERS * half) @ axes).reshape(-1, 3)
+    found = np.zeros(len(centres), dtype=bool)
+    for each in around:
+        found |= each.contains(corners, CLOSE).reshape(-1, 8).all(axis=1)
+    return found
+
+
+@dataclass(frozen=True, eq=False)
+class _Convex:
+    """A piece in the frame of its carrier."""
+
+    piece: Piece
+
+    @cached_property
+    def vertices(self) -> Floats:
+        return transforms.apply(self.piece.T_carrier_piece, self.piece.vertices)
+
+    @cached_property
+    def block(self) -> tuple[Floats, Floats, Floats]:
+        """Axes as rows, the middle (1, 3) and the half sizes of the block around the whole piece."""
+        low, high = self.piece.vertices.min(axis=0), self.piece.vertices.max(axis=0)
+        middle = transforms.apply(self.piece.T_carrier_piece, ((low + high) / 2)[None])
+        return self.piece.T_carrier_piece[:3, :3].T, middle, (high - low) / 2 + self.piece.radius_m
+
+    @cached_property
+    def planes(self) -> tuple[Floats, Floats]:
+        """Outward normals (m, 3) and offsets (m,) of a polytope's sides."""
+        if self.piece.box:
+            normals = np.concatenate([np.eye(3), -np.eye(3)]) @ self.piece.T_carrier_piece[:3, :3].T
+            return normals, (self.vertices @ normals.T).max(axis=0)
+        return planes(self.vertices, hull_triangles(self.vertices))
+
+    def holds(self, other: "_Convex") -> bool:
+        """Whether it holds all of another one: a hull grown by r lies in one grown by s exactly if the first, grown by
+        r - s (the second shrunk by s - r), lies in the second (the cancellation law of convex sets)."""
+        return bool(
+            (self._signed(other.vertices) + other.piece.radius_m - self.piece.radius_m).max() <= CLOSE
+        )
+
+    def contains(self, points: Floats, slack: float) -> Truths:
+        """Which points (n, 3) it holds, or misses by no more than `slack`."""
+        held: Truths = self._signed(points) <= self.piece.radius_m + slack
+        return held
+
+    def distances(self, points: Floats) -> Floats:
+        """How far points (n, 3) are from it; negative within."""
+        return self._measured(points) - self.piece.radius_m
+
+    def surely_without(self, centres: Floats, half: Floats) -> Truths:
+        """Which cells are off it; a cell near it may be missed."""
+        far: Truths = self._signed(centres) > self.piece.radius_m + float(np.linalg.norm(half)) + CLOSE
+        return far
+
+    def _signed(self, points: Floats) -> Floats:
+        """Signed distances (n,) from the core; outside of a polytope without radius, a value above zero not beyond it."""
+        if len(self.vertices) <= 2:
+            return _from_segment(points, self.vertices)
+        if self.piece.radius_m > 0.0:
+            return self._measured(points)
+        normals, offsets = self.planes
+        height: Floats = (points @ normals.T - offsets).max(axis=1)
+        return height
+
+    def _measured(self, points: Floats) -> Floats:
+        """Signed distances (n,) from the core, by the kernels."""
+        from engine.kernels.geometry.distance import separation
+
+        rows, out = np.vstack([np.zeros((1, 3)), self.vertices]), np.empty(9)
+        simplex, found = np.empty((5, 10)), np.empty(len(points))
+        for n, point in enumerate(points):
+            rows[0] = point
+            found[n] = separation(rows, 0, 1, 0.0, 1, len(self.vertices), 0.0, simplex, out)
+        return found
+
+
+def _from_segment(points: Floats, ends: Floats) -> Floats:
+    along = ends[-1] - ends[0]
+    square = float(along @ along)
+    t = ((points - ends[0]) @ along / square).clip(0.0, 1.0) if square > 0 else np.zeros(len(points))
+    distance: Floats = np.linalg.norm(points - ends[0] - t[:, None] * along, axis=1)
+    return distance

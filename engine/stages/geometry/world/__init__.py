@@ -1,0 +1,1 @@
+"""Where everything is, and the scene that is made of it."""

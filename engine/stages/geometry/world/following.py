@@ -1,0 +1,51 @@
+"""The geometric world after the symbolic one: facts of a state put bodies into places and hands, as the cell's `locations` say."""
+
+from collections.abc import Iterable
+
+import numpy as np
+
+from engine.model.geometry import Floats
+from engine.stages.geometry import transforms
+from engine.stages.geometry.world.model import World
+from kb.model.cell import Location
+from kb.terms import Atom, Substitution, Variable, match, substitute
+
+
+def following(world: World, facts: Iterable[Atom]) -> World:
+    """The world with every body where the facts say; others, and those at places without a pose, stay as they are.
+
+    Of the locations that fit a fact, the first one in the file counts.
+    """
+    for fact in sorted(facts, key=str):
+        world = _after(world, fact)
+    return world
+
+
+def _after(world: World, fact: Atom) -> World:
+    for location in world.cell.locations:
+        bindings = match(location.fact, fact, {})
+        if bindings is None:
+            continue
+        body = str(substitute(location.body, bindings))
+        at = _grip_at(world, location, bindings)
+        if body not in world.cell.bodies or at is None:
+            return world
+        frame, T_frame_grip = at
+        return world.put(body, frame, T_frame_grip @ transforms.inverse(world.grip(body)))
+    return world
+
+
+def _grip_at(world: World, location: Location, bindings: Substitution) -> tuple[str, Floats] | None:
+    """The frame that the body then stands on, and the pose of its grip there; None for an unknown place."""
+    if location.place is None:
+        return _frame(location.frame, bindings), np.eye(4)
+    place = world.cell.places.get(str(substitute(location.place, bindings)))
+    if place is None:
+        return None
+    return place.placement.parent, transforms.of_pose(place.placement.pose)
+
+
+def _frame(name: str, bindings: Substitution) -> str:
+    """The name of a frame with a variable in its first part replaced."""
+    first, dot, rest = name.partition(".")
+    return f"{substitute(Variable(first), bindings)}{dot}{rest}"

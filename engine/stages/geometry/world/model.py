@@ -1,0 +1,194 @@
+"""The world model: where every frame is, and what is affixed to what. A value: every change makes a new world.
+
+Frames are called as in `cell.yaml`: `world`, a frame, a body, `body.feature`, and of an arm `arm.base`, `arm.flange`,
+`arm.tool` and `arm.link` for each link.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from engine.model.geometry import Floats, Joints
+from engine.stages.geometry import transforms
+from engine.stages.geometry.kinematics.arms import ArmModel, carrier_poses
+from kb.model.cell import WORLD, Cell, Link, Placement
+
+NO_JOINTS = Joints(
+    np.zeros(0, dtype=np.int64),
+    np.zeros((0, 4, 4)),
+    np.zeros((0, 3)),
+    np.zeros(0, dtype=bool),
+    np.zeros(0),
+    np.zeros(0),
+)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Located:
+    """A frame as it hangs on a carrier: T_carrier_frame (4, 4)."""
+
+    carrier: int
+    T_carrier_frame: Floats
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Fixed:
+    """A frame as it stands on another: T_parent_frame (4, 4)."""
+
+    parent: str
+    T_parent_frame: Floats
+
+
+@dataclass(frozen=True, eq=False)
+class World:
+    """A cell at a moment: `placed` says where frames and bodies are, `configurations` how the arms stand."""
+
+    cell: Cell
+    placed: Mapping[str, Fixed]
+    configurations: Mapping[str, Floats]
+
+    @classmethod
+    def of(cls, cell: Cell) -> "World":
+        """The cell as its file describes it, every arm at rest (at zero when no `home` is given)."""
+        placements: dict[str, Placement] = {f"{name}.base": arm.base for name, arm in cell.arms.items()}
+        placements |= cell.frames
+        placements |= {name: body.placement for name, body in cell.bodies.items()}
+        fixed = {name: Fixed(each.parent, transforms.of_pose(each.pose)) for name, each in placements.items()}
+        for name, body in cell.bodies.items():
+            for feature, pose in body.features.items():
+                fixed[f"{name}.{feature}"] = Fixed(name, transforms.of_pose(pose))
+        homes = {name: np.array(arm.home or (0.0,) * len(arm.arm.joints)) for name, arm in cell.arms.items()}
+        return cls(cell, fixed, homes)
+
+    @cached_property
+    def models(self) -> dict[str, ArmModel]:
+        """The arms, ready for computing."""
+        return {name: ArmModel(mounted.arm) for name, mounted in self.cell.arms.items()}
+
+    @cached_property
+    def first_carriers(self) -> dict[str, int]:
+        """For each arm the number of carriers before its own."""
+        firsts, count = {}, 0
+        for name, mounted in self.cell.arms.items():
+            firsts[name] = count
+            count += len(mounted.arm.joints)
+        return firsts
+
+    def locate(self, frame: str) -> Located:
+        """The carrier that a frame hangs on, and its pose there. Raises `KeyError` for an unknown frame."""
+        if frame == WORLD:
+            return Located(0, np.eye(4))
+        if frame in self.placed:
+            fixed = self.placed[frame]
+            below = self.locate(fixed.parent)
+            return Located(below.carrier, below.T_carrier_frame @ fixed.T_parent_frame)
+        arm, _, part = frame.partition(".")
+        if arm not in self.cell.arms:
+            raise KeyError(f"no frame '{frame}'")
+        return self._locate_part(arm, part)
+
+    def _locate_part(self, arm: str, part: str) -> Located:
+        mounted, model = self.cell.arms[arm], self.models[arm]
+        last = len(mounted.arm.joints)
+        if part in ("flange", "tool"):
+            T = model.T_last_flange
+            T = T @ transforms.of_pose(mounted.tool) if part == "tool" else T
+            return self._on_arm(arm, last, T)
+        for link in mounted.arm.links:
+            if link.name == part:
+                return self.locate_link(arm, link)
+        raise KeyError(f"no frame '{arm}.{part}'")
+
+    def locate_link(self, arm: str, link: Link) -> Located:
+        """The carrier of a link, and its pose there; whatever it is called (`base`, `flange` and `tool` are frames)."""
+        return self._on_arm(arm, link.carrier, transforms.of_offsets(link.offset))
+
+    def _on_arm(self, arm: str, carrier: int, T: Floats) -> Located:
+        if carrier == 0:
+            base = self.locate(f"{arm}.base")
+            return Located(base.carrier, base.T_carrier_frame @ T)
+        return Located(self.first_carriers[arm] + carrier, T)
+
+    @cached_property
+    def joints(self) -> Joints:
+        """All joints of all arms as one forest, in the order of the cell's arms."""
+        parts = [self._arm_joints(name) for name in self.cell.arms]
+        if not parts:
+            return NO_JOINTS
+        return Joints(
+            np.concatenate([part.parent for part in parts]),
+            np.concatenate([part.T_parent_origin for part in parts]),
+            np.concatenate([part.axis for part in parts]),
+            np.concatenate([part.prismatic for part in parts]),
+            np.concatenate([part.lower for part in parts]),
+            np.concatenate([part.upper for part in parts]),
+        )
+
+    def _arm_joints(self, name: str) -> Joints:
+        """An arm's joints, the first one standing on whatever carries its base."""
+        own, base = self.models[name].joints, self.locate(f"{name}.base")
+        parent, origins = own.parent + self.first_carriers[name], own.T_parent_origin.copy()
+        if own.count:
+            parent[0], origins[0] = base.carrier, base.T_carrier_frame @ origins[0]
+        return replace(own, parent=parent, T_parent_origin=origins)
+
+    @cached_property
+    def configuration(self) -> Floats:
+        """The values of all joints (k,), in the order of `joints`."""
+        return np.concatenate([np.zeros(0), *(self.configurations[name] for name in self.cell.arms)])
+
+    @cached_property
+    def _carriers(self) -> Floats:
+        return carrier_poses(self.joints, self.configuration)
+
+    def pose(self, a: str, b: str) -> Floats:
+        """T_a_b (4, 4): the pose of frame b in frame a. Raises `KeyError` for an unknown frame."""
+        in_world = [
+            self._carriers[at.carrier] @ at.T_carrier_frame for at in (self.locate(a), self.locate(b))
+        ]
+        pose: Floats = transforms.inverse(in_world[0]) @ in_world[1]
+        return pose
+
+    def moved(self, arm: str, q: Floats) -> "World":
+        """The world with one arm at a configuration (k,); what is affixed to it goes along."""
+        return replace(self, configurations={**self.configurations, arm: np.asarray(q, dtype=float)})
+
+    def affix(self, body: str, to: str) -> "World":
+        """The world in which a body, wherever it is now, moves with a frame from now on.
+
+        Raises `KeyError` for an unknown name, `ValueError` when `to` hangs on the body itself.
+        """
+        return self.put(body, to, self.pose(to, body))
+
+    def unfix(self, body: str) -> "World":
+        """The world in which a body stays where it is."""
+        return self.affix(body, WORLD)
+
+    def put(self, body: str, on: str, T_on_body: Floats) -> "World":
+        """The world with a body at a pose (4, 4) on a frame. Raises as `affix` does."""
+        if body not in self.cell.bodies:
+            raise KeyError(f"no body '{body}'")
+        self.locate(on)
+        if body in self.supports(on):
+            raise ValueError(f"'{on}' stands on '{body}'")
+        return replace(self, placed={**self.placed, body: Fixed(on, np.array(T_on_body, dtype=float))})
+
+    def grip(self, body: str) -> Floats:
+        """T_body_grip (4, 4): where a hand takes a body; its own frame when it has no feature `grip`."""
+        features = self.cell.bodies[body].features
+        return transforms.of_pose(features["grip"]) if "grip" in features else np.eye(4)
+
+    def held(self, body: str, arm: str) -> "World":
+        """The world with a body in an arm's hand, its grip at the tool point. Raises as `affix` does."""
+        return self.put(body, f"{arm}.tool", transforms.inverse(self.grip(body)))
+
+    def supports(self, frame: str) -> tuple[str, ...]:
+        """The frame and what it stands on, one after the other, down to the world."""
+        chain = [frame]
+        while chain[-1] != WORLD:
+            at = chain[-1]
+            arm = at.partition(".")[0]
+            chain.append(self.placed[at].parent if at in self.placed else f"{arm}.base")
+        return tuple(chain)

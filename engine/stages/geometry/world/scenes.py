@@ -1,0 +1,91 @@
+"""A world becomes a scene: convex pieces on carriers, and the pairs of them that must not touch."""
+
+from collections.abc import Collection, Iterator
+from itertools import combinations
+
+import numpy as np
+
+from engine.model.geometry import Floats, Joints, Longs, Piece, Scene
+from engine.stages.geometry import transforms
+from engine.stages.geometry.shapes.parts import cores
+from engine.stages.geometry.world.model import NO_JOINTS, Located, World
+from kb.model.cell import PlacedShape
+
+Names = frozenset[frozenset[str]]
+
+
+def scene_of(world: World, leave_out: Collection[str] = (), allowed: Names = frozenset()) -> Scene:
+    """Everything in a world, bodies `leave_out` excepted; `allowed` pairs may touch beside those the cell allows.
+
+    Pairs that move together, that the arm or the cell allows, or that stand still are not checked.
+    """
+    pieces = (*_link_pieces(world), *_body_pieces(world, leave_out), *_region_pieces(world, leave_out))
+    return _scene(world.joints, pieces, _allowed(world) | allowed)
+
+
+def free_scene_of(
+    world: World, body: str, leave_out: Collection[str] = (), allowed: Names = frozenset()
+) -> Scene:
+    """A body flying free (a gripper alone) among all that the arms do not carry; its frame is the moving carrier."""
+    moving = tuple(_placed(body, Located(1, np.eye(4)), world.cell.bodies[body].shapes))
+    left = {body, *leave_out}
+    others = (*_link_pieces(world), *_body_pieces(world, left), *_region_pieces(world, left))
+    standing = tuple(piece for piece in others if piece.carrier == 0)
+    return _scene(NO_JOINTS, (*moving, *standing), _allowed(world) | allowed, free=True)
+
+
+def _scene(joints: Joints, pieces: tuple[Piece, ...], allowed: Names, free: bool = False) -> Scene:
+    bodies = tuple(dict.fromkeys(piece.body for piece in pieces))
+    return Scene(joints, pieces, _pairs(pieces, allowed), free, bodies)
+
+
+def _pairs(pieces: tuple[Piece, ...], allowed: Names) -> Longs:
+    found = [
+        (i, j)
+        for (i, a), (j, b) in combinations(enumerate(pieces), 2)
+        if a.carrier != b.carrier and frozenset((a.body, b.body)) not in allowed
+    ]
+    return np.array(found, dtype=np.int64).reshape(-1, 2)
+
+
+def _allowed(world: World) -> Names:
+    own = {
+        frozenset(f"{name}.{link}" for link in pair)
+        for name, mounted in world.cell.arms.items()
+        for pair in mounted.arm.allowed
+    }
+    return world.cell.allowed | own
+
+
+def _placed(body: str, at: Located, shapes: tuple[PlacedShape, ...]) -> Iterator[Piece]:
+    for placed in shapes:
+        T = at.T_carrier_frame @ transforms.of_pose(placed.pose)
+        for core in cores(placed.shape):
+            yield Piece(body, at.carrier, T, core.vertices, core.radius_m, core.box)
+
+
+def _link_pieces(world: World) -> Iterator[Piece]:
+    for name, mounted in world.cell.arms.items():
+        for link in mounted.arm.links:
+            yield from _placed(f"{name}.{link.name}", world.locate_link(name, link), link.shapes)
+
+
+def _body_pieces(world: World, leave_out: Collection[str]) -> Iterator[Piece]:
+    for name, body in world.cell.bodies.items():
+        if name not in leave_out:
+            yield from _placed(name, world.locate(name), body.shapes)
+
+
+def _region_pieces(world: World, leave_out: Collection[str]) -> Iterator[Piece]:
+    """Solid regions stand for real things that no body describes."""
+    for name, region in world.cell.regions.items():
+        if region.solid and name not in leave_out:
+            yield from pieces_of_region(world, name)
+
+
+def pieces_of_region(world: World, name: str) -> list[Piece]:
+    """The convex pieces of a region that the cell declares."""
+    region = world.cell.regions[name]
+    below = world.locate(region.placement.parent)
+    T: Floats = below.T_carrier_frame @ transforms.of_pose(region.placement.pose)
+    return list(_placed(name, Located(below.carrier, T), (PlacedShape(region.shape),)))

@@ -1,0 +1,226 @@
+"""From a problem to a ground task: clingo finds what can be reached, numbers come back, Python makes bitsets."""
+
+import gc
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from engine.model.task import Bits, Task, bitset, indices
+from engine.stages.grounding.ambiguity import ambiguities
+from engine.stages.grounding.closure import Deduction, deduction
+from engine.stages.grounding.derived import MAX_SUPPORTS, Support, Supports, TooManySupports
+from engine.stages.grounding.goals import Goals
+from engine.stages.grounding.initial import initial_state
+from engine.stages.grounding.instances import Instances
+from engine.stages.grounding.invariants import mutex_groups
+from engine.stages.grounding.limits import require_affordable
+from engine.stages.grounding.numbering import Numbering, complemented
+from engine.stages.grounding.program import (
+    Schema,
+    Vocabulary,
+    conditional_body,
+    conditionals,
+    deduction_rules,
+    derived_rule,
+    effect_rules,
+    instance,
+    instance_rule,
+    reachable,
+    rule,
+    schemas,
+)
+from engine.stages.grounding.rows import conditional_changes, derivations, instances, matches
+from engine.stages.grounding.universe import DERIVED, Universe
+from engine.stages.grounding.weights import weights
+from engine.stages.grounding.workflow import Workflow
+from kb.asp import Grounder
+from kb.asp.vocabulary import VIOLATED, static_program
+from kb.diagnostics import Diagnostic, InvalidInput, Source
+from kb.model.conditions import goal_parts
+from kb.model.domain import AspText
+from kb.model.normalise import Normaliser
+from kb.model.problem import Problem
+from kb.terms import Atom, Function, Number
+
+
+def ground(problem: Problem) -> Task:
+    """The ground task of a problem.
+
+    Raises `InvalidInput` with everything that is found wrong: violated constraints, contradictions and ambiguities
+    among deductive operators, derived predicates with too many supports, grounding beyond its limits.
+    """
+    with _no_garbage_collection():
+        grounding = _Grounding(problem)
+        task = grounding.task()
+    if grounding.found:
+        raise InvalidInput(grounding.found)
+    return task
+
+
+def findings(problem: Problem) -> list[Diagnostic]:
+    """Everything that grounding finds wrong with a problem."""
+    try:
+        ground(problem)
+    except InvalidInput as error:
+        return list(error.diagnostics)
+    return []
+
+
+def reachable_operators(task: Task) -> frozenset[str]:
+    """The names of the operators that have an instance."""
+    return frozenset(operator.instance.name for operator in task.operators)
+
+
+@contextmanager
+def _no_garbage_collection() -> Iterator[None]:
+    """Millions of values are made here and none is part of a cycle; to look for cycles among them takes a third more time."""
+    enabled = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if enabled:
+            gc.enable()
+
+
+class _Grounding:
+    """The stages of one grounding, each using what the ones before it found; `found` is what is wrong."""
+
+    def __init__(self, problem: Problem) -> None:
+        self.problem, self.domain = problem, problem.domain
+        self.found: list[Diagnostic] = []
+        normaliser = Normaliser()
+        vocabulary = Vocabulary(self.domain)
+        self.schemas = list(schemas(self.domain, normaliser, vocabulary))
+        self.conditionals = list(conditionals(self.domain, normaliser, vocabulary))
+        self.goals = [normaliser.disjuncts(part, {}) for part in goal_parts(problem.goal)]
+        self.rules = [*self.domain.rules, *normaliser.rules]
+        self.vocabulary = Vocabulary(self.domain, normaliser.rules)
+        self.invented = {each.head.name: len(each.head.arguments) for each in normaliser.rules}
+
+    def task(self) -> Task:
+        """The task; it means nothing if something is wrong."""
+        require_affordable(self.problem, self.schemas, self.vocabulary)
+        initial, contradicted = initial_state(self.problem, self.vocabulary)
+        self.found += contradicted
+        universe = self._reachable(initial)
+        supports = Supports(
+            range(DERIVED, DERIVED + len(universe.derived)),
+            derivations(self.rules, self.vocabulary, universe),
+        )
+        workflow = Workflow(self.problem.chains, universe, len(universe.atoms), self.vocabulary.events)
+        goals = self._goals(universe, supports, len(universe.atoms) + len(workflow.atoms))
+        numbering = Numbering(len(universe.atoms) + len(workflow.atoms) + len(goals.atoms))
+        effects = deduction(self.domain, self.vocabulary, universe)
+        changes = conditional_changes(self.conditionals, self.schemas, universe)
+        made = Instances(universe, effects, supports, workflow, numbering, changes)
+        operators = list(made.operators(instances(self.schemas, self.vocabulary, universe)))
+        self.found += contradictions(made, universe)
+        self.found += self._overflows(universe, supports, made)
+        start = bitset([universe.index[atom] for atom in initial]) | workflow.initial | goals.initial
+        alternatives, completed = goals.compiled(operators, numbering)
+        complements = bitset([c for atom, c in numbering.complements.items() if not start >> atom & 1])
+        negated = (Function("not", (universe.atoms[atom],)) for atom in numbering.complements)
+        atoms = (*universe.atoms, *workflow.atoms, *goals.atoms, *negated)
+        completed = [complemented(operator, numbering) for operator in completed]
+        groups = mutex_groups(atoms, completed, start | complements)
+        if not contradicted:  # of which two atoms of a group may be true
+            self.found += ambiguities(self.domain, made.doubts, atoms, groups)
+        pairs = (1 << atom | 1 << complement for atom, complement in numbering.complements.items())
+        return Task(
+            atoms,
+            tuple(completed),
+            start | complements,
+            tuple(goal | workflow.goal for goal in alternatives),
+            weights(self.domain, atoms, completed),
+            tuple(dict.fromkeys((*groups, *pairs))),
+        )
+
+    def _goals(self, universe: Universe, supports: Supports, first: int) -> Goals:
+        """The ways to satisfy each conjunct of the goal."""
+        named = {
+            f"_goal_{part}_{number}": self.vocabulary.split(disjunct)
+            for part, disjuncts in enumerate(self.goals)
+            for number, disjunct in enumerate(disjuncts)
+        }
+        found = matches(named, universe)
+        parts = [
+            [way for number, _ in enumerate(disjuncts) for way in found[f"_goal_{part}_{number}"]]
+            for part, disjuncts in enumerate(self.goals)
+        ]
+        ways: list[list[Support]] = []
+        for part in parts:
+            try:
+                ways.append(list(dict.fromkeys(s for way in part for s in supports.combinations(way))))
+            except TooManySupports:
+                self.found.append(_too_many("a goal", self.problem.where))
+        return Goals(ways, first)
+
+    def _overflows(self, universe: Universe, supports: Supports, made: Instances) -> Iterator[Diagnostic]:
+        """Derived predicates and conditions that cannot be compiled, each predicate once."""
+        for name, atom in {a.name: a for a in map(universe.atom, reversed(supports.overflowing))}.items():
+            where = next(each.where for each in self.rules if each.head.name == name)
+            yield _too_many(str(atom), where)
+        for operator in made.overflowing.values():
+            yield _too_many(f"the condition of {operator.header}", operator.where)
+
+    def _violation(self, constraint: AspText) -> Diagnostic:
+        said = constraint.text.removeprefix("#false").strip()
+        hint = f"a fact of {self.problem.name} or of its domain breaks it"
+        return Diagnostic(constraint.where, "K204", f"the problem {self.problem.name} violates {said}", hint)
+
+    def _reachable(self, initial: tuple[Atom, ...]) -> Universe:
+        grounder = Grounder()
+        text = [static_program(self.problem), *(f"{reachable(atom)}." for atom in initial)]
+        for chain in self.problem.chains:
+            text += [
+                f"_v_{s.name}({', '.join(map(str, s.arguments))})."
+                for s in chain.stages
+                if s.name in self.vocabulary.events
+            ]
+        for schema in self.schemas:
+            text += [instance_rule(schema, self.vocabulary), *effect_rules(schema, self.vocabulary)]
+            text += self._conditional_rules(schema)
+        text += [derived_rule(each, self.vocabulary) for each in self.rules]
+        text += [r for operator in self.domain.deductive_operators for r in deduction_rules(operator)]
+        grounder.ground("\n".join(text))
+        violated = [number.value for (number,) in grounder.atoms(VIOLATED, 1) if isinstance(number, Number)]
+        self.found += [self._violation(self.domain.asp[number]) for number in sorted(violated)]
+        universe = Universe(grounder, self.vocabulary, self.invented)
+        universe.name_terms(
+            rule(f"_arg({v})", [instance(s)]) for s in self.schemas for v in s.operator.variables
+        )
+        return universe
+
+    def _conditional_rules(self, schema: Schema) -> Iterator[str]:
+        for each in self.conditionals:
+            if each.operator is schema.operator and each.effect.adds:
+                yield rule(reachable(each.effect.atom), conditional_body(each, schema))
+
+
+def _too_many(what: str, where: Source) -> Diagnostic:
+    message = f"{what} can be made true in more than {MAX_SUPPORTS} ways"
+    hint = "split the predicate, or turn one of its alternatives into a fluent that operators add"
+    return Diagnostic(where, "K306", message, hint)
+
+
+def contradictions(made: Instances, universe: Universe) -> Iterator[Diagnostic]:
+    """One diagnostic per operator whose consequences contradict each other (Meaning 4)."""
+    for operator, found in made.contradictions.items():
+        atom = universe.atoms[indices(found.atoms)[0]]
+        chain = _chain(made.deduction, universe, found.adds, atom)
+        message = f"{found.instance} both adds and denies {atom}: {chain}"
+        yield Diagnostic(
+            found.operator.where, "K301", message, f"narrow the deductive operators behind {operator}"
+        )
+
+
+def _chain(deduced: Deduction, universe: Universe, adds: Bits, atom: Function) -> str:
+    bit = 1 << universe.index[atom]
+    adder = next((i for i in indices(adds) if deduced.implied[i] & bit), None)
+    denier = next((i for i in indices(adds) if deduced.denied[i] & bit), None)
+    said = [
+        f"{universe.atoms[i]} {verb} it"
+        for i, verb in ((adder, "adds or implies"), (denier, "denies"))
+        if i is not None
+    ]
+    return ", ".join(said) or "by way of what it denies"

@@ -1,0 +1,83 @@
+"""Deduction over numbered atoms: what adding or denying an atom adds and denies (language reference, Meaning 3)."""
+
+from dataclasses import dataclass
+
+from engine.model.task import Bits, bitset, indices
+from engine.stages.grounding.consequences import consequences
+from engine.stages.grounding.program import Vocabulary
+from engine.stages.grounding.universe import Universe
+from kb.model.domain import Domain
+
+Closure = tuple[Bits, Bits]
+
+
+@dataclass(frozen=True, slots=True)
+class Deduction:
+    """Per atom: what its becoming true implies and denies, transitively; the same for its being denied."""
+
+    implied: tuple[Bits, ...]
+    denied: tuple[Bits, ...]
+    implied_if_denied: tuple[Bits, ...]
+    denied_if_denied: tuple[Bits, ...]
+
+    def close(self, adds: Bits, true_before: Bits, deletes: Bits = 0) -> Closure:
+        """The least fixpoint of (Add, Del) from `adds` and explicit `deletes`, which are not part of the Del returned.
+
+        A denied or deleted atom triggers `not` rules only if it is in `true_before`.
+        """
+        added, deleted = self._spread(adds)
+        fired = 0
+        while triggers := (deleted | deletes) & true_before & ~fired:
+            fired |= triggers
+            for atom in indices(triggers):
+                deleted |= self.denied_if_denied[atom]
+                more, denied = self._spread(self.implied_if_denied[atom])
+                added, deleted = added | more, deleted | denied
+        return added, deleted
+
+    def has_rules(self) -> bool:
+        """Whether anything follows from anything."""
+        trivial = all(mask == 1 << atom for atom, mask in enumerate(self.implied))
+        return not trivial or any(self.denied) or bool(self.triggers())
+
+    def triggers(self) -> Bits:
+        """The atoms whose denial has consequences."""
+        pairs = zip(self.implied_if_denied, self.denied_if_denied, strict=True)
+        return bitset([atom for atom, (implied, denied) in enumerate(pairs) if implied or denied])
+
+    def _spread(self, adds: Bits) -> Closure:
+        added = deleted = 0
+        for atom in indices(adds):
+            added |= self.implied[atom]
+            deleted |= self.denied[atom]
+        return added, deleted
+
+
+def deduction(domain: Domain, vocabulary: Vocabulary, universe: Universe) -> Deduction:
+    """The deductive operators of `domain`, evaluated over the atoms of `universe`."""
+    direct = consequences(domain, vocabulary, universe)
+    implied = _transitive(direct[(True, True)])
+    own_denied = direct[(True, False)]
+    denied = [_union(own_denied, reached) for reached in implied]
+    return Deduction(
+        tuple(implied), tuple(denied), tuple(direct[(False, True)]), tuple(direct[(False, False)])
+    )
+
+
+def _union(masks: list[Bits], over: Bits) -> Bits:
+    found = 0
+    for index in indices(over):
+        found |= masks[index]
+    return found
+
+
+def _transitive(direct: list[Bits]) -> list[Bits]:
+    """Each atom with everything it implies, itself included."""
+    closed = []
+    for atom, implied in enumerate(direct):
+        reached, frontier = 1 << atom, implied & ~(1 << atom)
+        while frontier:
+            reached |= frontier
+            frontier = _union(direct, frontier) & ~reached
+        closed.append(reached)
+    return closed

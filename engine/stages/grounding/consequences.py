@@ -1,0 +1,151 @@
+"""What each atom's becoming true or false implies and denies, rule by rule: bitsets per trigger, from tables of numbers.
+
+A consequence with variables of its own, such as `denies: at(Arm, Other), Other != Point`, relates a trigger to every
+other atom of a pattern, which makes quadratically many pairs. So triggers and consequences are listed apart, each with
+the number of the values that they share; all triggers of one number have the same bitset of consequences, and only the
+pairs that an inequality excludes are listed one by one.
+"""
+
+import itertools
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+from engine.model.task import Bits, bitset
+from engine.stages.grounding.program import Vocabulary, consequence_body, numbered, rule
+from engine.stages.grounding.universe import Universe
+from kb.asp.tables import Table
+from kb.asp.vocabulary import guard
+from kb.model.conditions import Aggregate, BodyPart, Comparison, free_variables
+from kb.model.domain import Consequence, DeductiveOperator, Domain
+from kb.terms import ANYTHING, Function, Term, Variable, variables
+
+Kind = tuple[bool, bool]  # whether the trigger is added, whether the consequence is implied
+TRIGGER, CONSEQUENCE, KEY = "Trigger__", "Consequence__", "Key__"
+
+
+@dataclass(frozen=True, slots=True)
+class Sides:
+    """A consequence taken apart: the variables on both sides, the conditions of each side, equalities to leave out."""
+
+    shared: tuple[Variable, ...]
+    trigger: tuple[str, ...]
+    own: tuple[str, ...]
+    excluded: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class _Entry:
+    """One consequence of one deductive operator; `name` begins the names of its predicates."""
+
+    name: str
+    operator: DeductiveOperator
+    consequence: Consequence
+    sides: Sides | None
+
+    @property
+    def kind(self) -> Kind:
+        return self.operator.trigger.positive, self.consequence.implied
+
+
+def consequences(domain: Domain, vocabulary: Vocabulary, universe: Universe) -> Mapping[Kind, list[Bits]]:
+    """For each kind and each fluent of `universe` its direct consequences."""
+    entries = list(_entries(domain, vocabulary))
+    _number_keys([entry for entry in entries if entry.sides is not None], universe)
+    tables = universe.tables(dict(itertools.chain.from_iterable(map(_rules, entries))))
+    found: dict[Kind, list[Bits]] = {
+        (positive, implied): [0] * len(universe.atoms)
+        for positive in (True, False)
+        for implied in (True, False)
+    }
+    for entry in entries:
+        masks = found[entry.kind]
+        if entry.sides is None:
+            for trigger, mask in _grouped(tables[entry.name]).items():
+                masks[trigger] |= mask
+            continue
+        triggers, own = tables[f"{entry.name}_from"], _grouped(tables[f"{entry.name}_to"])
+        excluded = _grouped(tables[f"{entry.name}_but"])
+        for key, trigger in triggers:
+            masks[trigger] |= own.get(key, 0) & ~excluded.get(trigger, 0)
+    return found
+
+
+def sides(operator: DeductiveOperator, consequence: Consequence) -> Sides | None:
+    """How to take a consequence apart; None where it has no variables of its own, or its conditions join the sides."""
+    near, far = _named(operator.trigger.atom), _named(consequence.atom)
+    if far <= near:
+        return None
+    trigger: list[str] = []
+    own: list[str] = []
+    excluded: list[str] = []
+    for part in (*operator.body, *consequence.body):
+        names = set(free_variables(part))
+        if isinstance(part, Aggregate) or not names <= near | far:
+            return None
+        if names <= near or names <= far:
+            (trigger if names <= near else own).append(str(part))
+        elif (equality := _excluded(part)) is not None:
+            excluded.append(equality)
+        else:
+            return None
+    for parameter in consequence.parameters:
+        (trigger if parameter.variable in near else own).extend(guard([parameter]))
+    shared = tuple(sorted(near & far, key=str))
+    return Sides(shared, tuple(trigger), tuple(own), tuple(excluded))
+
+
+def _named(atom: Function) -> set[Variable]:
+    return set(variables(atom)) - {ANYTHING}
+
+
+def _excluded(part: BodyPart) -> str | None:
+    """The equality that an inequality excludes."""
+    if isinstance(part, Comparison) and part.relation == "!=":
+        return str(Comparison(part.left, "=", part.right))
+    return None
+
+
+def _entries(domain: Domain, vocabulary: Vocabulary) -> Iterator[_Entry]:
+    for number, operator in enumerate(domain.deductive_operators):
+        if operator.trigger.atom.name not in vocabulary.events:
+            for place, consequence in enumerate(operator.consequences):
+                yield _Entry(f"_c_{number}_{place}", operator, consequence, sides(operator, consequence))
+
+
+def _number_keys(entries: list[_Entry], universe: Universe) -> None:
+    """Number the values that the sides of each entry share."""
+    rules, arities = [], {}
+    for entry in entries:
+        assert entry.sides is not None
+        name, shared = f"{entry.name}_key", entry.sides.shared
+        trigger = numbered(entry.operator.trigger.atom, TRIGGER)
+        rules.append(rule(str(Function(name, shared)), [trigger, *entry.sides.trigger]))
+        arities[name] = len(shared)
+    universe.number(rules, arities)
+
+
+def _rules(entry: _Entry) -> Iterator[tuple[str, tuple[str, int]]]:
+    trigger = numbered(entry.operator.trigger.atom, TRIGGER)
+    own = numbered(entry.consequence.atom, CONSEQUENCE)
+    if entry.sides is None:
+        body = [trigger, own, *consequence_body(entry.operator, entry.consequence)]
+        yield _pairs(entry.name, TRIGGER, CONSEQUENCE, [body])
+        return
+    split = entry.sides
+    key = str(Function(f"{entry.name}_key_number", (*split.shared, Variable(KEY))))
+    yield _pairs(f"{entry.name}_from", KEY, TRIGGER, [[key, trigger, *split.trigger]])
+    yield _pairs(f"{entry.name}_to", KEY, CONSEQUENCE, [[key, own, *split.own]])
+    both = [trigger, own, *split.trigger, *split.own]
+    yield _pairs(f"{entry.name}_but", TRIGGER, CONSEQUENCE, [[*both, each] for each in split.excluded])
+
+
+def _pairs(name: str, one: str, other: str, bodies: list[list[str]]) -> tuple[str, tuple[str, int]]:
+    head: tuple[Term, ...] = (Variable(one), Variable(other))
+    rules = [rule(str(Function(name, head)), body) for body in bodies]
+    return name, (" ".join((f"#defined {name}/2.", *rules)), 2)
+
+
+def _grouped(table: Table) -> dict[int, Bits]:
+    """The second numbers of all rows that begin with the same first, as a bitset; rows come sorted."""
+    groups = itertools.groupby(table, key=lambda row: row[0])
+    return {first: bitset([second for _, second in group]) for first, group in groups}

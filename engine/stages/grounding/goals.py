@@ -1,0 +1,65 @@
+"""Goals that can be met in several ways, such as `measured(_, _, meas(m3))`.
+
+A few combinations become alternative goals of the task. Many would multiply, so then each conjunct gets an atom of its
+own that internal operators add once the plan proper has ended: `_ends` closes it, `_meets(n, k)` says that conjunct n
+holds in its k-th way. Internal operators cost nothing and never reach a plan (Gazen & Knoblock 1997 compile
+disjunctive goals likewise).
+"""
+
+import itertools
+from collections.abc import Iterable
+from dataclasses import dataclass, field, replace
+
+from engine.model.task import Bits, GroundOperator
+from engine.stages.grounding.derived import Support
+from engine.stages.grounding.numbering import Numbering
+from kb.terms import Atom, Function, Number
+
+MAX_ALTERNATIVES = 64
+RUNNING, ENDED = Function("_running"), Function("_ended")
+
+
+@dataclass
+class Goals:
+    """The ways to satisfy each conjunct; further atoms are numbered from `first` on."""
+
+    parts: list[list[Support]]
+    first: int
+    atoms: list[Atom] = field(init=False)
+    initial: Bits = field(init=False)
+
+    def __post_init__(self) -> None:
+        product = 1
+        for part in self.parts:
+            product = min(product * len(part), MAX_ALTERNATIVES + 1)
+        self._open = [number for number, part in enumerate(self.parts) if len(part) != 1]
+        self._many = product > MAX_ALTERNATIVES
+        met = [Function("_met", (Number(number),)) for number in self._open]
+        self.atoms = [RUNNING, ENDED, *met] if self._many else []
+        self.initial = 1 << self.first if self._many else 0
+
+    def compiled(
+        self, operators: list[GroundOperator], numbering: Numbering
+    ) -> tuple[list[Bits], list[GroundOperator]]:
+        """The alternative goals, and the operators with the internal ones."""
+        if not self._many:
+            found = {_joined(choice, numbering): None for choice in itertools.product(*self.parts)}
+            return list(found), operators
+        running, ended = 1 << self.first, 2 << self.first
+        goal = ended | _joined([part[0] for part in self.parts if len(part) == 1], numbering)
+        made = [replace(each, preconditions=each.preconditions | running) for each in operators]
+        made.append(GroundOperator(Function("_ends"), running, ended, running, cost=0))
+        for place, number in enumerate(self._open):
+            met = 4 << self.first + place
+            goal |= met
+            for way, support in enumerate(self.parts[number]):
+                name = Function("_meets", (Number(number), Number(way)))
+                made.append(GroundOperator(name, numbering.bits(support) | ended, met, 0, cost=0))
+        return [goal], made
+
+
+def _joined(choice: Iterable[Support], numbering: Numbering) -> Bits:
+    joined = 0
+    for support in choice:
+        joined |= numbering.bits(support)
+    return joined

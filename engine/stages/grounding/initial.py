@@ -1,0 +1,93 @@
+"""The initial state of a problem: given facts closed, then the defaults that nothing contradicts (language, Meaning 6)."""
+
+from collections.abc import Iterator
+
+from engine.model.task import Bits, bitset
+from engine.stages.grounding.closure import Deduction, deduction
+from engine.stages.grounding.program import Vocabulary, deduction_rules, reachable, rule
+from engine.stages.grounding.universe import Universe
+from kb.asp import Grounder
+from kb.asp.vocabulary import guard, static_program
+from kb.diagnostics import Diagnostic
+from kb.model.domain import BUILT_IN_TYPES
+from kb.model.problem import Problem
+from kb.terms import Atom, Function, Number
+
+STRANGE = "_strange"
+
+
+def initial_state(problem: Problem, vocabulary: Vocabulary) -> tuple[tuple[Atom, ...], list[Diagnostic]]:
+    """The true fluents, and what is wrong: given facts with values outside their types, or that contradict each other."""
+    if problem.complete:
+        return tuple(dict.fromkeys(problem.initial)), []
+    grounder = Grounder()
+    grounder.ground("\n".join(_program(problem)))
+    universe = Universe(grounder, vocabulary, {})
+    state = _State(deduction(problem.domain, vocabulary, universe))
+    state.give(bitset([universe.index[fact] for fact in problem.initial]))
+    wrong = [
+        *_strange(problem, grounder),
+        *_contradiction(problem, universe.names(state.facts & state.denied)),
+    ]
+    for number, default in enumerate(problem.domain.defaults):
+        found = grounder.atoms(f"_d_{number}", len(default.atom.arguments))
+        for atom in sorted((Function(default.atom.name, arguments) for arguments in found), key=str):
+            state.suppose(universe.index[atom])
+    return universe.names(state.facts), wrong
+
+
+def _strange(problem: Problem, grounder: Grounder) -> Iterator[Diagnostic]:
+    """Arguments of given facts that are no values of their types, as only the statics can tell."""
+    for number, place in sorted(grounder.atoms(STRANGE, 2), key=str):
+        assert isinstance(number, Number)
+        assert isinstance(place, Number)
+        fact = problem.initial[number.value]
+        type_ = problem.domain.predicates[fact.name].arguments[place.value]
+        message = f"{fact.arguments[place.value]} is no {type_}, in the initial {fact}"
+        yield Diagnostic(problem.where, "K103", message, f"change the fact, or the facts that make a {type_}")
+
+
+def _contradiction(problem: Problem, denied: tuple[Atom, ...]) -> list[Diagnostic]:
+    if not denied:
+        return []
+    message = f"the initial facts deny {', '.join(map(str, denied))}"
+    return [Diagnostic(problem.where, "K301", message, "remove one of the facts that exclude each other")]
+
+
+def _program(problem: Problem) -> list[str]:
+    text = [
+        static_program(problem),
+        *(f"{reachable(fact)}." for fact in problem.initial),
+        f"#defined {STRANGE}/2.",
+    ]
+    for number, fact in enumerate(problem.initial):
+        predicate = problem.domain.predicates.get(fact.name)
+        for place, type_ in enumerate(predicate.arguments if predicate else ()):
+            if type_ not in BUILT_IN_TYPES:
+                text.append(f"{STRANGE}({number},{place}) :- not {type_}({fact.arguments[place]}).")
+    for number, default in enumerate(problem.domain.defaults):
+        body = [*guard(default.parameters), *map(str, default.body)]
+        text.append(rule(str(Function(f"_d_{number}", default.atom.arguments)), body))
+        text.append(rule(reachable(default.atom), body))
+    return text + [
+        line for operator in problem.domain.deductive_operators for line in deduction_rules(operator)
+    ]
+
+
+class _State:
+    """Facts and what they deny, growing."""
+
+    def __init__(self, deduced: Deduction) -> None:
+        self.deduced = deduced
+        self.facts = self.denied = 0
+
+    def give(self, facts: Bits) -> None:
+        """Take facts as they are, with all that follows."""
+        self.facts, self.denied = self.deduced.close(facts, facts)
+
+    def suppose(self, atom: int) -> None:
+        """Take a default with all that follows, unless it contradicts what is there."""
+        added, denied = self.deduced.close(1 << atom, self.facts)
+        if not (added & self.denied or denied & self.facts or added & denied):
+            self.facts |= added
+            self.denied |= denied

@@ -1,0 +1,255 @@
+"""Rows of numbers from clingo become ground operators: conditions, supports, deduction, workflow stages.
+
+There may be a million rows, so what the rows of a schema share is looked up once, and equal bitsets are one object.
+"""
+
+import itertools
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+
+from engine.model.task import Bits, ConditionalEffect, GroundOperator, bitset
+from engine.stages.grounding.closure import Deduction
+from engine.stages.grounding.derived import Supports, TooManySupports
+from engine.stages.grounding.numbering import Numbering
+from engine.stages.grounding.program import Schema, is_conditional
+from engine.stages.grounding.universe import Universe
+from engine.stages.grounding.workflow import Workflow
+from kb.asp.tables import Table
+from kb.model.conditions import Literal
+from kb.model.domain import Operator
+from kb.terms import Atom, Function, Number, Substitution, Term, substitute, substitute_atom, variables
+
+
+@dataclass(frozen=True, slots=True)
+class Contradiction:
+    """An operator instance whose consequences both add and deny `atoms`."""
+
+    operator: Operator
+    instance: Function
+    atoms: Bits
+    adds: Bits
+
+
+@dataclass(frozen=True, slots=True)
+class Doubt:
+    """An instance denies `atoms` with consequences; whether they were true its `preconditions` may say or not."""
+
+    instance: Function
+    atoms: Bits
+    preconditions: Bits
+
+
+@dataclass(frozen=True, slots=True)
+class Rows:
+    """The reachable instances of a schema: arguments, one number per dynamic literal, added atoms, deleted atoms.
+
+    An unreachable atom is -1; it stands only where it is negated or deleted.
+    """
+
+    schema: Schema
+    table: Table
+    adds: int
+
+    @property
+    def ends(self) -> tuple[int, int, int]:
+        """The columns before which arguments, literals and added atoms end."""
+        arguments = len(self.schema.operator.parameters)
+        literals = arguments + len(self.schema.literals)
+        return arguments, literals, literals + self.adds
+
+    def __iter__(self) -> Iterator[list[int]]:
+        return iter(self.table)
+
+
+@dataclass(frozen=True, slots=True)
+class Changes:
+    """What an instance adds and deletes, with all that follows, and which denied atoms the preconditions do not name."""
+
+    adds: Bits
+    deletes: Bits
+    doubtful: Bits = 0
+
+
+Traits = tuple[tuple[Term, ...], int, int]  # resources, duration, cost
+
+
+@dataclass
+class Instances:
+    """Everything needed to turn rows into operators, and what was found wrong on the way, by operator."""
+
+    universe: Universe
+    deduction: Deduction
+    supports: Supports
+    workflow: Workflow
+    numbering: Numbering
+    effects: Mapping[tuple[str, tuple[int, ...]], list[tuple[tuple[int, ...], Bits, Bits]]]
+    contradictions: dict[str, Contradiction] = field(default_factory=dict)
+    doubts: list[Doubt] = field(default_factory=list)
+    overflowing: dict[str, Operator] = field(default_factory=dict)
+    _sets: dict[tuple[int, ...], Bits] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        self.triggers = self.deduction.triggers()
+        self.deduces = self.deduction.has_rules()
+
+    def operators(self, schemas: Iterable[Rows]) -> Iterator[GroundOperator]:
+        """The ground operators of all rows: one per support and per choice of stages, each once."""
+        for _, group in itertools.groupby(schemas, key=lambda rows: rows.schema.operator.name):
+            parts = list(group)
+            if len(parts) == 1 and self._is_plain(parts[0].schema):
+                yield from self._plain(parts[0])
+            else:
+                yield from dict.fromkeys(made for rows in parts for made in self._various(rows))
+
+    def _is_plain(self, schema: Schema) -> bool:
+        """Whether each row is one operator: positive conditions on fluents, no choice of stages."""
+        fluents = all(each.positive and not self.universe.is_derived(each.atom) for each in schema.literals)
+        effects = schema.operator.effects
+        staged = self.workflow.reaching or any(each.atom.name in self.workflow.events for each in effects)
+        return fluents and not staged and not any(map(is_conditional, effects))
+
+    def _plain(self, rows: Rows) -> Iterator[GroundOperator]:
+        name, terms = rows.schema.operator.name, self.universe.terms
+        closing = _Closing(self, rows)
+        traits = _Shared(rows.schema.operator)
+        arguments, literals, _ = rows.ends
+        for row in rows:
+            instance = Function(name, tuple([terms[number] for number in row[:arguments]]))
+            base = self.bits(tuple(row[arguments:literals]))
+            changes = closing.changes(row, base, instance)
+            held, duration, cost = traits.of(row, instance)
+            yield GroundOperator(instance, base, changes.adds, changes.deletes, (), held, duration, cost)
+
+    def _various(self, rows: Rows) -> Iterator[GroundOperator]:
+        operator, terms = rows.schema.operator, self.universe.terms
+        closing = _Closing(self, rows)
+        traits = _Shared(operator)
+        arguments, literals, _ = rows.ends
+        for row in rows:
+            instance = Function(operator.name, tuple([terms[number] for number in row[:arguments]]))
+            conditions = signed(rows.schema.literals, row[arguments:literals])
+            try:
+                supports = self.supports.combinations(conditions)
+                effects = tuple(self._conditional(operator, instance, tuple(row[:arguments]), conditions))
+            except TooManySupports:
+                self.overflowing.setdefault(operator.name, operator)
+                continue
+            events = self._events(operator, instance)
+            held, duration, cost = traits.of(row, instance)
+            for support in supports:
+                base = self.numbering.bits(support)
+                changes = closing.changes(row, base, instance)
+                for advance in self.workflow.advances(events, changes.adds, effects):
+                    needs, adds = base | advance.conditions, changes.adds | advance.adds
+                    deletes = changes.deletes | advance.deletes
+                    yield GroundOperator(instance, needs, adds, deletes, effects, held, duration, cost)
+
+    def _events(self, operator: Operator, instance: Function) -> list[Atom]:
+        events = [each.atom for each in operator.effects if each.atom.name in self.workflow.events]
+        bindings = dict(zip(operator.variables, instance.arguments, strict=True)) if events else {}
+        return [substitute_atom(event, bindings) for event in events]
+
+    def bits(self, atoms: tuple[int, ...]) -> Bits:
+        """The bitset of a few atoms; the same object for the same one."""
+        if len(atoms) > 1:
+            return bitset(atoms)
+        found = self._sets.get(atoms)
+        if found is None:
+            found = self._sets[atoms] = bitset(atoms)
+        return found
+
+    def contradicts(self, operator: Operator, instance: Function, atoms: Bits, adds: Bits) -> None:
+        """Note a contradiction, the first of each operator."""
+        self.contradictions.setdefault(operator.name, Contradiction(operator, instance, atoms, adds))
+
+    def _conditional(
+        self, operator: Operator, instance: Function, arguments: tuple[int, ...], required: Sequence[int]
+    ) -> Iterator[ConditionalEffect]:
+        if not any(map(is_conditional, operator.effects)):
+            return
+        for conditions, adds, deletes in self.effects.get((operator.name, arguments), ()):
+            for support in self.supports.combinations(conditions):
+                before = self.numbering.bits(each for each in (*support, *required) if self._is_fluent(each))
+                added, denied = self.deduction.close(adds, before)
+                if added & denied:
+                    self.contradicts(operator, instance, added & denied, adds)
+                self.numbering.bits([~each for each in support])  # regression needs their complements
+                yield ConditionalEffect(self.numbering.bits(support), added, (denied | deletes) & ~added)
+
+    def _is_fluent(self, number: int) -> bool:
+        return 0 <= number < len(self.universe.atoms)
+
+
+class _Closing:
+    """The changes of the instances of a schema, each computed once."""
+
+    def __init__(self, made: Instances, rows: Rows) -> None:
+        self.made, self.operator = made, rows.schema.operator
+        _, self.literals, self.adds = rows.ends
+        self.known: dict[tuple[tuple[int, ...], Bits], Changes] = {}
+
+    def changes(self, row: list[int], base: Bits, instance: Function) -> Changes:
+        """What the instance in `row` does under the preconditions `base`."""
+        made = self.made
+        before = base & made.triggers
+        key = (tuple(row[self.literals :]), before)
+        changes = self.known.get(key)
+        if changes is None:
+            changes = self.known[key] = self._closed(row, before, instance)
+        if changes.doubtful:
+            made.doubts.append(Doubt(instance, changes.doubtful, base))
+        return changes
+
+    def _closed(self, row: list[int], before: Bits, instance: Function) -> Changes:
+        made = self.made
+        adds = made.bits(tuple(row[self.literals : self.adds]))
+        deletes = made.bits(tuple([atom for atom in row[self.adds :] if atom >= 0]))
+        if deletes & adds:  # add after delete: what is added again never ends
+            deletes &= ~adds
+        if not made.deduces:
+            return Changes(adds, deletes)
+        added, denied = made.deduction.close(adds, before, deletes)
+        if added & denied:
+            made.contradicts(self.operator, instance, added & denied, adds)
+        ends = denied | deletes
+        return Changes(added, ends & ~added, ends & made.triggers & ~before)
+
+
+class _Shared:
+    """What instances of an operator hold, how long they take and what they cost, by the arguments that matter."""
+
+    def __init__(self, operator: Operator) -> None:
+        self.operator = operator
+        terms = [
+            *operator.resources,
+            *(each for each in (operator.duration, operator.cost) if each is not None),
+        ]
+        named = {variable for term in terms for variable in variables(term)}
+        self.places = [place for place, each in enumerate(operator.variables) if each in named]
+        self.known: dict[tuple[int, ...], Traits] = {}
+
+    def of(self, row: list[int], instance: Function) -> Traits:
+        """The traits of the instance in `row`."""
+        key = tuple([row[place] for place in self.places])
+        found = self.known.get(key)
+        if found is None:
+            found = self.known[key] = self._evaluated(instance)
+        return found
+
+    def _evaluated(self, instance: Function) -> Traits:
+        operator = self.operator
+        bindings = dict(zip(operator.variables, instance.arguments, strict=True))
+        resources = tuple(substitute(resource, bindings) for resource in operator.resources)
+        return resources, _value(operator.duration, bindings, 0), _value(operator.cost, bindings, 1)
+
+
+def signed(literals: Sequence[Literal], numbers: list[int]) -> tuple[int, ...]:
+    """Signed numbers of literals; a negated atom that is never reachable (number -1) is no condition."""
+    pairs = zip(literals, numbers, strict=True)
+    return tuple(n if each.positive else ~n for each, n in pairs if each.positive or n >= 0)
+
+
+def _value(term: Term | None, bindings: Substitution, default: int) -> int:
+    """A duration or cost under bindings."""
+    bound = substitute(term, bindings) if term is not None else None
+    return bound.value if isinstance(bound, Number) else default

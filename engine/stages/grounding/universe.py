@@ -1,0 +1,81 @@
+"""The reachable atoms of a problem, numbered, and tables over those numbers; one `Universe` wraps one grounder."""
+
+from collections.abc import Iterable, Mapping
+
+from engine.model.task import Bits, indices
+from engine.stages.grounding.program import Vocabulary, numbered
+from kb.asp import Grounder
+from kb.asp.tables import Table
+from kb.terms import Atom, Function, Term
+
+DERIVED = (
+    1 << 29
+)  # derived atoms are numbered from here: they are compiled away and get no bit (clingo has 32)
+
+
+class Universe:
+    """Atoms that can become true, in the order of their numbers, and the terms that stand in operator headers.
+
+    `atoms` are the fluents; derived atoms have numbers from `DERIVED` on and stand in `derived`.
+    """
+
+    def __init__(self, grounder: Grounder, vocabulary: Vocabulary, invented: dict[str, int]) -> None:
+        self._grounder = grounder
+        self.atoms: list[Atom] = []
+        self.derived: list[Atom] = []
+        predicates = vocabulary.domain.predicates
+        arities = {
+            name: len(predicates[name].arguments) for name in predicates if vocabulary.is_dynamic(name)
+        }
+        for name, arity in {**arities, **invented}.items():
+            found = grounder.atoms(f"_r_{name}", arity)
+            part = self.derived if name in vocabulary.derived else self.atoms
+            part.extend(sorted((Function(name, arguments) for arguments in found), key=str))
+        self.index: dict[Atom, int] = {atom: number for number, atom in enumerate(self.atoms)}
+        self.index.update((atom, DERIVED + number) for number, atom in enumerate(self.derived))
+        facts = (f"{numbered_fact(atom, number)}." for atom, number in self.index.items())
+        declared = (f"#defined _i_{name}/{arity + 1}." for name, arity in {**arities, **invented}.items())
+        grounder.ground("\n".join((*declared, *facts)))
+        self.terms: list[Term] = []
+        self._derived = vocabulary.derived
+
+    def atom(self, number: int) -> Atom:
+        """The fluent or derived atom of a number."""
+        return self.derived[number - DERIVED] if number >= DERIVED else self.atoms[number]
+
+    def names(self, bits: Bits) -> tuple[Atom, ...]:
+        """The fluents in a bitset."""
+        return tuple(self.atoms[number] for number in indices(bits))
+
+    def is_derived(self, atom: Atom) -> bool:
+        """Whether the atom's predicate is derived."""
+        return atom.name in self._derived
+
+    def name_terms(self, rules: Iterable[str]) -> None:
+        """Number the terms that `rules` collect in `_arg`, as facts `_a(term, number)`."""
+        self._grounder.ground("\n".join(rules))
+        self.terms = [arguments[0] for arguments in self._grounder.atoms("_arg", 1)]
+        self._grounder.ground("\n".join(f"_a({term},{number})." for number, term in enumerate(self.terms)))
+
+    def tables(self, rules: dict[str, tuple[str, int]]) -> dict[str, Table]:
+        """Ground rules given as predicate: (text, arity) and return the rows of each predicate."""
+        self._grounder.ground("\n".join(text for text, _ in rules.values()))
+        return self._grounder.tables({name: arity for name, (_, arity) in rules.items()})
+
+    def number(self, rules: Iterable[str], arities: Mapping[str, int]) -> None:
+        """Ground rules and number the true atoms of predicates p, as facts `p_number(arguments, number)`."""
+        if not arities:
+            return
+        self._grounder.ground("\n".join(rules))
+        facts = [f"#defined {name}_number/{arity + 1}." for name, arity in arities.items()]
+        for name, arity in arities.items():
+            for number, key in enumerate(sorted(self._grounder.atoms(name, arity), key=str)):
+                facts.append(f"{name}_number({', '.join(map(str, (*key, number)))}).")
+        self._grounder.ground("\n".join(facts))
+
+
+def numbered_fact(atom: Atom, number: int) -> str:
+    """`_i_p(arguments, number)` for a ground atom."""
+    return (
+        numbered(atom, "N").replace(", N)", f", {number})") if atom.arguments else f"_i_{atom.name}({number})"
+    )

@@ -1,0 +1,281 @@
+"""Why a plan works, with variables for constants: explanation-based generalisation.
+
+Every step becomes its operator with fresh variables; every causal link makes a condition of its consumer equal to a
+consequence of its producer, and nothing else is made equal (Fikes, Hart & Nilsson 1972; Mooney & DeJong's EGGS 1986;
+for partial orders Kambhampati & Kedar 1994). What the proof relies on not to happen is `engine.stages.macros.learning.safety`'s part.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+from engine.stages.macros.learning.terms import Equalities
+from engine.stages.macros.lifted.bodies import solve
+from engine.stages.macros.lifted.facts import Facts
+from engine.stages.macros.lifted.schema import Following, NotGeneral, OperatorSchema
+from engine.stages.macros.lifted.world import Change, State, World, with_derived
+from kb.model.conditions import Body, BodyPart, Comparison, Literal, part_variables, substitute_part
+from kb.model.domain import Kind
+from kb.model.plan import GOAL, START, Plan, Step, StepId
+from kb.terms import Atom, Function, Term, Variable, is_ground, match, ordered, substitute_atom, variables
+
+MAX_DEPTH = 40
+
+
+@dataclass(frozen=True, slots=True)
+class Need:
+    """A literal that must hold before `consumer`, and the step that makes it so."""
+
+    atom: Atom
+    positive: bool
+    producer: StepId
+    consumer: StepId
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    """One conjunct that a consumer rests on: the literal with variables."""
+
+    literal: Literal
+    ground: Atom
+
+
+@dataclass
+class Proof:
+    """The proof of one plan, growing. `origin` gives the constant that each variable stands for in that plan."""
+
+    world: World
+    plan: Plan
+    initial: State
+    equal: Equalities = field(default_factory=Equalities)
+    origin: dict[Variable, Term] = field(default_factory=dict)
+    schemas: dict[StepId, OperatorSchema] = field(default_factory=dict)
+    needs: dict[Need, None] = field(default_factory=dict)
+    constraints: dict[BodyPart, None] = field(default_factory=dict)
+    states: dict[StepId, Facts] = field(default_factory=dict)
+    changes: dict[StepId, Change] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        self._header: dict[StepId, dict[Variable, Variable]] = {}
+        self.before = self.plan.predecessors()
+        self._places = {step.id: place for place, step in enumerate(self.plan.steps)}
+        self._linked: dict[StepId, dict[Atom, StepId]] = {}
+        for link in self.plan.links:
+            self._linked.setdefault(link.consumer, {})[link.condition] = link.producer
+        for step in self.plan.steps:
+            self._lift(step)
+        self._execute()
+
+    def _lift(self, step: Step) -> None:
+        schema, bindings = self.world.binding(step.operator)
+        fresh = {variable: self.world.schemas.fresh(variable) for variable in schema.variables()}
+        self.schemas[step.id] = schema.renamed(fresh)
+        self._header[step.id] = {variable: fresh[variable] for variable in schema.operator.variables}
+        self.origin.update({fresh[variable]: bindings[variable] for variable in bindings})
+
+    def header(self, step: StepId) -> dict[Variable, Variable]:
+        """The variables of this proof for those of the step's operator."""
+        return self._header[step]
+
+    def _execute(self) -> None:
+        facts = Facts(ordered(self.initial))
+        for step in self.plan.steps:
+            self.states[step.id] = with_derived(self.world, facts)
+            self.changes[step.id] = self.world.change(step.operator, self.states[step.id])
+            facts = self.changes[step.id].applied(facts)
+        self.states[GOAL] = with_derived(self.world, facts)
+
+    def justify(self, step: Step) -> None:
+        """Collect what one step rests on: its constraints, and its precondition by what its links provide."""
+        schema = self.schemas[step.id]
+        found = next(solve(schema.body, self.world.statics, self._ground(schema.body)), None)
+        if found is None:
+            raise NotGeneral(f"the constraints of {step.operator} do not hold")
+        self._constrain(schema.body, found)
+        if not any(self.rest(body, step.id, {}) is not None for body in schema.alternatives):
+            raise NotGeneral(f"the precondition of {step.operator} does not hold")
+
+    def rest(
+        self, body: Body, consumer: StepId, bindings: dict[Variable, Term], links: bool = True
+    ) -> list[Part] | None:
+        """Make `consumer` rest on a body; the literals over fluents that this came to, or None if it does not hold."""
+        sources = [[*self._provided(consumer)]] if links and self._linked.get(consumer) else []
+        for available in [*map(Facts, sources), self.states[consumer]]:
+            start = {**self._ground(body), **bindings}
+            found = next(self._prove(body, start, available, consumer, 0), None)
+            if found is not None:
+                ground, leaves, equations = found
+                self.origin.update(ground)
+                for one, other in equations:
+                    self.equal.join(one, other)
+                return [part for leaf in leaves for part in self._leaf(leaf, consumer)]
+        return None
+
+    def _provided(self, consumer: StepId) -> Iterator[Atom]:
+        return (each for each in self._linked.get(consumer, {}) if each.name != "not")
+
+    def _ground(self, body: Body) -> dict[Variable, Term]:
+        used = (variable for part in body for variable in part_variables(part))
+        return {variable: self.origin[variable] for variable in used if variable in self.origin}
+
+    def _constrain(self, body: Body, found: dict[Variable, Term]) -> None:
+        self.origin.update(found)
+        self.constraints.update(dict.fromkeys(body))
+
+    def _leaf(self, leaf: BodyPart, consumer: StepId) -> Iterator[Part]:
+        if not self.world.schemas.is_dynamic(leaf) or not isinstance(leaf, Literal):
+            self.constraints[leaf] = None
+            return
+        ground = substitute_atom(leaf.atom, self.origin)
+        if self.world.schemas.kinds.get(leaf.atom.name) is Kind.FLUENT:
+            self.need(leaf.atom, leaf.positive, consumer)
+            yield Part(leaf, ground)
+        else:
+            yield from self._frozen(leaf, consumer)
+
+    def _frozen(self, leaf: Literal, consumer: StepId) -> Iterator[Part]:
+        """What is false for want of every support stays as it was: constants, and all that links provide."""
+        for variable in variables(leaf.atom):
+            self.equal.join(variable, self.origin[variable])
+        for condition in self._linked.get(consumer, {}):
+            negated = condition.name == "not" and len(condition.arguments) == 1
+            atom = condition.arguments[0] if negated else condition
+            if isinstance(atom, Function) and not atom.name.startswith("_"):
+                self.need(atom, not negated, consumer)
+                yield Part(Literal(atom, not negated), atom)
+
+    # What makes a literal true.
+
+    def need(self, atom: Atom, positive: bool, consumer: StepId) -> None:
+        """Let `consumer` rest on a fluent literal and explain how it comes to hold."""
+        ground = substitute_atom(atom, self.origin)
+        producer = self._producer(ground, positive, consumer)
+        self.needs[Need(atom, positive, producer, consumer)] = None
+        if producer != START:
+            self.produce(producer, atom, ground, positive)
+
+    def _producer(self, ground: Atom, positive: bool, consumer: StepId) -> StepId:
+        condition = ground if positive else Function("not", (ground,))
+        linked = self._linked.get(consumer, {}).get(condition)
+        if linked is not None:
+            return linked
+        place = self._places.get(consumer, len(self.plan.steps))
+        found: StepId | None = None
+        for step in reversed(self.plan.steps[:place]):
+            change = self.changes[step.id]
+            gained, lost = (change.adds, change.ends) if positive else (change.ends, change.adds)
+            if ground in gained and (consumer == GOAL or step.id in self.before[consumer]):
+                found = step.id
+            elif ground in lost:
+                break
+        else:
+            if (ground in self.initial) == positive:
+                return START
+        if found is None:
+            raise NotGeneral(f"nothing makes {condition} true for step {consumer}")
+        return found
+
+    def produce(self, producer: StepId, atom: Atom, ground: Atom, positive: bool) -> None:
+        """Make a literal equal to the consequence of a step that provides it, and rest on why it follows."""
+        schema = self.schemas[producer]
+        candidates = sorted(schema.adds if positive else schema.denies, key=lambda each: len(each.guard))
+        for each in candidates:
+            each = self.apart(each)
+            bindings = self._as(each, ground)
+            if bindings is None:
+                continue
+            self.origin.update(bindings)
+            self.equal.join(each.atom, atom)
+            self._hold(each.guard)
+            if each.needs and self.rest(each.needs, producer, bindings) is None:
+                continue
+            return
+        raise NotGeneral(f"step {producer} does not provide {ground}")
+
+    def apart(self, each: Following) -> Following:
+        """With local variables of its own: what follows for one value may follow for others, too."""
+        used = (variable for part in (*each.guard, *each.needs) for variable in part_variables(part))
+        local = {
+            v: self.world.schemas.fresh(v) for v in (*variables(each.atom), *used) if v not in self.origin
+        }
+        return each.renamed(local) if local else each
+
+    def _as(self, each: Following, ground: Atom) -> dict[Variable, Term] | None:
+        known = {v: self.origin[v] for v in variables(each.atom) if v in self.origin}
+        found = match(each.atom, ground, known)
+        if found is None:
+            return None
+        return next(solve(each.guard, self.world.statics, {**self._ground(each.guard), **found}), None)
+
+    def _hold(self, guard: Body) -> None:
+        for part in guard:
+            if isinstance(part, Comparison) and part.relation == "=":
+                self.equal.join(part.left, part.right)
+            else:
+                self.constraints[part] = None
+
+    # Bodies are proved by resolution, on the plan's own constants beside the variables.
+
+    def _prove(
+        self, body: Body, ground: dict[Variable, Term], available: Facts, consumer: StepId, depth: int
+    ) -> "Iterator[tuple[dict[Variable, Term], tuple[BodyPart, ...], tuple[tuple[Term, Term], ...]]]":
+        if not body:
+            yield ground, (), ()
+            return
+        index = self._next(body, ground)
+        part, rest = body[index], body[:index] + body[index + 1 :]
+        if isinstance(part, Literal) and part.positive and self.world.schemas.is_derived(part.atom):
+            yield from self._by_rule(part.atom, rest, ground, available, consumer, depth)
+            return
+        for extended in self._solutions(part, ground, available, consumer):
+            for found, leaves, equations in self._prove(rest, extended, available, consumer, depth):
+                yield found, (part, *leaves), equations
+
+    def _next(self, body: Body, ground: dict[Variable, Term]) -> int:
+        def rank(part: BodyPart) -> int:
+            closed = all(variable in ground for variable in part_variables(part))
+            positive = isinstance(part, Literal) and part.positive
+            derived = isinstance(part, Literal) and self.world.schemas.is_derived(part.atom)
+            return 0 if closed and not derived else 1 if positive and not derived else 2 if derived else 3
+
+        return min(range(len(body)), key=lambda index: rank(body[index]))
+
+    def _solutions(
+        self, part: BodyPart, ground: dict[Variable, Term], available: Facts, consumer: StepId
+    ) -> Iterator[dict[Variable, Term]]:
+        if not self.world.schemas.is_dynamic(part):
+            yield from solve((part,), self.world.statics, ground)
+        elif isinstance(part, Literal) and part.positive:
+            yield from solve((part,), available, ground)
+        elif isinstance(part, Literal) and is_ground(substitute_atom(part.atom, ground)):
+            yield from solve((part,), self.states[consumer], ground)
+        else:
+            raise NotGeneral(f"{part} speaks of all instances")
+
+    def _by_rule(
+        self,
+        atom: Atom,
+        rest: Body,
+        ground: dict[Variable, Term],
+        available: Facts,
+        consumer: StepId,
+        depth: int,
+    ) -> "Iterator[tuple[dict[Variable, Term], tuple[BodyPart, ...], tuple[tuple[Term, Term], ...]]]":
+        if depth > MAX_DEPTH:
+            return
+        if not is_ground(substitute_atom(atom, ground)):
+            for each in solve((Literal(atom),), self.states[consumer], ground):
+                yield from self._by_rule(atom, rest, each, available, consumer, depth)
+            return
+        target = substitute_atom(atom, ground)
+        for rule in self.world.schemas.rules:
+            if rule.head.name != atom.name:
+                continue
+            used = [*variables(rule.head), *(v for part in rule.body for v in part_variables(part))]
+            fresh = {variable: self.world.schemas.fresh(variable) for variable in used}
+            head = substitute_atom(rule.head, fresh)
+            found = match(head, target, ground)
+            if found is None:
+                continue
+            body = tuple(substitute_part(part, fresh) for part in rule.body)
+            for solved, leaves, equations in self._prove(body + rest, found, available, consumer, depth + 1):
+                yield solved, leaves, ((head, atom), *equations)

@@ -1,0 +1,130 @@
+"""Equalities between terms, growing; and what must differ, simplified to what can be decided."""
+
+from collections.abc import Iterable, Mapping
+
+from engine.stages.macros.lifted.bodies import compare
+from engine.stages.macros.lifted.schema import NotGeneral
+from kb.model.conditions import Body, BodyPart, Comparison, substitute_part
+from kb.terms import Function, Operation, Term, Variable, is_ground, unify
+
+
+class Equalities:
+    """Which variables stand for the same term: a unifier that grows in place."""
+
+    def __init__(self) -> None:
+        self.bindings: dict[Variable, Term] = {}
+        self._resolved: dict[Variable, Term] = {}  # until something becomes equal
+
+    def join(self, one: Term, other: Term) -> bool:
+        """Make two terms equal; whether that was new. Raises `NotGeneral` if they cannot be."""
+        one, other = self._root(one), self._root(other)
+        if one == other:
+            return False
+        if isinstance(one, Variable):
+            return self._bind(one, other)
+        if isinstance(other, Variable):
+            return self._bind(other, one)
+        if (
+            isinstance(one, Function)
+            and isinstance(other, Function)
+            and (one.name, len(one.arguments)) == (other.name, len(other.arguments))
+        ):
+            pairs = zip(one.arguments, other.arguments, strict=True)
+            return any([self.join(left, right) for left, right in pairs])
+        raise NotGeneral(f"{one} is not {other}")
+
+    def _bind(self, variable: Variable, term: Term) -> bool:
+        self.bindings[variable] = term
+        self._resolved.clear()
+        return True
+
+    def _root(self, term: Term) -> Term:
+        while isinstance(term, Variable) and term in self.bindings:
+            term = self.bindings[term]
+        return term
+
+    def resolved(self, term: Term) -> Term:
+        """The term with every variable replaced by what it stands for."""
+        if isinstance(term, Variable):
+            found = self._resolved.get(term)
+            if found is None:
+                found = self._resolved[term] = self._followed(self._root(term))
+            return found
+        return self._followed(term)
+
+    def _followed(self, term: Term) -> Term:
+        if isinstance(term, Function) and term.arguments:
+            return Function(term.name, tuple(map(self.resolved, term.arguments)))
+        if isinstance(term, Operation):
+            return Operation(term.operator, self.resolved(term.left), self.resolved(term.right))
+        return term
+
+    def part(self, part: BodyPart, variables: Iterable[Variable]) -> BodyPart:
+        """A part of a body with these variables resolved."""
+        return substitute_part(part, {variable: self.resolved(variable) for variable in variables})
+
+
+def equations(pairs: Iterable[tuple[Term, Term]]) -> dict[Variable, Term] | None:
+    """The weakest equations that make every pair equal, none bound variable on a right side; None if nothing does."""
+    found: dict[Variable, Term] | None = {}
+    for one, other in pairs:
+        found = unify(one, other, found) if found is not None else None
+    if found is None:
+        return None
+    return {variable: _followed(variable, found) for variable in found}
+
+
+def _followed(term: Term, bindings: Mapping[Variable, Term]) -> Term:
+    while isinstance(term, Variable) and term in bindings:
+        term = bindings[term]
+    if isinstance(term, Function) and term.arguments:
+        return Function(term.name, tuple(_followed(argument, bindings) for argument in term.arguments))
+    return term
+
+
+def decided(part: BodyPart) -> bool | None:
+    """Whether a comparison is true or false whatever its variables are; None if that depends."""
+    if not isinstance(part, Comparison):
+        return None
+    if part.relation not in ("=", "!="):
+        ground = is_ground(part.left) and is_ground(part.right)
+        return compare(part.left, part.relation, part.right) if ground else None
+    same = _same(part.left, part.right)
+    return None if same is None else same == (part.relation == "=")
+
+
+def _same(left: Term, right: Term) -> bool | None:
+    if left == right:
+        return True
+    if is_ground(left) and is_ground(right):
+        return compare(left, "=", right)
+    if isinstance(left, Operation) or isinstance(right, Operation):
+        return None
+    return None if unify(left, right, {}) is not None else False
+
+
+def apart(left: Term, right: Term) -> Comparison:
+    """`left != right`, with compound terms that differ in one argument reduced to that argument."""
+    while (
+        isinstance(left, Function)
+        and isinstance(right, Function)
+        and left.name == right.name
+        and len(left.arguments) == len(right.arguments)
+    ):
+        open_pairs = [(a, b) for a, b in zip(left.arguments, right.arguments, strict=True) if a != b]
+        if len(open_pairs) != 1:
+            break
+        left, right = open_pairs[0]
+    return Comparison(left, "!=", right) if str(left) <= str(right) else Comparison(right, "!=", left)
+
+
+def simplified(body: Body) -> Body | None:
+    """The parts that are not true anyway; None if one is false anyway."""
+    kept: list[BodyPart] = []
+    for part in body:
+        truth = decided(part)
+        if truth is False:
+            return None
+        if truth is None:
+            kept.append(part)
+    return tuple(dict.fromkeys(kept))

@@ -1,0 +1,1 @@
+"""Operators with variables, evaluated without grounding: what a step does in a state."""

@@ -1,0 +1,144 @@
+"""Bodies solved over facts by join: the cheapest part first, tests as soon as they can be decided."""
+
+from collections.abc import Iterator, Mapping
+
+from engine.stages.macros.lifted.facts import Facts
+from kb.model.conditions import Aggregate, Body, BodyPart, Comparison, Literal, substitute_part
+from kb.terms import Function, Number, Operation, Term, Text, Variable, is_ground, match
+
+Bindings = Mapping[Variable, Term]
+
+
+def evaluate(term: Term) -> Term | None:
+    """A ground term with its arithmetic done as clingo does it; None where it has no value."""
+    if not isinstance(term, Operation):
+        return term
+    left, right = evaluate(term.left), evaluate(term.right)
+    if not isinstance(left, Number) or not isinstance(right, Number):
+        return None
+    return _calculate(term.operator, left.value, right.value)
+
+
+def _calculate(operator: str, left: int, right: int) -> Term | None:
+    if operator == "+":
+        return Number(left + right)
+    if operator == "-":
+        return Number(left - right)
+    if operator == "*":
+        return Number(left * right)
+    if right == 0:
+        return None
+    quotient = abs(left) // abs(right)
+    quotient = quotient if (left < 0) == (right < 0) else -quotient
+    return Number(quotient if operator == "/" else left - quotient * right)
+
+
+def _order(term: Term) -> tuple[object, ...]:
+    """clingo's order of terms: numbers, constants, texts, then compound terms by arity, name and arguments."""
+    match term:
+        case Number(value):
+            return (0, value)
+        case Function(name, ()):
+            return (1, name)
+        case Text(value):
+            return (2, value)
+        case Function(name, arguments):
+            return (3, len(arguments), name, tuple(map(_order, arguments)))
+        case _:
+            raise ValueError(f"{term} is not ground")
+
+
+def compare(left: Term, relation: str, right: Term) -> bool:
+    """Whether a ground comparison is true; false where arithmetic has no value."""
+    one, other = evaluate(left), evaluate(right)
+    if one is None or other is None:
+        return False
+    if relation in ("=", "!="):
+        return (one == other) == (relation == "=")
+    low, high = _order(one), _order(other)
+    if relation in ("<", "<="):
+        return low < high or (relation == "<=" and low == high)
+    return low > high or (relation == ">=" and low == high)
+
+
+def solve(body: Body, facts: Facts, bindings: Bindings) -> Iterator[dict[Variable, Term]]:
+    """Every binding that extends `bindings` and satisfies `body`; negated literals mean absence."""
+    return _solved([substitute_part(part, bindings) for part in body], facts, dict(bindings))
+
+
+def _solved(
+    parts: list[BodyPart], facts: Facts, bindings: dict[Variable, Term]
+) -> Iterator[dict[Variable, Term]]:
+    """The same for parts in which all that is bound stands already."""
+    waiting = []
+    for part in parts:
+        truth = _truth(part, facts)
+        if truth is None:
+            waiting.append(part)
+        elif not truth:
+            return
+    if not waiting:
+        yield bindings
+        return
+    chosen = waiting.pop(_cheapest(waiting, facts) if len(waiting) > 1 else 0)
+    for new in _extensions(chosen, facts):
+        rest = [substitute_part(part, new) for part in waiting] if new else waiting
+        yield from _solved(rest, facts, {**bindings, **new})
+
+
+def _truth(part: BodyPart, facts: Facts) -> bool | None:
+    """Whether a part holds, None while it has open variables."""
+    match part:
+        case Literal(atom, positive):
+            return (atom in facts) == positive if is_ground(atom) else None
+        case Comparison(left, relation, right):
+            return compare(left, relation, right) if is_ground(left) and is_ground(right) else None
+        case Aggregate():
+            raise ValueError(f"aggregates are evaluated beforehand: {part}")
+
+
+def satisfiable(body: Body, facts: Facts, bindings: Bindings) -> bool:
+    """Whether a body has a binding."""
+    return not body or next(solve(body, facts, bindings), None) is not None
+
+
+def _cheapest(parts: list[BodyPart], facts: Facts) -> int:
+    costs = [_cost(part, facts) for part in parts]
+    return costs.index(min(costs))
+
+
+def _cost(part: BodyPart, facts: Facts) -> float:
+    """How many bindings a part with open variables may yield."""
+    match part:
+        case Comparison(left, relation, right):
+            return 0 if relation == "=" and (is_ground(left) or is_ground(right)) else float("inf")
+        case Literal(atom, positive):
+            return len(facts.matching(atom)) if positive else 1e9
+        case _:
+            return float("inf")
+
+
+def _extensions(part: BodyPart, facts: Facts) -> Iterator[Bindings]:
+    """The bindings of a part's open variables that make it true."""
+    match part:
+        case Literal(atom, True):
+            found = (match(atom, other, {}) for other in facts.matching(atom))
+            yield from (each for each in found if each is not None)
+        case Literal(atom):
+            if not any(match(atom, other, {}) is not None for other in facts.matching(atom)):
+                yield {}
+        case Comparison():
+            yield from _comparison(part)
+        case _:
+            return
+
+
+def _comparison(part: Comparison) -> Iterator[Bindings]:
+    left_ground, right_ground = is_ground(part.left), is_ground(part.right)
+    if part.relation != "=" or not (left_ground or right_ground):
+        return
+    pattern, ground = (part.right, part.left) if left_ground else (part.left, part.right)
+    value = evaluate(ground)
+    extended = match(pattern, value, {}) if value is not None else None
+    if extended is not None:
+        yield extended

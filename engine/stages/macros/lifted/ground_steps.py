@@ -1,0 +1,120 @@
+"""Ground steps as far as they do not depend on a state: what is worked out once per step serves every plan that has it.
+
+Only for operators whose precondition names all its atoms and whose effects ask nothing of the state; the others are
+executed by `engine.stages.macros.lifted.world` alone, which says the same of these, too, and more slowly.
+"""
+
+from collections.abc import Collection, Iterator
+from dataclasses import dataclass
+
+from engine.stages.macros.lifted.bodies import Bindings, satisfiable, solve
+from engine.stages.macros.lifted.facts import Facts
+from engine.stages.macros.lifted.schema import Following, OperatorSchema, Schemas
+from kb.model.conditions import Body, Literal, part_variables, substitute_part
+from kb.terms import Atom, is_ground, match, substitute_atom
+
+Needed = tuple[tuple[Atom, ...], tuple[Atom, ...]]  # what must hold, and what must not
+
+
+@dataclass(frozen=True, slots=True)
+class GroundStep:
+    """`refusal` stands against the step in every state. `sweeps` end the atoms of a pattern for which a guard holds."""
+
+    refusal: str
+    alternatives: tuple[Needed, ...]
+    adds: tuple[Atom, ...]
+    ends: tuple[Atom, ...]
+    sweeps: tuple[tuple[Atom, Body], ...]
+    events: tuple[Atom, ...] = ()
+
+    def applicable(self, facts: Facts) -> bool:
+        """Whether the precondition holds."""
+        return any(
+            all(atom in facts for atom in holding) and not any(atom in facts for atom in absent)
+            for holding, absent in self.alternatives
+        )
+
+    def ended(self, facts: Facts, statics: Facts) -> tuple[Atom, ...]:
+        """The atoms of a state that end."""
+        found = dict.fromkeys(atom for atom in self.ends if atom in facts)
+        for pattern, guard in self.sweeps:
+            for atom in facts.matching(pattern):
+                if atom not in self.adds and _swept(pattern, guard, atom, statics):
+                    found[atom] = None
+        return tuple(found)
+
+
+def _swept(pattern: Atom, guard: Body, atom: Atom, statics: Facts) -> bool:
+    found = match(pattern, atom, {})
+    return found is not None and satisfiable(guard, statics, found)
+
+
+def is_plain(schema: OperatorSchema, schemas: Schemas) -> bool:
+    """Whether the instances of an operator can be worked out without a state."""
+    header = set(schema.operator.variables)
+    return not any(each.needs for each in (*schema.adds, *schema.denies)) and all(
+        isinstance(part, Literal)
+        and schemas.is_dynamic(part)
+        and not schemas.is_derived(part.atom)
+        and header.issuperset(part_variables(part))
+        for body in schema.alternatives
+        for part in body
+    )
+
+
+def ground_step(schema: OperatorSchema, bindings: Bindings, statics: Facts) -> GroundStep:
+    """The instance of a plain operator."""
+    if not satisfiable(schema.body, statics, bindings):
+        return GroundStep("its constraints do not hold", (), (), (), ())
+    adds = tuple(
+        dict.fromkeys(
+            substitute_atom(each.atom, found)
+            for each in schema.adds
+            for found in solve(each.guard, statics, bindings)
+        )
+    )
+    denied = [(each, *_seen(each, bindings)) for each in schema.denies]
+    ends = {pattern: None for _, pattern, guard in denied if _ends(pattern, guard, adds, statics)}
+    sweeps = {(p, guard): None for _, p, guard in denied if not is_ground(p) and _possible(guard, statics)}
+    clash = next(_clashes(denied, adds, statics), None)
+    return GroundStep(
+        f"it adds and denies {clash}" if clash is not None else "",
+        tuple(_needed(body, bindings) for body in schema.alternatives),
+        adds,
+        tuple(ends),
+        tuple((pattern, _open_parts(guard)) for pattern, guard in sweeps),
+        tuple(substitute_atom(each, bindings) for each in schema.events),
+    )
+
+
+def _seen(each: Following, bindings: Bindings) -> tuple[Atom, Body]:
+    """A denial and its guard as one instance has them."""
+    return substitute_atom(each.atom, bindings), tuple(substitute_part(part, bindings) for part in each.guard)
+
+
+def _ends(pattern: Atom, guard: Body, adds: Collection[Atom], statics: Facts) -> bool:
+    return is_ground(pattern) and pattern not in adds and satisfiable(guard, statics, {})
+
+
+def _possible(guard: Body, statics: Facts) -> bool:
+    """Whether nothing in a guard that is decided already is false."""
+    return satisfiable(tuple(part for part in guard if next(part_variables(part), None) is None), statics, {})
+
+
+def _open_parts(guard: Body) -> Body:
+    return tuple(part for part in guard if next(part_variables(part), None) is not None)
+
+
+def _clashes(
+    denied: list[tuple[Following, Atom, Body]], adds: tuple[Atom, ...], statics: Facts
+) -> Iterator[Atom]:
+    for each, pattern, guard in denied:
+        for atom in adds if each.deduced else ():
+            if atom.name == pattern.name and _swept(pattern, guard, atom, statics):
+                yield atom
+
+
+def _needed(body: Body, bindings: Bindings) -> Needed:
+    literals = [part for part in body if isinstance(part, Literal)]
+    holding = tuple(substitute_atom(each.atom, bindings) for each in literals if each.positive)
+    return holding, tuple(substitute_atom(each.atom, bindings) for each in literals if not each.positive)

@@ -1,0 +1,164 @@
+"""Operators with everything that follows from them, still with variables: what each instance can add and deny."""
+
+import itertools
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, replace
+
+from engine.stages.macros.lifted.deduction import (
+    Deduction,
+    Following,
+    NotGeneral,
+    renamed_body,
+    stand_in,
+    type_guards,
+    without_aggregates,
+)
+from kb.model.conditions import TRUE, Body, BodyPart, Condition, Literal, part_variables
+from kb.model.domain import DeductiveOperator, Domain, Effect, Kind, Operator, Rule
+from kb.model.normalise import Normaliser
+from kb.terms import ANYTHING, Atom, Function, Substitution, Term, Variable, substitute_atom, variables
+
+
+@dataclass(frozen=True, slots=True)
+class OperatorSchema:
+    """An operator: the alternatives of its precondition and all that it may add, deny and let happen."""
+
+    operator: Operator
+    body: Body
+    alternatives: tuple[Body, ...]
+    adds: tuple[Following, ...]
+    denies: tuple[Following, ...]
+    events: tuple[Atom, ...]
+
+    def renamed(self, bindings: Substitution) -> "OperatorSchema":
+        """With other variables; header variables must be among the bindings."""
+        return OperatorSchema(
+            self.operator,
+            renamed_body(self.body, bindings),
+            tuple(renamed_body(each, bindings) for each in self.alternatives),
+            tuple(each.renamed(bindings) for each in self.adds),
+            tuple(each.renamed(bindings) for each in self.denies),
+            tuple(substitute_atom(each, bindings) for each in self.events),
+        )
+
+    def variables(self) -> Iterator[Variable]:
+        """Every variable in the schema, `_` excepted."""
+        found = dict.fromkeys(self.operator.variables)
+        bodies = [self.body, *self.alternatives]
+        for each in (*self.adds, *self.denies):
+            bodies += [each.guard, each.needs]
+            found.update(dict.fromkeys(variables(each.atom)))
+        for body in bodies:
+            found.update((variable, None) for part in body for variable in part_variables(part))
+        return (variable for variable in found if variable != ANYTHING)
+
+
+class Schemas:
+    """The operator schemas of a domain, made when first asked for."""
+
+    def __init__(self, domain: Domain) -> None:
+        self.domain = domain
+        self.kinds = {name: predicate.kind for name, predicate in domain.predicates.items()}
+        self._operators = {each.name: each for each in domain.operators}
+        self._made: dict[str, OperatorSchema] = {}
+        self._fresh = itertools.count(1)
+        self._normaliser = Normaliser()
+        self.rules = tuple(
+            Rule(self._closed(each.head), tuple(map(self._named_apart, each.body))) for each in domain.rules
+        )
+        self._deduction = Deduction(map(self._deductive_apart, domain.deductive_operators), self.fresh)
+
+    def is_dynamic(self, part: BodyPart) -> bool:
+        """Whether a part of a body depends on the state."""
+        return isinstance(part, Literal) and self.kinds.get(part.atom.name) in (Kind.FLUENT, Kind.DERIVED)
+
+    def is_derived(self, atom: Atom) -> bool:
+        """Whether an atom follows from rules over fluents."""
+        return self.kinds.get(atom.name) is Kind.DERIVED
+
+    def rests_on_rules(self, body: Iterable[BodyPart]) -> bool:
+        """Whether a body asks for a derived predicate over fluents."""
+        return any(isinstance(part, Literal) and self.is_derived(part.atom) for part in body)
+
+    def fresh(self, variable: Variable) -> Variable:
+        """A variable that stands nowhere else."""
+        return Variable(f"{variable.name.split('@')[0]}@{next(self._fresh)}")
+
+    def named(self, name: str) -> OperatorSchema:
+        """The schema of an operator."""
+        if name not in self._operators:
+            raise NotGeneral(f"there is no operator {name}")
+        if name not in self._made:
+            self._made[name] = self._make(self._operators[name])
+        return self._made[name]
+
+    def disjuncts(self, condition: Condition, types: dict[Variable, str]) -> tuple[Body, ...]:
+        """The alternatives of a condition, each a body with `_` replaced by variables of their own.
+
+        Raises `NotGeneral` for a condition on all objects: what is true of these need not be of others.
+        """
+        found = self._normaliser.disjuncts(condition, types)
+        if self._normaliser.rules:
+            self._normaliser.rules.clear()
+            raise NotGeneral(f"the condition speaks of all objects: {condition}")
+        return tuple(tuple(self._named_apart(part) for part in body) for body in found)
+
+    def _deductive_apart(self, each: DeductiveOperator) -> DeductiveOperator:
+        consequences = tuple(
+            replace(c, atom=self._closed(c.atom), body=tuple(map(self._named_apart, c.body)))
+            for c in each.consequences
+        )
+        trigger = Literal(self._closed(each.trigger.atom), each.trigger.positive)
+        body = tuple(map(self._named_apart, each.body))
+        return replace(each, trigger=trigger, body=body, consequences=consequences)
+
+    def _named_apart(self, part: BodyPart) -> BodyPart:
+        if not isinstance(part, Literal):
+            return part
+        return Literal(self._closed(part.atom), part.positive)
+
+    def _closed(self, atom: Atom) -> Atom:
+        return Function(atom.name, tuple(map(self._no_wildcards, atom.arguments)))
+
+    def _no_wildcards(self, term: Term) -> Term:
+        if term == ANYTHING:
+            return self.fresh(Variable("Any"))
+        if isinstance(term, Function) and term.arguments:
+            return self._closed(term)
+        return term
+
+    def _make(self, operator: Operator) -> OperatorSchema:
+        types = {parameter.variable: parameter.type for parameter in operator.parameters}
+        alternatives = self.disjuncts(operator.precondition, types)
+        explicit = [self._explicit(effect.atom, effect, types) for effect in operator.effects]
+        events = tuple(e.atom for e in operator.effects if self.kinds.get(e.atom.name) is Kind.EVENT)
+        plain = [(e, each) for e, found in zip(operator.effects, explicit, strict=True) for each in found]
+        adds = [each for effect, each in plain if effect.adds and each.atom not in events]
+        held = {
+            part.atom
+            for body in alternatives
+            for part in body
+            if isinstance(part, Literal) and part.positive and self.kinds.get(part.atom.name) is Kind.FLUENT
+        }
+        first = [
+            each for effect, each in plain if not effect.adds and each.atom not in {a.atom for a in adds}
+        ]
+        added, denied = self._deduction.closure(adds, first, sorted(held, key=str))
+        body = (*type_guards(operator.parameters), *without_aggregates(operator.body, operator.parameters))
+        return OperatorSchema(operator, body, alternatives, tuple(added), tuple(denied), events)
+
+    def _explicit(self, atom: Atom, effect: Effect, types: dict[Variable, str]) -> list[Following]:
+        if effect.condition == TRUE and not effect.parameters:
+            return [Following(atom, deduced=False)]
+        fresh = {p.variable: self.fresh(p.variable) for p in effect.parameters}
+        inner = {**types, **{p.variable: p.type for p in effect.parameters}}
+        found = []
+        for body in self.disjuncts(effect.condition, inner):
+            parts = renamed_body((*type_guards(effect.parameters), *body), fresh)
+            needs = tuple(part for part in parts if self.is_dynamic(part))
+            guard = tuple(part for part in parts if not self.is_dynamic(part))
+            found.append(Following(substitute_atom(atom, fresh), guard, needs, deduced=False))
+        return found
+
+
+__all__ = ["Following", "NotGeneral", "OperatorSchema", "Schemas", "stand_in", "type_guards"]

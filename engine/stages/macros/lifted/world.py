@@ -1,0 +1,189 @@
+"""What problems of one cell share: their domain and statics, evaluated once; and what a ground step does there."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+
+from engine.stages.macros.lifted.bodies import Bindings, satisfiable, solve
+from engine.stages.macros.lifted.digests import Digests
+from engine.stages.macros.lifted.facts import Facts
+from engine.stages.macros.lifted.ground_steps import GroundStep, ground_step, is_plain
+from engine.stages.macros.lifted.schema import Following, NotGeneral, OperatorSchema, Schemas, stand_in
+from kb.asp import Grounder
+from kb.asp.vocabulary import VIOLATED, guard, static_program
+from kb.graphs import components
+from kb.model.conditions import Aggregate, Body, Literal, Parameter
+from kb.model.domain import Domain, Rule
+from kb.model.problem import Problem
+from kb.terms import Atom, Function, Term, Variable, match, substitute_atom
+
+State = frozenset[Atom]
+KEPT = 1 << 15  # ground steps
+
+
+@dataclass(frozen=True, slots=True)
+class Change:
+    """What a step adds, and which atoms of the state end."""
+
+    adds: tuple[Atom, ...]
+    ends: tuple[Atom, ...]
+    events: tuple[Atom, ...] = ()
+
+    def applied(self, facts: Facts) -> Facts:
+        """The facts afterwards."""
+        return facts.after(self.ends, self.adds)
+
+
+class World:
+    """A domain with the statics of one cell."""
+
+    def __init__(self, problem: Problem, schemas: Schemas | None = None) -> None:
+        self.problem = problem
+        self.domain: Domain = problem.domain
+        self.schemas = schemas if schemas is not None else Schemas(problem.domain)
+        self.ground_step = lru_cache(KEPT)(self._ground_step)
+        self._plain: dict[str, bool] = {}
+
+    @cached_property
+    def statics(self) -> Facts:
+        """Everything that holds whatever is done; worked out when it is first asked for."""
+        grounder = Grounder()
+        grounder.ground("\n".join([static_program(self.problem), *_aggregate_rules(self.domain)]))
+        return Facts(grounder.everything())
+
+    @property
+    def violated(self) -> bool:
+        """Whether an integrity constraint of the domain does not hold: then no plan means anything."""
+        return bool(self.statics.named(VIOLATED))
+
+    @cached_property
+    def digests(self) -> Digests:
+        """The digests of the domain's parts."""
+        return Digests(self.domain)
+
+    @cached_property
+    def strata(self) -> list[list[Rule]]:
+        """The rules of derived predicates in an order in which negation looks only backwards."""
+        graph: dict[str, list[str]] = {rule.head.name: [] for rule in self.schemas.rules}
+        for rule in self.schemas.rules:
+            used = (part.atom.name for part in rule.body if isinstance(part, Literal))
+            graph[rule.head.name] += [name for name in used if name in graph]
+        return [[rule for rule in self.schemas.rules if rule.head.name in part] for part in components(graph)]
+
+    def fits(self, problem: Problem) -> bool:
+        """Whether a problem has the same domain, objects and statics."""
+        own = self.problem
+        return problem.domain is own.domain and all(
+            one is other or one == other
+            for one, other in ((problem.statics, own.statics), (problem.objects, own.objects))
+        )
+
+    def binding(self, step: Function) -> tuple[OperatorSchema, dict[Variable, Term]]:
+        """A step's schema and the binding of its header."""
+        schema = self.schemas.named(step.name)
+        if len(step.arguments) != len(schema.operator.parameters):
+            raise NotGeneral(f"{step.name} takes {len(schema.operator.parameters)} arguments")
+        return schema, dict(zip(schema.operator.variables, step.arguments, strict=True))
+
+    def _ground_step(self, step: Function) -> GroundStep | None:
+        """What a step is in every state; None if only a state can tell."""
+        schema, bindings = self.binding(step)
+        if step.name not in self._plain:
+            self._plain[step.name] = is_plain(schema, self.schemas)
+        return ground_step(schema, bindings, self.statics) if self._plain[step.name] else None
+
+    def change(self, step: Function, facts: Facts) -> Change:
+        """What a step does in a state in which it can be taken; `facts` have the derived atoms that effects ask for."""
+        schema, bindings = self.binding(step)
+        adds = dict.fromkeys(atom for each in schema.adds for atom in self._instances(each, bindings, facts))
+        ends = dict.fromkeys(atom for each in schema.denies for atom in self._ended(each, bindings, facts))
+        events = tuple(substitute_atom(each, bindings) for each in schema.events)
+        return Change(tuple(adds), tuple(atom for atom in ends if atom not in adds), events)
+
+    def _instances(self, each: Following, bindings: Bindings, facts: Facts) -> Iterator[Atom]:
+        for found in solve(each.guard, self.statics, bindings):
+            if not each.needs or holds(each.needs, self, facts, found):
+                yield substitute_atom(each.atom, found)
+
+    def _ended(self, each: Following, bindings: Bindings, facts: Facts) -> Iterator[Atom]:
+        for atom in facts.matching(substitute_atom(each.atom, bindings)):
+            if self.fires(each, atom, bindings, facts):
+                yield atom
+
+    def fires(self, each: Following, atom: Atom, bindings: Bindings, facts: Facts) -> bool:
+        """Whether a consequence of a step is this atom."""
+        found = match(each.atom, atom, bindings)
+        if found is None:
+            return False
+        if not each.needs:
+            return satisfiable(each.guard, self.statics, found)
+        return any(holds(each.needs, self, facts, other) for other in solve(each.guard, self.statics, found))
+
+
+def holds(body: Body, world: World, state: Facts, bindings: Bindings) -> bool:
+    """Whether some binding makes a body true in a state; derived atoms must be in `state` already."""
+    static = tuple(part for part in body if not world.schemas.is_dynamic(part))
+    dynamic = tuple(part for part in body if world.schemas.is_dynamic(part))
+    positive = tuple(part for part in dynamic if isinstance(part, Literal) and part.positive)
+    negative = tuple(part for part in dynamic if part not in positive)
+    return any(
+        satisfiable(negative, state, found)
+        for first in solve(positive, state, bindings)
+        for found in solve(static, world.statics, first)
+    )
+
+
+def with_derived(world: World, facts: Facts) -> Facts:
+    """A state with its derived atoms, stratum by stratum, each closed by naive rounds."""
+    for stratum in world.strata:
+        while True:
+            found = [
+                atom
+                for rule in stratum
+                for bindings in _solutions(rule.body, world, facts)
+                if (atom := substitute_atom(rule.head, bindings)) not in facts
+            ]
+            if not found:
+                break
+            facts = facts.after((), found)
+    return facts
+
+
+def _solutions(body: Body, world: World, state: Facts) -> Iterator[Mapping[Variable, Term]]:
+    dynamic = tuple(p for p in body if world.schemas.is_dynamic(p) and isinstance(p, Literal) and p.positive)
+    negative = tuple(p for p in body if world.schemas.is_dynamic(p) and p not in dynamic)
+    static = tuple(p for p in body if not world.schemas.is_dynamic(p))
+    for first in solve(dynamic, state, {}):
+        for found in solve(static, world.statics, first):
+            if satisfiable(negative, state, found):
+                yield found
+
+
+def _aggregate_rules(domain: Domain) -> Iterator[str]:
+    bodies: list[tuple[Body, tuple[Parameter, ...]]] = [
+        (each.body, each.parameters) for each in domain.operators
+    ]
+    bodies += [((*d.body, *c.body), c.parameters) for d in domain.deductive_operators for c in d.consequences]
+    for body, parameters in bodies:
+        if any(isinstance(part, Aggregate) for part in body):
+            yield f"{stand_in(body, parameters)} :- {', '.join([*guard(parameters), *map(str, body)])}."
+
+
+class Worlds:
+    """The worlds met lately, so that problems of one cell share one."""
+
+    def __init__(self, most: int = 8) -> None:
+        self._most = most
+        self._recent: list[World] = []
+
+    def of(self, problem: Problem) -> World:
+        """The world of a problem; a new one is evaluated when none of the recent ones fits."""
+        for index, world in enumerate(self._recent):
+            if world.fits(problem):
+                if index:
+                    self._recent.insert(0, self._recent.pop(index))
+                return world
+        shared = next((w.schemas for w in self._recent if w.domain is problem.domain), None)
+        world = World(problem, shared)
+        self._recent = [world, *self._recent[: self._most - 1]]
+        return world

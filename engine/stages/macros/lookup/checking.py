@@ -1,0 +1,205 @@
+"""A fast check of an instance: the plan is executed in the situation, step by step, from the domain's own operators.
+
+Independent of matching: it sees only the finished plan and the problem's goals, never a MACROP. It shares the
+operator schemas with generalisation, so `engine.stages.validation` still has the last word where time allows.
+"""
+
+import itertools
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field
+
+from engine.stages.macros.lifted.bodies import Bindings, satisfiable
+from engine.stages.macros.lifted.deduction import Following
+from engine.stages.macros.lifted.facts import Facts
+from engine.stages.macros.lifted.ground_steps import GroundStep
+from engine.stages.macros.lifted.schema import NotGeneral, OperatorSchema
+from engine.stages.macros.lifted.world import Change, World, holds, with_derived
+from engine.stages.macros.lookup.query import Query, Situation, is_met
+from kb.model.conditions import Body, Literal
+from kb.model.domain import Kind
+from kb.model.plan import Plan, Step, StepId
+from kb.model.problem import Chain, superseded
+from kb.terms import Atom, is_ground, match, substitute_atom
+
+
+@dataclass(frozen=True, slots=True)
+class Refused:
+    """Why a plan is none for a query; `lost` if a goal that held is given up, as other instances would, too."""
+
+    reason: str
+    lost: bool = False
+
+
+@dataclass
+class Execution:
+    """One linearisation, executed."""
+
+    world: World
+    facts: Facts
+    changes: dict[StepId, Change] = field(default_factory=dict)
+
+    def run(self, plan: Plan) -> str:
+        """Execute all steps; why one cannot be taken, or nothing."""
+        for step in plan.steps:
+            refusal = self._take(step)
+            if refusal:
+                return f"step {step.id} {step.operator}: {refusal}"
+        return ""
+
+    def _take(self, step: Step) -> str:
+        known = self.world.ground_step(step.operator)
+        return self.take_known(step, known) if known is not None else self.take_any(step)
+
+    def take_known(self, step: Step, known: GroundStep) -> str:
+        """Execute a step that was worked out before; why it cannot be taken, or nothing."""
+        if known.refusal or not known.applicable(self.facts):
+            return known.refusal or "its precondition does not hold"
+        ends = known.ended(self.facts, self.world.statics)
+        change = self.changes[step.id] = Change(known.adds, ends, known.events)
+        self.facts = change.applied(self.facts)
+        return ""
+
+    def take_any(self, step: Step) -> str:
+        """Execute a step from its operator's schema; why it cannot be taken, or nothing."""
+        schema, bindings = self.world.binding(step.operator)
+        if not satisfiable(schema.body, self.world.statics, bindings):
+            return "its constraints do not hold"
+        derived = any(map(self.world.schemas.rests_on_rules, (*schema.alternatives, *_needs(schema))))
+        facts = with_derived(self.world, self.facts) if derived else self.facts
+        if not any(holds(body, self.world, facts, bindings) for body in schema.alternatives):
+            return "its precondition does not hold"
+        change = self.changes[step.id] = self.world.change(step.operator, facts)
+        contradiction = self._contradiction(schema, bindings, change, facts)
+        if contradiction:
+            return f"it adds and denies {contradiction}"
+        self.facts = change.applied(self.facts)
+        return ""
+
+    def _contradiction(
+        self, schema: OperatorSchema, bindings: Bindings, change: Change, facts: Facts
+    ) -> Atom | None:
+        for each in schema.denies:
+            if each.deduced:
+                for atom in change.adds:
+                    if atom.name == each.atom.name and self.world.fires(each, atom, bindings, facts):
+                        return atom
+        return None
+
+
+def _needs(schema: OperatorSchema) -> Iterator[Body]:
+    return (each.needs for each in (*schema.adds, *schema.denies))
+
+
+def check(plan: Plan, asked: Query) -> Situation | Refused:
+    """The situation that a plan leads to, if it serves the query in every order that it allows; else why not."""
+    run = Execution(asked.world, asked.facts)
+    try:
+        refusal = run.run(plan)
+    except NotGeneral as error:
+        refusal = str(error)
+    if refusal:
+        return Refused(refusal)
+    end = Situation(asked.world, run.facts)
+    missed = next((goal for goal in (*asked.goals, *asked.kept) if not is_met(goal, end)), None)
+    if missed is not None:
+        return Refused(f"{missed} does not hold at the end", missed in asked.kept)
+    refusal = _unfinished(plan, asked, run, end) or _disturbed(plan, run)
+    return Refused(refusal) if refusal else end
+
+
+def changes_of(start: Situation, steps: Iterable[Step]) -> list[Change]:
+    """What the steps of a valid plan do when they are executed one after another."""
+    world, facts, found = start.world, start.facts, list[Change]()
+    for step in steps:
+        schema, _ = world.binding(step.operator)
+        asks = any(map(world.schemas.rests_on_rules, _needs(schema)))
+        change = world.change(step.operator, with_derived(world, facts) if asks else facts)
+        facts = change.applied(facts)
+        found.append(change)
+    return found
+
+
+def executed(plan: Plan, start: Situation) -> Situation:
+    """The situation that a valid plan leads to."""
+    facts = start.facts
+    for change in changes_of(start, plan.steps):
+        facts = change.applied(facts)
+    return Situation(start.world, facts)
+
+
+def _unfinished(plan: Plan, asked: Query, run: Execution, end: Situation) -> str:
+    """Which chain of the workflow is not worked through, as soon as possible and in order; or nothing."""
+    done = {chain.name: 0 for chain in asked.chains}
+    for step in plan.steps:
+        change = run.changes[step.id]
+        events = list(change.events)
+        for chain in [each for each in asked.chains if _may_advance(each, done, asked.chains)]:
+            stage = chain.stages[done[chain.name]]
+            event = next((e for e in events if match(stage, e, {}) is not None), None)
+            if event is not None:
+                events.remove(event)
+            if event is not None or any(match(stage, atom, {}) is not None for atom in change.adds):
+                done[chain.name] += 1
+        if events:
+            return f"{events[0]} is not the next stage of any chain"
+    open_ = next((chain.name for chain in asked.chains if done[chain.name] < len(chain.stages)), None)
+    return f"the workflow of {open_} is not finished" if open_ is not None else _not_lasting(asked, end)
+
+
+def _may_advance(chain: Chain, done: dict[str, int], chains: tuple[Chain, ...]) -> bool:
+    lengths = {each.name: len(each.stages) for each in chains}
+    begun = done[chain.name] > 0 or all(done[name] == lengths[name] for name in chain.after)
+    return begun and done[chain.name] < len(chain.stages)
+
+
+def _not_lasting(asked: Query, end: Situation) -> str:
+    passing = superseded(asked.chains)
+    for chain in asked.chains:
+        last = chain.stages[-1]
+        fluent = asked.world.schemas.kinds.get(last.name) is Kind.FLUENT
+        if fluent and is_ground(last) and chain.name not in passing and last not in end.facts:
+            return f"{last} does not last"
+    return ""
+
+
+def _disturbed(plan: Plan, run: Execution) -> str:
+    """Which unordered steps can disturb each other: by a resource, or by what one denies or adds; or nothing."""
+    if all(one.id in other.after for one, other in itertools.pairwise(plan.steps)):
+        return ""
+    before = plan.predecessors()
+    for one, other in itertools.combinations(plan.steps, 2):
+        if one.id in before[other.id] or other.id in before[one.id]:
+            continue
+        shared = set(one.resources) & set(other.resources)
+        if shared or _harms(one, other, plan, run) or _harms(other, one, plan, run):
+            return f"steps {one.id} and {other.id} disturb each other"
+    return ""
+
+
+def _harms(step: Step, rival: Step, plan: Plan, run: Execution) -> bool:
+    """Whether `step` denies what `rival` adds or rests on, or adds what it must not find."""
+    wanted = [link.condition for link in plan.links if link.consumer == rival.id]
+    absent = [c.arguments[0] for c in wanted if c.name == "not" and len(c.arguments) == 1]
+    if any(atom in run.changes[step.id].adds for atom in absent):
+        return True
+    kept = {*run.changes[rival.id].adds, *(c for c in wanted if c.name != "not"), *_preconditions(rival, run)}
+    schema, bindings = run.world.binding(step.operator)
+    return any(_may_deny(each, atom, bindings, run.world) for each in schema.denies for atom in kept)
+
+
+def _preconditions(step: Step, run: Execution) -> Iterator[Atom]:
+    """The atoms that a step's precondition names."""
+    schema, bindings = run.world.binding(step.operator)
+    for part in (part for body in schema.alternatives for part in body):
+        if isinstance(part, Literal) and part.positive and run.world.schemas.is_dynamic(part):
+            atom = substitute_atom(part.atom, bindings)
+            if is_ground(atom):
+                yield atom
+
+
+def _may_deny(each: Following, atom: Atom, bindings: Bindings, world: World) -> bool:
+    """Whether a consequence denies an atom in some state."""
+    if each.atom.name != atom.name:
+        return False
+    found = match(each.atom, atom, bindings)
+    return found is not None and satisfiable(each.guard, world.statics, found)

@@ -1,0 +1,87 @@
+"""Lookup: the first MACROP of an index with an instance that serves a query and passes the check."""
+
+import itertools
+from collections.abc import Callable, Hashable, Mapping
+from dataclasses import dataclass
+
+from engine.stages.macros.lifted.facts import Facts
+from engine.stages.macros.lifted.schema import NotGeneral
+from engine.stages.macros.lookup.checking import check
+from engine.stages.macros.lookup.index import Entry, Index
+from engine.stages.macros.lookup.instantiate import instantiate
+from engine.stages.macros.lookup.matching import OutOfWork, Work, matches
+from engine.stages.macros.lookup.query import Query, Situation
+from kb.model.macro import Macrop
+from kb.model.plan import Plan
+from kb.terms import Term, Variable, is_ground, substitute_atom
+
+INSTANCES = 8  # of one MACROP that are checked before the next is tried
+
+
+@dataclass(frozen=True, slots=True)
+class Hit:
+    """A checked instance: the plan, the MACROP it is of, and the situation that the plan leads to."""
+
+    key: Hashable
+    macrop: Macrop
+    plan: Plan
+    after: Situation
+
+
+def look_up(
+    index: Index, asked: Query, work: Work | None = None, in_vain: Callable[[Entry], None] = lambda _: None
+) -> Hit | None:
+    """A checked plan for a query from an index; None if no MACROP serves it, or none is found within `work`.
+
+    `in_vain` hears of each MACROP that was tried and did not serve.
+    """
+    work = work if work is not None else Work()
+    for entry in index.candidates(asked):
+        try:
+            hit = _instance(entry, asked, work)
+        except OutOfWork:
+            in_vain(entry)
+            return None
+        if hit is not None:
+            return hit
+        in_vain(entry)
+    return None
+
+
+def _instance(entry: Entry, asked: Query, work: Work) -> Hit | None:
+    program = entry.program
+    if program is None:
+        return None
+    for bindings in itertools.islice(matches(program, asked, work), INSTANCES):
+        if gives_up(program.macrop, bindings, asked):
+            return None
+        try:
+            plan = instantiate(program.macrop, bindings)
+        except NotGeneral:
+            return None
+        after = check(plan, asked)
+        if isinstance(after, Situation):
+            return Hit(entry.key, program.macrop, plan, after)
+        if after.lost:
+            return None
+    return None
+
+
+def gives_up(macrop: Macrop, bindings: Mapping[Variable, Term], asked: Query) -> bool:
+    """Whether an instance ends a goal that held, and does not achieve it again: seen from its last steps alone.
+
+    False where that takes more than the steps themselves to tell.
+    """
+    open_ = {goal.atom for goal in asked.kept if goal.positive and is_ground(goal.atom)}
+    statics = asked.world.statics
+    for step in reversed(macrop.steps) if open_ else ():
+        operator = substitute_atom(step.operator, bindings)
+        known = asked.world.ground_step(operator) if is_ground(operator) else None
+        if known is None or known.refusal:
+            return False
+        open_ -= set(known.adds)
+        if not open_:
+            return False
+        if known.ended(Facts(open_), statics):
+            return True
+    return False

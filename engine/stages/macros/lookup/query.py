@@ -1,0 +1,123 @@
+"""What a MACROP is looked up for: goals that are not yet true, workflow chains, and the situation."""
+
+import itertools
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+from engine.stages.macros.lifted.facts import Facts
+from engine.stages.macros.lifted.world import World, holds, with_derived
+from kb.model.conditions import Condition, Exists, Literal, goal_parts
+from kb.model.macro import Macrop
+from kb.model.problem import Chain, Problem
+from kb.terms import ANYTHING, Atom, ordered, substitute_atom
+
+MOST_KEPT = 3
+
+
+@dataclass(frozen=True, slots=True)
+class Situation:
+    """A state of a world. Successors share what a step does not touch, so that moving on is cheap."""
+
+    world: World
+    facts: Facts
+
+    @classmethod
+    def of(cls, world: World, state: Iterable[Atom]) -> "Situation":
+        """The situation of a state, in an order that repeats."""
+        return cls(world, Facts(ordered(state)))
+
+    @property
+    def state(self) -> frozenset[Atom]:
+        """The true atoms."""
+        return frozenset(self.facts)
+
+
+@dataclass(frozen=True, slots=True)
+class Query:
+    """A problem as lookup sees it. In goals `_` stands for anything; those of `kept` hold already, and at the end again.
+
+    `memory` is matching's, for what many MACROPs ask of the same goals.
+    """
+
+    situation: Situation
+    goals: tuple[Literal, ...]
+    chains: tuple[Chain, ...]
+    kept: tuple[Literal, ...] = ()
+    memory: dict[str, Any] = field(default_factory=dict, init=False, compare=False, repr=False)
+
+    @property
+    def served(self) -> bool:
+        """Whether nothing is left to do."""
+        return not self.goals and not self.chains
+
+    @property
+    def world(self) -> World:
+        """The world that is asked about."""
+        return self.situation.world
+
+    @property
+    def facts(self) -> Facts:
+        """The fluents that are true."""
+        return self.situation.facts
+
+
+def query(problem: Problem, situation: Situation) -> Query | None:
+    """The query of a problem; None if a goal is no literal."""
+    goals: dict[bool, dict[Literal, None]] = {False: {}, True: {}}
+    for goal in goal_parts(problem.goal):
+        literal = goal_literal(goal)
+        if literal is None:
+            return None
+        goals[is_met(literal, situation)][literal] = None
+    return Query(situation, tuple(goals[False]), problem.chains, tuple(goals[True]))
+
+
+def readings(asked: Query) -> Iterator[Query]:
+    """The query, and what it may mean: goals that hold may have to be achieved again after something else.
+
+    All choices of such goals while they are few; else none of them, or all.
+    """
+    yield asked
+    if len(asked.kept) > MOST_KEPT:
+        yield replace(asked, goals=asked.goals + asked.kept)
+        return
+    for size in range(1, len(asked.kept) + 1):
+        for chosen in itertools.combinations(asked.kept, size):
+            yield replace(asked, goals=asked.goals + chosen)
+
+
+def goal_literal(goal: Condition) -> Literal | None:
+    """A goal as a literal; what it merely asks to exist becomes `_`."""
+    if isinstance(goal, Literal):
+        return goal
+    if isinstance(goal, Exists) and isinstance(goal.part, Literal) and goal.part.positive:
+        return Literal(substitute_atom(goal.part.atom, {p.variable: ANYTHING for p in goal.parameters}))
+    return None
+
+
+def is_met(literal: Literal, situation: Situation) -> bool:
+    """Whether a goal holds; those of derived predicates are worked out."""
+    world, facts = situation.world, situation.facts
+    if not world.schemas.is_dynamic(literal):
+        return holds((literal,), world, facts, {})
+    if world.schemas.is_derived(literal.atom):
+        facts = with_derived(world, facts)
+    return facts.any_match(literal.atom) == literal.positive
+
+
+def signature(goals: Iterable[Literal], chains: Iterable[tuple[Atom, ...]]) -> str:
+    """What goals must have in common to be met by one MACROP: predicates, arities, signs; stages of chains."""
+    wanted = sorted(f"{'' if g.positive else 'not '}{g.atom.name}/{len(g.atom.arguments)}" for g in goals)
+    worked = sorted(">".join(f"{s.name}/{len(s.arguments)}" for s in stages) for stages in chains)
+    return " ".join(wanted) + (f" | {' '.join(worked)}" if worked else "")
+
+
+def signature_of(macrop: Macrop) -> str:
+    """The signature of a MACROP's goals."""
+    return signature(macrop.goals, (chain.stages for chain in macrop.chains))
+
+
+def signature_asked(asked: Query) -> str:
+    """The signature of a query's goals."""
+    return signature(asked.goals, (chain.stages for chain in asked.chains))

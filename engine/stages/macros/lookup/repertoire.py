@@ -1,0 +1,154 @@
+"""What a library holds for one domain as it is now: fetched by goal signature when first asked for, stale ones left out."""
+
+import time
+from collections.abc import Callable, Hashable, Iterable, Iterator
+from dataclasses import replace
+from functools import partial
+
+from engine.stages.macros.lifted.digests import Digests
+from engine.stages.macros.lookup.features import requirements
+from engine.stages.macros.lookup.index import Entry, Index, rank
+from engine.stages.macros.lookup.lookup import Hit, look_up
+from engine.stages.macros.lookup.query import Query, readings, signature_asked, signature_of
+from kb.model.domain import Domain
+from kb.model.macro import Macrop
+from kb.store import Library, Outline, Record, Use
+
+FLUSH = 1024  # uses that are noted in memory before the library hears of them
+DOUBT_S = 1.0
+
+
+class Repertoire:
+    """The MACROPs of a library that serve one domain. Others may write to the library meanwhile; misses look again."""
+
+    def __init__(
+        self, library: Library, domain: Domain, clock: Callable[[], float] = time.perf_counter
+    ) -> None:
+        self.library, self.domain = library, domain
+        self._clock = clock
+        self._digests = Digests(domain)
+        self._index = Index()
+        self._seen: dict[str, int] = {}
+        self._fresh: dict[int, bool] = {}
+        self._uses: dict[int, Use] = {}
+        self._noted = 0
+        self._since = clock()
+
+    def __len__(self) -> int:
+        return len(self._index)
+
+    def load(self) -> None:
+        """Fetch everything now."""
+        for each in self._whole(self.library.outlines(self.domain.name)):
+            self._seen[each.signature] = max(self._seen.get(each.signature, 0), each.id)
+            self._put(each)
+
+    def find(self, asked: Query) -> Hit | None:
+        """A checked plan from the library; what others have learned meanwhile counts. The key of a hit is a number."""
+        self._since = self._clock()
+        hit = next((hit for each in readings(asked) if (hit := self._find(each)) is not None), None)
+        if hit is not None:
+            self._note(hit.key, 1)
+        return hit
+
+    def _find(self, asked: Query) -> Hit | None:
+        signature = signature_asked(asked)
+        known = signature in self._seen
+        if not known:
+            self._fetch(signature)
+        hit = look_up(self._index, asked, in_vain=self._in_vain)
+        if hit is None and known and self._fetch(signature):
+            hit = look_up(self._index, asked, in_vain=self._in_vain)
+        return hit
+
+    def _in_vain(self, entry: Entry) -> None:
+        self._note(entry.key, 0)
+
+    def learn(self, macrop: Macrop, planning_s: float = 0.0) -> int | None:
+        """Keep a MACROP; its number, or None if the library has it."""
+        record = record_of(macrop, planning_s)
+        signature = record.signature
+        if signature not in self._seen:
+            self._fetch(signature)
+        (number,) = self.library.add([record])
+        if number is not None:
+            self._index.add(number, macrop)
+        else:
+            self._seen[signature] = 0  # another process was quicker: fetch what it has learned
+        return number
+
+    def outdated(self) -> dict[int, tuple[str, ...]]:
+        """The MACROPs in the library that the domain has outgrown, with what changed."""
+        return self.library.outdated(self.domain.name, self._digests.of)
+
+    def forget(self, numbers: Iterable[int]) -> int:
+        """Remove MACROPs here and in the library; how many were there."""
+        gone = list(numbers)
+        for number in gone:
+            self._index.remove(number)
+        return self.library.forget(gone)
+
+    def flush(self) -> None:
+        """Tell the library how often its MACROPs served."""
+        if self._uses:
+            self.library.used(self._uses)
+            self._uses.clear()
+            self._noted = 0
+
+    def _fetch(self, signature: str) -> bool:
+        """Whether the library has more for a signature than was seen."""
+        found = self.library.outlines(self.domain.name, signature, self._seen.get(signature, 0))
+        self._seen[signature] = found[-1].id if found else self._seen.get(signature, 0)
+        for each in self._whole(found):
+            self._put(each)
+        return bool(found)
+
+    def _whole(self, found: list[Outline]) -> Iterator[Outline]:
+        """The outlines; those that lack requirements, as older versions have left them, get them now and for later.
+
+        Sub-sequences have none and are left out: searches have them as operators.
+        """
+        bare = [each.id for each in found if each.requirements is None]
+        read = {each.id: each.macrop for each in self.library.among(bare)}
+        macrops = {number: macrop for number, macrop in read.items() if not macrop.subsequence}
+        worked_out = {number: requirements(macrop) for number, macrop in macrops.items()}
+        if worked_out:
+            self.library.outlined([(macrops[number], number, own) for number, own in worked_out.items()])
+        for each in found:
+            if each.requirements is not None:
+                yield each
+            elif each.id in macrops:
+                yield replace(each, cost=macrops[each.id].cost, requirements=worked_out[each.id])
+
+    def _put(self, each: Outline) -> None:
+        if each.proof not in self._fresh:
+            self._fresh[each.proof] = self._digests.fresh(each.depends)
+        if each.id not in self._index and pays(each) and self._fresh[each.proof]:
+            order = rank(each.id, each.name, each.cost, each.steps)
+            entry = Entry(each.id, order, partial(self.library.macrop, each.id))
+            self._index.put(each.signature, entry, each.requirements or ())
+
+    def _note(self, key: Hashable, times: int) -> None:
+        """Charge a MACROP with the time since the last one was charged."""
+        assert isinstance(key, int)
+        now = self._clock()
+        before = self._uses.get(key, Use(0, 0.0))
+        self._uses[key] = Use(before.times + times, before.lookup_s + now - self._since)
+        self._since = now
+        self._noted += 1
+        if self._noted >= FLUSH:
+            self.flush()
+
+
+def record_of(macrop: Macrop, planning_s: float = 0.0) -> Record:
+    """A MACROP as a library keeps it."""
+    return Record(macrop, signature_of(macrop), planning_s, requirements(macrop))
+
+
+def pays(each: Outline) -> bool:
+    """Whether a MACROP is worth offering: what it cost in vain is less than what it saved and may yet save.
+
+    Utility is measured, not guessed (Minton 1988): seconds of planning saved less seconds of looking up; the benefit of the
+    doubt is one planning, at least `DOUBT_S`.
+    """
+    return each.saved_s > -max(each.planning_s, DOUBT_S)

@@ -1,0 +1,51 @@
+"""The task planner: search to a sequence, made cheaper, then freed of every order it does not need."""
+
+from engine.model.outcome import NO_OFFER, Found, GaveUp, Infeasible, Outcome, Statistics
+from engine.model.task import Task
+from engine.stages.planning.composites import NO_MACROS, Macros
+from engine.stages.planning.effort import Answer, Effort
+from engine.stages.planning.improvement.anytime import best_plan
+from engine.stages.planning.limits import Limits
+from engine.stages.planning.portfolio import STRATEGIES, Setting
+from engine.stages.planning.variants import TooManyVariants
+
+__all__ = ["NO_MACROS", "RACE", "STRATEGIES", "Limits", "Macros", "plan"]
+
+RACE = "race"  # all strategies at once
+
+
+def plan(task: Task, limits: Limits = Limits(), macros: Macros = NO_MACROS) -> Outcome:
+    """A partially ordered plan for a ground task, or why there is none.
+
+    Instances of `macros` serve searches as operators, except in a race; a plan has the steps in their place.
+    """
+    if limits.strategy == RACE:
+        from engine.stages.planning.race import race
+
+        return race(task, limits, plan)
+    effort = limits.searching()
+    if not task.goals:
+        return Infeasible("some goal cannot be reached, whatever is done", _statistics(effort))
+    setting = Setting(task, limits.seed, macros)
+    try:
+        answer = STRATEGIES[limits.strategy](setting, effort)
+    except TooManyVariants as error:
+        return GaveUp(str(error), "expansions", _statistics(effort))
+    except MemoryError:
+        return GaveUp("out of memory: raise the memory limit, or make the problem smaller", "memory")
+    statistics = _statistics(effort, answer)
+    if answer is None:
+        stopped = "time" if effort.expanded < effort.limit else "expansions"
+        return GaveUp(f"no plan after {effort.expanded} expansions", stopped, statistics)
+    if answer.steps is None and not effort.expanded:
+        return Infeasible("the goals cannot be reached together, whatever is done", statistics)
+    if answer.steps is None:
+        return Infeasible("every way to the goals has been tried", statistics)
+    best = best_plan(setting, answer.steps, limits)
+    proved = limits.strategy == "shortest" and len({operator.cost for operator in task.operators}) == 1
+    return Found(best, statistics, optimal=proved)
+
+
+def _statistics(effort: Effort, answer: Answer | None = None) -> Statistics:
+    counts = {"expanded": effort.expanded, "generated": effort.generated}
+    return Statistics(counts, offer=answer.offer if answer else NO_OFFER)

@@ -1,0 +1,1 @@
+"""Forward search: from the initial state, led by relaxed plans and landmarks."""

@@ -1,0 +1,56 @@
+"""States evaluated by compiled kernels: relaxed plans over operators and, beside them, their conditional effects."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from engine.model.task import Bits, GroundOperator, indices
+from engine.stages.planning.forward.kernels import RelaxedPlans, Rows
+
+DEAREST = 1 << 30  # costs of operators are cut off here
+
+
+def effects(operators: Sequence[GroundOperator]) -> tuple[list[GroundOperator], list[int]]:
+    """Operators without deletes: the given ones, then one for each conditional effect; and the operator of each."""
+    relaxed, owners = list(operators), list(range(len(operators)))
+    for number, operator in enumerate(operators):
+        for effect in operator.conditional:
+            condition = operator.preconditions | effect.condition
+            relaxed.append(replace(operator, preconditions=condition, adds=effect.adds, conditional=()))
+            owners.append(number)
+    return relaxed, owners
+
+
+class Evaluation:
+    """Relaxed plans from any state to one conjunction of goals, over atoms numbered below `size`; `unit` makes them short
+    instead of cheap."""
+
+    def __init__(
+        self, operators: Sequence[GroundOperator], goals: Bits, size: int, *, unit: bool = False
+    ) -> None:
+        self.operators, self._owners = effects(operators)
+        self._plain = len(operators)
+        self._width = (size + 7) // 8
+        needs = [tuple(indices(operator.preconditions)) for operator in self.operators]
+        adds = [tuple(indices(operator.adds)) for operator in self.operators]
+        users: list[list[int]] = [[] for _ in range(size)]
+        for number, needed in enumerate(needs):
+            for atom in needed:
+                users[atom].append(number)
+        costs = [1 if unit else min(max(operator.cost, 1), DEAREST) for operator in self.operators]
+        self._plans = RelaxedPlans(costs, tuple(indices(goals)), Rows(needs), Rows(adds), Rows(users))
+
+    def __call__(self, state: Bits) -> tuple[int, list[int], list[int]]:
+        """The cost of a relaxed plan (-1 if there is none), the applicable operators, and those it begins with."""
+        estimate = self._plans.evaluate(state.to_bytes(self._width, "little"))
+        found, helpful = self._plans.applicable, self._plans.preferred
+        if len(self.operators) > self._plain:
+            found = [number for number in found if number < self._plain]
+            helpful = list(dict.fromkeys(self._owners[number] for number in helpful))
+        return estimate, found, helpful
+
+    @property
+    def relaxed(self) -> list[int]:
+        """The operators of the relaxed plan of the state evaluated last."""
+        if len(self.operators) == self._plain:
+            return self._plans.relaxed
+        return list(dict.fromkeys(self._owners[number] for number in self._plans.relaxed))

@@ -1,0 +1,92 @@
+"""Fact landmarks of the delete relaxation, and how many of them a path still has to visit.
+
+Every landmark of an atom is one of all its achievers' preconditions, taken together (Zhu & Givan 2003; Keyder,
+Richter & Helmert 2010): a greatest fixpoint over bitsets. Counting follows Richter & Westphal 2010: a landmark is
+accepted when it is true and all that come before it are accepted; an accepted one that is false again counts if it is
+a goal or if a landmark still to come needs it just before.
+"""
+
+from collections.abc import Sequence
+
+from engine.model.task import Bits, GroundOperator, indices
+from engine.stages.planning.forward.kernels import LandmarkCount, Rows
+
+MAX_WORK = 3_000_000  # operators that the fixpoint may look at
+
+
+class Landmarks:
+    """The landmarks of a conjunction of goals, `all` as a set of atoms; the goals alone if they cost too much to find.
+
+    Accepted landmarks are a row of bytes, as `LandmarkCount` keeps them.
+    """
+
+    def __init__(self, operators: Sequence[GroundOperator], initial: Bits, goals: Bits, size: int) -> None:
+        self.operators, self.initial, self.goals, self.size = operators, initial, goals, size
+        self._before = self._fixpoint()
+        self.all = goals
+        for goal in indices(goals):
+            self.all |= self._before[goal] or 0
+        self._width = (size + 7) // 8
+        self._count = self._numbered(self._just_before())
+        self.none = bytes((self.all.bit_count() + 7) // 8)
+
+    def _just_before(self) -> dict[int, Bits]:
+        """The landmarks that all achievers of each landmark need."""
+        needed = dict.fromkeys(indices(self.all), -1)
+        for operator in self.operators:
+            for atom in indices(operator.adds & self.all):
+                needed[atom] &= operator.preconditions
+        return {atom: 0 if shared < 0 else shared & self.all for atom, shared in needed.items()}
+
+    def _numbered(self, just_before: dict[int, Bits]) -> LandmarkCount:
+        """The kernel that counts, over landmarks numbered by their atoms."""
+        number = {atom: place for place, atom in enumerate(just_before)}
+        before = {atom: (self._before[atom] or 0) & self.all & ~(1 << atom) for atom in just_before}
+
+        def rows(sets: dict[int, Bits]) -> Rows:
+            return Rows([[number[atom] for atom in indices(each)] for each in sets.values()])
+
+        goals = [number[goal] for goal in indices(self.goals)]
+        return LandmarkCount(list(number), rows(before), rows(just_before), goals)
+
+    def _fixpoint(self) -> list[Bits | None]:
+        """For each atom its landmarks, itself included; None if it is unreachable or was not looked at in time."""
+        found: list[Bits | None] = [
+            1 << atom if self.initial >> atom & 1 else None for atom in range(self.size)
+        ]
+        users: list[list[int]] = [[] for _ in range(self.size)]
+        for number, operator in enumerate(self.operators):
+            for atom in indices(operator.preconditions):
+                users[atom].append(number)
+        waiting = list(range(len(self.operators)))
+        work = 0
+        while waiting and work < MAX_WORK:
+            touched: dict[int, None] = {}
+            for number in waiting:
+                self._look(self.operators[number], found, touched)
+            work += len(waiting)
+            waiting = list(dict.fromkeys(number for atom in touched for number in users[atom]))
+        return found if not waiting else [1 << atom for atom in range(self.size)]
+
+    def _look(self, operator: GroundOperator, found: list[Bits | None], touched: dict[int, None]) -> None:
+        """What all achievers share shrinks with every achiever."""
+        needed = 0
+        for atom in indices(operator.preconditions):
+            landmarks = found[atom]
+            if landmarks is None:
+                return
+            needed |= landmarks
+        for atom in indices(operator.adds):
+            known = found[atom]
+            shared = needed | 1 << atom if known is None else known & (needed | 1 << atom)
+            if shared != known:
+                found[atom] = shared
+                touched[atom] = None
+
+    def accept(self, accepted: bytes, state: Bits) -> bytes:
+        """The accepted landmarks after one more state."""
+        return self._count.accept(accepted, state.to_bytes(self._width, "little"))
+
+    def left(self, accepted: bytes, state: Bits) -> int:
+        """How many landmarks are still to be visited, or again."""
+        return self._count.left(accepted, state.to_bytes(self._width, "little"))

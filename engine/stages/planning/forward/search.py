@@ -1,0 +1,169 @@
+"""Forward search: lazy greedy best first over two estimates, relaxed plans and landmarks, with preferred operators in
+queues of their own (Richter & Helmert 2009; Richter & Westphal 2010).
+
+For tasks where regression drowns. States are evaluated by compiled kernels.
+"""
+
+import heapq
+import itertools
+import random
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from engine.model.outcome import Offer
+from engine.model.task import Bits, GroundOperator, Task, progress
+from engine.stages.planning.composites import Pattern
+from engine.stages.planning.effort import NO_PLAN, Answer, Effort
+from engine.stages.planning.forward.evaluation import Evaluation
+from engine.stages.planning.forward.landmarks import Landmarks
+from engine.stages.planning.forward.suggestions import Suggestions
+from kb.terms import Function
+
+UNKNOWN = 1 << 60
+_MEETS = Function("_meets")
+BOOST = 1000  # priority given to preferred operators whenever the estimate sinks
+
+
+class Node(NamedTuple):
+    """A state that was reached, the landmarks accepted on the way, and the step that led to it."""
+
+    state: Bits
+    accepted: bytes
+    parent: int
+    operator: int
+
+
+class Batch(NamedTuple):
+    """Successors of one node that wait in a queue, the first one last; all have the node's estimate, so they need one
+    entry."""
+
+    key: int
+    tie: int
+    node: int
+    operators: list[int]
+
+
+class Forward:
+    """One search from a state to one conjunction of goals of operators, which may have conditional effects; it can be resumed.
+
+    With `landmarks`, queues ordered by how many landmarks are left take turns with those ordered by relaxed plans, and every
+    operator counts as one step: cheap plans, which improvement looks for, are harder to find than short ones. Instances
+    of `patterns` that stand in the relaxed plan of a state are operators, too, and preferred.
+    """
+
+    def __init__(
+        self,
+        operators: Sequence[GroundOperator],
+        initial: Bits,
+        goals: Bits,
+        size: int,
+        seed: int = 0,
+        *,
+        landmarks: bool = False,
+        patterns: Sequence[Pattern] = (),
+    ) -> None:
+        self.goals, self.initial = goals, initial
+        self._suggestions = Suggestions(operators, patterns) if patterns else None
+        self.operators = self._suggestions.operators if self._suggestions else operators
+        self.evaluate = Evaluation(operators, goals, size, unit=landmarks)
+        self._landmarks = Landmarks(self.evaluate.operators, initial, goals, size) if landmarks else None
+        self._counter = itertools.count()
+        self._random = random.Random(seed) if seed else None
+        self._queues: list[list[Batch]] = [
+            [] for _ in range(4)
+        ]  # by relaxed plan, its preferred ones; the same by landmarks
+        self._priorities = [0] * 4
+        self._nodes: list[Node] = []
+        self._closed: set[Bits] = set()
+        self._best = [UNKNOWN, UNKNOWN]
+
+    def run(self, effort: Effort) -> Answer | None:
+        """Search on until the effort is spent: a plan, the proof that there is none, or None."""
+        if not self._nodes and self._expand(self.initial, -1, -1, effort):
+            return Answer([])
+        while not effort.spent():
+            entry = self._next()
+            if entry is None:
+                return NO_PLAN
+            parent, operator = entry
+            state = progress(self._nodes[parent].state, self.operators[operator])
+            if state not in self._closed and self._expand(state, parent, operator, effort):
+                return self._answer()
+        return None
+
+    def _next(self) -> tuple[int, int] | None:
+        """The next successor to make: from the queue whose turn it is."""
+        number, least = -1, UNKNOWN
+        for place, queue in enumerate(self._queues):
+            if queue and self._priorities[place] < least:
+                number, least = place, self._priorities[place]
+        if number < 0:
+            return None
+        self._priorities[number] += 1
+        batch = self._queues[number][0]
+        operator = batch.operators.pop()
+        if not batch.operators:
+            heapq.heappop(self._queues[number])
+        return batch.node, operator
+
+    def _expand(self, state: Bits, parent: int, operator: int, effort: Effort) -> bool:
+        """Evaluate a state and queue its successors; whether it satisfies the goals."""
+        self._closed.add(state)
+        here = len(self._nodes)
+        accepted = b""
+        if self._landmarks:
+            before = self._nodes[parent].accepted if parent >= 0 else self._landmarks.none
+            accepted = self._landmarks.accept(before, state)
+        self._nodes.append(Node(state, accepted, parent, operator))
+        if self.goals & ~state == 0:
+            return True
+        effort.expanded += 1
+        estimate, applicable, preferred = self._evaluated(state)
+        if estimate < 0:
+            return False
+        effort.generated += len(applicable)
+        keys = [estimate, self._landmarks.left(accepted, state)] if self._landmarks else [estimate]
+        if any(key < best for key, best in zip(keys, self._best, strict=False)):
+            self._best = [min(pair) for pair in zip(keys, self._best, strict=False)]
+            self._priorities[1] -= BOOST
+            self._priorities[3] -= BOOST
+        for place, key in enumerate(keys):
+            for number, operators in ((2 * place, applicable), (2 * place + 1, preferred)):
+                if operators:
+                    heapq.heappush(self._queues[number], Batch(key, self._tie(), here, operators[::-1]))
+        return False
+
+    def _evaluated(self, state: Bits) -> tuple[int, list[int], list[int]]:
+        """A state's estimate, applicable and preferred operators, among them the composites that are suggested."""
+        estimate, applicable, preferred = self.evaluate(state)
+        if self._suggestions is None or estimate < 0:
+            return estimate, applicable, preferred
+        composites = self._suggestions.suggested(state, preferred, self.evaluate.relaxed)
+        return estimate, composites + applicable, composites + preferred
+
+    def _tie(self) -> int:
+        """First in, first out; by chance with a seed."""
+        return self._random.getrandbits(30) if self._random else next(self._counter)
+
+    def _answer(self) -> Answer:
+        """The operators that led to the last state, with the parts of composites in their place."""
+        path, node = [], self._nodes[-1]
+        while node.parent >= 0:
+            path.append(node.operator)
+            node = self._nodes[node.parent]
+        path.reverse()
+        if self._suggestions is None:
+            return Answer([self.operators[each] for each in path if self.operators[each].instance != _MEETS])
+        steps = [step for each in path for step in self._suggestions.unfolded(each)]
+        used = [pattern for each in path if (pattern := self._suggestions.pattern(each)) is not None]
+        offer = Offer("forward", tuple(self._suggestions.patterns), tuple(dict.fromkeys(used)))
+        return Answer([step for step in steps if step.instance != _MEETS], offer)
+
+
+def forward(task: Task, seed: int, *, landmarks: bool = False, patterns: Sequence[Pattern] = ()) -> Forward:
+    """The search for a task; several alternatives of the goals become one atom that internal operators add."""
+    size, operators, goals = len(task.atoms), task.operators, task.goals
+    if len(goals) != 1:
+        meet = (GroundOperator(_MEETS, goal, 1 << size, 0, cost=0) for goal in goals)
+        operators, goals, size = (*operators, *meet), (1 << size,), size + 1
+    return Forward(operators, task.initial, goals[0], size, seed, landmarks=landmarks, patterns=patterns)

@@ -1,0 +1,68 @@
+"""Makes a plan cheaper while there is work left: steps nobody needs, then detours, then the same in another order.
+
+Between rounds the sequence is arranged anew from its partial order, so that steps that serve each other come to stand in
+one window.
+"""
+
+from collections.abc import Iterator, Sequence
+
+from engine.model.task import Bits, GroundOperator, Task
+from engine.stages.planning.effort import Effort
+from engine.stages.planning.elimination import eliminate
+from engine.stages.planning.improvement.deorder import arranged
+from engine.stages.planning.improvement.straighten import Cheaper, by_regression, straighten
+from engine.stages.planning.regression.space import Regression
+
+Steps = list[GroundOperator]
+NARROW = ((6, 500), (12, 1500))  # steps in a window, and the nodes that may be generated for it
+WIDE = 12  # steps in the first window for stable models; half as many more in every further one
+CONFLICTS = 1000  # of one such window; half as many more in every further one
+MOST = 1_000_000
+
+
+class Improvement:
+    """Plans for one alternative of a task's goals, without regression only freed of needless steps."""
+
+    def __init__(self, task: Task, regression: Regression | None, goals: Bits) -> None:
+        self.task, self.regression, self.goals = task, regression, goals
+
+    def near(self, steps: Sequence[GroundOperator], effort: Effort) -> Iterator[Steps]:
+        """The plan without needless steps, then every cheaper one found in narrow windows."""
+        kept = eliminate(self.task.initial, steps, self.goals)
+        yield kept
+        if self.regression is not None:
+            passes = [(width, by_regression(self.regression, nodes)) for width, nodes in NARROW]
+            yield from self._settled(kept, passes, effort)
+
+    def wide(self, best: Steps, effort: Effort) -> Iterator[Steps]:
+        """Every cheaper plan found in ever wider windows, until even the widest has nothing to give."""
+        from engine.stages.planning.stable_models.windows import Windows
+
+        if self.regression is None:
+            return
+        width, conflicts, size = WIDE, CONFLICTS, len(self.regression.excluded)
+        while not effort.over() and conflicts < MOST:
+            cheaper = Windows(self.regression.operators, self.task.mutex_groups, size, conflicts)
+            for better in self._settled(best, [(width, cheaper)], effort):
+                best = better
+                yield best
+            width, conflicts = min(width + width // 2, max(len(best), WIDE)), conflicts + conflicts // 2
+
+    def _settled(self, kept: Steps, passes: Sequence[tuple[int, Cheaper]], effort: Effort) -> Iterator[Steps]:
+        """Every cheaper plan that passes of windows find, until two rounds in other orders find none."""
+        idle = 0
+        while idle < 2 and not effort.over():
+            found = kept
+            for width, cheaper in passes:
+                found = straighten(self.task.initial, found, self.goals, width, cheaper, effort)
+            found = eliminate(self.task.initial, found, self.goals)
+            cheaper_now = cost(found) < cost(kept)
+            idle = 0 if cheaper_now else idle + 1
+            if cheaper_now:
+                yield found
+            kept = arranged(self.task, found, self.goals)
+
+
+def cost(steps: Sequence[GroundOperator]) -> tuple[int, int]:
+    """What a plan is compared by: its cost, then its length."""
+    return sum(step.cost for step in steps), len(steps)

@@ -1,0 +1,72 @@
+"""Window optimisation: stretches of a plan are replaced by cheaper ones between the same points (in the spirit of
+block deordering and window optimisation, Siddiqui & Haslum 2015).
+"""
+
+from collections.abc import Callable, Sequence
+
+from engine.model.task import Bits, GroundOperator, progress
+from engine.stages.planning.effort import Effort
+from engine.stages.planning.regression.searches import BestFirst
+from engine.stages.planning.regression.space import Backward, Regression
+
+SHARE = 32  # operators that cost as much as one node when a window's relaxed plans are made
+
+Cheaper = Callable[[Bits, Bits, Sequence[GroundOperator], Effort], list[GroundOperator] | None]
+"""From a state to what must hold at the end: a cheaper way than the given one, if one is found soon."""
+
+
+def straighten(
+    initial: Bits, steps: Sequence[GroundOperator], goals: Bits, width: int, cheaper: Cheaper, effort: Effort
+) -> list[GroundOperator]:
+    """The steps after a pass of a window of `width` steps, with every cheaper stretch put in."""
+    kept = list(steps)
+    start = 0
+    while start < len(kept) and not effort.over():
+        states, needed = _states(initial, kept), _needed(kept, goals)
+        end = min(start + width, len(kept))
+        found = cheaper(states[start], needed[end], kept[start:end], effort)
+        if found is not None:
+            kept[start:end] = found
+            start = max(0, start - width)
+        elif end == len(kept):
+            break
+        else:
+            start += max(1, width // 3)
+    return kept
+
+
+def _states(initial: Bits, steps: Sequence[GroundOperator]) -> list[Bits]:
+    states = [initial]
+    for operator in steps:
+        states.append(progress(states[-1], operator))
+    return states
+
+
+def _needed(steps: Sequence[GroundOperator], goals: Bits) -> list[Bits]:
+    needed = [goals]
+    for operator in reversed(steps):
+        needed.append((needed[-1] & ~operator.adds) | operator.preconditions)
+    return needed[::-1]
+
+
+def by_regression(regression: Regression, nodes: int) -> Cheaper:
+    """Windows planned anew by regression in the space of what is near their first state."""
+
+    def cheaper(
+        state: Bits, goals: Bits, window: Sequence[GroundOperator], effort: Effort
+    ) -> list[GroundOperator] | None:
+        effort.generated += len(regression.operators) // SHARE
+        bound = sum(map(regression.relaxation.charge, window))
+        local = Backward(regression, state, bound)
+        root = local.root(goals)
+        if root is None:
+            return None
+        part = effort.part(most=nodes)
+        answer = BestFirst(local, [root], 1, bound).run(part)
+        effort.add(part)
+        if answer is None or answer.steps is None:
+            return None
+        saved = sum(operator.cost for operator in window) - sum(operator.cost for operator in answer.steps)
+        return answer.steps if saved > 0 else None
+
+    return cheaper

@@ -1,0 +1,112 @@
+"""Several strategies at once, each in a process of its own: the first answer counts, the others are stopped."""
+
+import multiprocessing
+import os
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from multiprocessing.connection import Connection, wait
+from multiprocessing.process import BaseProcess
+
+from engine.model.outcome import Found, GaveUp, Infeasible, Outcome
+from engine.model.task import Task
+from engine.stages.planning.limits import Limits
+from kb.model.plan import Plan
+
+RUNNERS = ("auto", "asp", "landmarks", "forward", "backward")
+PAUSE = 0.1  # seconds between two looks at whether to stop
+
+
+Planner = Callable[[Task, Limits], Outcome]
+
+
+def race(task: Task, limits: Limits, plan: Planner) -> Outcome:
+    """The first answer of any strategy, each run by `plan`; which is first may vary. As many run at a time as there are processors.
+
+    With `limits.thorough` all run until interrupted, and the best plan of any counts.
+    """
+    best: Plan | None = None
+    gave_up = GaveUp("no strategy ran", "time")
+    with _lanes(task, limits, plan) as lanes:
+        while lanes.fill():
+            for heard in lanes.heard():
+                if isinstance(heard, Infeasible) or (isinstance(heard, Found) and not limits.thorough):
+                    return heard
+                if isinstance(heard, GaveUp):
+                    gave_up = heard
+                    continue
+                found = heard.plan if isinstance(heard, Found) else heard
+                if best is None or (found.cost, len(found.steps)) < (best.cost, len(best.steps)):
+                    best = found
+                    limits.improved(best)
+            if limits.interrupted():
+                gave_up = GaveUp("interrupted while several strategies ran", "time")
+                break
+    return gave_up if best is None else Found(best)
+
+
+class _Lanes:
+    """Processes that plan, by the ends of the pipes through which they tell of plans and of their answers."""
+
+    def __init__(self, task: Task, limits: Limits, plan: Planner) -> None:
+        self.task, self.limits, self.plan = task, limits, plan
+        self.waiting = list(RUNNERS)
+        self.running: dict[Connection, BaseProcess] = {}
+
+    def fill(self) -> bool:
+        """Start strategies while there are processors for them; whether any runs."""
+        while self.waiting and len(self.running) < (os.cpu_count() or 1):
+            self._start(self.waiting.pop(0))
+        return bool(self.running)
+
+    def _start(self, strategy: str) -> None:
+        here, there = multiprocessing.Pipe(duplex=False)
+        home = os.getpid()
+        limits = replace(
+            self.limits,
+            strategy=strategy,
+            interrupted=lambda: os.getppid() != home,  # nobody is left who would stop it
+            improved=there.send,
+        )
+        context = multiprocessing.get_context("fork")  # the task need not be copied
+        process = context.Process(target=_run, args=(there, self.plan, self.task, limits), daemon=True)
+        process.start()
+        there.close()
+        self.running[here] = process
+
+    def heard(self) -> Iterator[Plan | Outcome]:
+        """What came in the next moment; a process that dies without an answer gave up."""
+        for end in wait(list(self.running), PAUSE):
+            assert isinstance(end, Connection)
+            try:
+                message: Plan | Outcome = end.recv()
+            except EOFError:
+                message = GaveUp("a strategy ran out of memory", "memory")
+            if not isinstance(message, Plan):
+                self.running.pop(end).join()
+            yield message
+
+    def stop(self) -> None:
+        """Stop whatever still runs."""
+        for process in self.running.values():
+            process.kill()
+        for process in self.running.values():
+            process.join()
+
+
+@contextmanager
+def _lanes(task: Task, limits: Limits, plan: Planner) -> Iterator[_Lanes]:
+    lanes = _Lanes(task, limits, plan)
+    try:
+        yield lanes
+    finally:
+        lanes.stop()
+
+
+def _run(answer: Connection, plan: Planner, task: Task, limits: Limits) -> None:
+    try:
+        answer.send(plan(task, limits))
+    except MemoryError:
+        pass
+    finally:
+        answer.close()

@@ -1,0 +1,1 @@
+"""Backward chaining: from the goals over sets of open conditions."""

@@ -1,0 +1,101 @@
+"""Two ways through the space of backward chaining: hill climbing with chronological backtracking, and best first.
+
+Both can be resumed, so that strategies take turns; a seed breaks ties by chance, so that a restart goes another way.
+"""
+
+import heapq
+import itertools
+import random
+from collections.abc import Iterator, Sequence
+
+from engine.model.task import Bits
+from engine.stages.planning.effort import NO_PLAN, Answer, Effort
+from engine.stages.planning.regression.space import Backward, Node, Successor
+from engine.stages.planning.relaxed import FAR
+
+
+class Climb:
+    """Depth first, best successor first, stepping back when there is none: complete, as no set is met twice."""
+
+    def __init__(self, space: Backward, root: Node, seed: int = 0) -> None:
+        self.space, self.root = space, root
+        self._random = random.Random(seed) if seed else None
+        self._closed: set[Bits] = {root.open}
+        self._stack: list[tuple[Node, Iterator[Successor]]] | None = None
+
+    def run(self, effort: Effort) -> Answer | None:
+        """Search on until the effort is spent: a plan, the proof that there is none, or None."""
+        if self.root.open & ~self.space.initial == 0:
+            return Answer([])
+        if self._stack is None:
+            if effort.spent():
+                return None
+            self._stack = [(self.root, self._ordered(self.root, effort))]
+        while self._stack:
+            if effort.spent():
+                return None
+            node, successors = self._stack[-1]
+            successor = next((each for each in successors if each.open not in self._closed), None)
+            if successor is None:
+                self._stack.pop()
+                continue
+            self._closed.add(successor.open)
+            node = self.space.following(node, successor)
+            if node.open & ~self.space.initial == 0:
+                return self.space.regression.plan(node)
+            self._stack.append((node, self._ordered(node, effort)))
+        return NO_PLAN
+
+    def _ordered(self, node: Node, effort: Effort) -> Iterator[Successor]:
+        effort.expanded += 1
+        found = list(self.space.successors(node))
+        effort.generated += len(found)
+        if self._random:
+            self._random.shuffle(found)
+            return iter(sorted(found, key=lambda each: each[:2]))
+        return iter(sorted(found, key=lambda each: each[:3]))
+
+
+class BestFirst:
+    """Best first by cost + greed * estimate, among nodes whose cost and estimate together stay below `below`.
+
+    `greed` 0 with unit costs is breadth first and finds shortest plans.
+    """
+
+    def __init__(self, space: Backward, roots: Sequence[Node], greed: int, below: int = FAR) -> None:
+        self.space, self.greed, self.below = space, greed, below
+        self._counter = itertools.count()
+        self._queue: list[tuple[int, int, int, Node, Successor | None]] = []
+        self._best: dict[Bits, int] = {}
+        for root in roots:
+            self._best[root.open] = 0
+            key = greed * space.estimate(root.open)
+            heapq.heappush(self._queue, (key, 0, next(self._counter), root, None))
+
+    def run(self, effort: Effort) -> Answer | None:
+        """Search on until the effort is spent: a plan, the proof that there is none, or None."""
+        while self._queue:
+            if effort.spent():
+                return None
+            _, _, _, node, successor = heapq.heappop(self._queue)
+            if successor is not None:
+                node = self.space.following(node, successor)
+            if self._best[node.open] < node.cost:
+                continue
+            if node.open & ~self.space.initial == 0:
+                return self.space.regression.plan(node)
+            self._expand(node, effort)
+        return NO_PLAN
+
+    def _expand(self, node: Node, effort: Effort) -> None:
+        effort.expanded += 1
+        best, charges = self._best, self.space.regression.charges
+        for successor in self.space.successors(node, self.below - node.cost):
+            cost = node.cost + charges[successor.operator]
+            known = best.get(successor.open)
+            if known is None or cost < known:
+                best[successor.open] = cost
+                effort.generated += 1
+                key = cost + self.greed * successor.estimate
+                entry = (key, successor.lightness, next(self._counter), node, successor)
+                heapq.heappush(self._queue, entry)

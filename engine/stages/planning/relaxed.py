@@ -1,0 +1,117 @@
+"""Relaxed plans from a state: for each atom the operators that a plan without deletes would use to reach it.
+
+Computed once forward, best supporter first by additive cost, as in the set-additive heuristic (Keyder & Geffner 2008).
+The estimate for a set of goals is the size of the union of their relaxed plans: one OR per goal and one bit count.
+"""
+
+from collections.abc import Sequence
+
+from engine.model.task import Bits, GroundOperator, indices
+from engine.stages.planning.supporters import Supporters
+
+FAR = 1 << 60
+MAX_CHARGE = 8  # bits that the costliest operator takes up in a relaxed plan
+
+
+class RelaxedPlans:
+    """Per atom its relaxed plan, None if the atom is unreachable, 0 for what holds already; each is made when first asked for.
+
+    A plan is a bitset in which every supporter has as many bits of its own as its charge, so that the bit count is the
+    cost.
+    """
+
+    def __init__(self, relaxation: "Relaxation", initial: Bits, supporters: Sequence[int]) -> None:
+        self.initial = initial
+        self._relaxation, self._supporters = relaxation, supporters
+        self._plans: dict[int, Bits | None] = {}
+        self._own: dict[int, Bits] = {}
+        self._bits = 0
+
+    def plan(self, goals: Bits) -> Bits | None:
+        """The union of the goals' relaxed plans; None if one is unreachable."""
+        union, plans = 0, self._plans
+        for atom in indices(goals & ~self.initial):
+            plan = plans[atom] if atom in plans else self.to(atom)
+            if plan is None:
+                return None
+            union |= plan
+        return union
+
+    def to(self, atom: int) -> Bits | None:
+        """The relaxed plan of one atom; chains of supporters may be deeper than Python's stack."""
+        plans, waiting = self._plans, [atom]
+        while waiting:
+            last = waiting[-1]
+            supporter = self._supporters[last]
+            needs = self._relaxation.needs[supporter] if supporter >= 0 and last not in plans else ()
+            missing = [need for need in needs if need not in plans]
+            if missing:
+                waiting += missing
+                continue
+            if last not in plans:
+                plans[last] = self._joined(supporter, needs) if supporter >= 0 else self._unsupported(last)
+            waiting.pop()
+        return plans[atom]
+
+    def _unsupported(self, atom: int) -> Bits | None:
+        return 0 if self.initial >> atom & 1 else None
+
+    def _joined(self, supporter: int, needs: Sequence[int]) -> Bits:
+        """The plan that ends in a supporter, which takes new bits when it is first used."""
+        if supporter not in self._own:
+            charge = self._relaxation.charges[supporter]
+            self._own[supporter] = (1 << charge) - 1 << self._bits
+            self._bits += charge
+        union = self._own[supporter]
+        for atom in needs:
+            union |= self._plans[atom] or 0
+        return union
+
+
+class Relaxation:
+    """Operators indexed for relaxed plans; what does not depend on the state is made once."""
+
+    def __init__(self, operators: Sequence[GroundOperator], size: int) -> None:
+        self.operators = operators
+        self._most = max((operator.cost for operator in operators), default=1)
+        self.charges = [self.charge(operator) for operator in operators]
+        self.needs = [tuple(indices(operator.preconditions)) for operator in operators]
+        adds = [tuple(indices(operator.adds)) for operator in operators]
+        users: list[list[int]] = [[] for _ in range(size)]
+        for number, needs in enumerate(self.needs):
+            for atom in needs:
+                users[atom].append(number)
+        self._width = (size + 7) // 8
+        self._search = Supporters(self.charges, self.needs, adds, users)
+
+    def charge(self, operator: GroundOperator) -> int:
+        """An operator's cost as a small whole number, at least 1."""
+        if self._most <= MAX_CHARGE:
+            return max(operator.cost, 1)
+        return max(round(operator.cost * MAX_CHARGE / self._most), 1)
+
+    def plans(self, initial: Bits, bound: int = FAR) -> RelaxedPlans:
+        """Relaxed plans for every atom that a chain of supporters of cost at most `bound` reaches from `initial`."""
+        supporters = self._search.spread(initial.to_bytes(self._width, "little"), bound)
+        return RelaxedPlans(self, initial, supporters)
+
+
+def levels(initial: Bits, operators: Sequence[GroundOperator], size: int) -> tuple[list[int], list[int]]:
+    """The steps after which atoms, and at which operators, are first possible without deletes; -1 for never."""
+    reached, first = [-1] * size, [-1] * len(operators)
+    for atom in indices(initial):
+        reached[atom] = 0
+    state, waiting, step = initial, list(range(len(operators))), 0
+    while waiting:
+        step += 1
+        ready = [number for number in waiting if operators[number].preconditions & ~state == 0]
+        if not ready:
+            break
+        waiting = [number for number in waiting if operators[number].preconditions & ~state]
+        for number in ready:
+            first[number] = step
+            for atom in indices(operators[number].adds & ~state):
+                reached[atom] = step
+        for number in ready:
+            state |= operators[number].adds
+    return reached, first

@@ -1,0 +1,1 @@
+"""Planning in answer set programming: plans as stable models."""

@@ -1,0 +1,120 @@
+"""Plans as stable models, horizon by horizon.
+
+With one operator a step, the first plan has the fewest steps. No plan exists when every state is within some horizon:
+no path of that many different states begins at the initial one (Biere et al. 1999).
+"""
+
+from collections.abc import Sequence
+
+from engine.model.task import Bits, GroundOperator, Task, indices
+from engine.stages.planning.effort import NO_PLAN, Answer, Effort
+from engine.stages.planning.relaxed import levels
+from engine.stages.planning.stable_models.encoding import OPTIONS, PARALLEL, SINGLE, STEP, facts, sequence
+from kb.asp.steps import Shown, Solver
+from kb.terms import Function, Number
+
+ASK = """
+#external asked(t).
+reached(t) :- goal(G), holds(A,t) : wanted(G,A).
+:- asked(t), not reached(t).
+"""
+DISTINCT = """
+#external distinct(t).
+differ(S,t) :- holds(A,S), S < t, not holds(A,t).
+differ(S,t) :- holds(A,t), S = 0..t-1, not holds(A,S).
+:- distinct(t), S = 0..t-1, not differ(S,t).
+:- distinct(t), 2 { occurs(O,t) }.
+:- distinct(t), not 1 { occurs(O,t) }.
+"""
+TRIAL = 400  # conflicts for one horizon in the first round; twice as many in each further one
+STRIDE = 5  # after an undecided horizon the next is longer by this part of it
+PATHS = 200_000  # atoms by pairs of states up to which paths of different states are looked for
+
+
+class Parallel:
+    """A search by horizons that can be resumed; `single` allows one operator a step.
+
+    No more than `room` conditions and effects by steps are grounded; further horizons are left undecided.
+    """
+
+    def __init__(
+        self, task: Task, operators: Sequence[GroundOperator], single: bool = False, room: int = 1 << 60
+    ) -> None:
+        self._longest = room // max(sum(map(_size, operators)), 1)
+        self.operators, self.single, self.size = operators, single, len(task.atoms)
+        reached, first = levels(task.initial, operators, self.size)
+        nearest = [far for goal in task.goals if (far := _farthest(goal, reached)) is not None]
+        self.possible = bool(nearest)
+        self._decided = min(nearest, default=0) - 1  # no plan has this many steps or fewer
+        base = [*facts(task.initial, operators, first, task.mutex_groups, self.size), *_goals(task)]
+        self._solver = Solver(
+            {
+                "base": ((), " ".join(base)),
+                "step": (("t",), STEP + (SINGLE if single else PARALLEL)),
+                "ask": (("t",), ASK),
+                "distinct": (("t",), DISTINCT),
+            },
+            OPTIONS,
+        )
+        self._grounded, self._paths, self._trial = -1, 0, TRIAL
+
+    def run(self, effort: Effort) -> Answer | None:
+        """Search on until the effort is spent: a plan, the proof that there is none, or None."""
+        if not self.possible:
+            return NO_PLAN
+        horizon = self._decided + 1
+        while not effort.over() and self._decided < self._longest:
+            found = self._ask(horizon, effort)
+            if isinstance(found, frozenset):
+                return Answer(sequence(self.operators, found))
+            if found is False and horizon == self._decided + 1:
+                self._decided = horizon
+                if self._exhausted(horizon, effort):
+                    return NO_PLAN
+                horizon += 1
+            elif self.single or horizon > 4 * (self._decided + 4) or horizon >= self._longest:
+                horizon, self._trial = self._decided + 1, 2 * self._trial
+            else:
+                horizon = min(horizon + max(1, horizon // STRIDE), self._longest)
+        return None
+
+    def _ask(self, horizon: int, effort: Effort) -> Shown:
+        while self._grounded < horizon:
+            self._grounded += 1
+            step = ("step", (self._grounded,)) if self._grounded else ("base", ())
+            self._solver.ground([step, ("ask", (self._grounded,))])
+        return self._solve([Function("asked", (Number(horizon),))], effort)
+
+    def _exhausted(self, horizon: int, effort: Effort) -> bool:
+        """Whether no path of so many steps meets different states alone, so that shorter ones reach everything."""
+        if horizon < 1 or self.size * horizon * horizon > PATHS or effort.over():
+            return False
+        while self._paths < horizon:
+            self._paths += 1
+            self._solver.ground([("distinct", (self._paths,))])
+        paths = [Function("distinct", (Number(step),)) for step in range(1, horizon + 1)]
+        return self._solve(paths, effort) is False
+
+    def _solve(self, assumed: Sequence[Function], effort: Effort) -> Shown:
+        left = effort.limit - effort.expanded
+        before = self._solver.conflicts
+        found = self._solver.solve(assumed, min(self._trial, left), effort.interrupted)
+        effort.expanded += min(1 + self._solver.conflicts - before, left)
+        return found
+
+
+def _size(operator: GroundOperator) -> int:
+    return sum(bits.bit_count() for bits in (operator.preconditions, operator.adds, operator.deletes))
+
+
+def _farthest(goal: Bits, reached: Sequence[int]) -> int | None:
+    """The step at which the last atom of a goal can be true; None if one never can."""
+    found = [reached[atom] for atom in indices(goal)]
+    return None if -1 in found else max(found, default=0)
+
+
+def _goals(task: Task) -> list[str]:
+    found = [f"goal({number})." for number in range(len(task.goals))]
+    for number, goal in enumerate(task.goals):
+        found += [f"wanted({number},{atom})." for atom in indices(goal)]
+    return found

@@ -1,0 +1,285 @@
+"""A first schedule: stages are placed one after another, each as early as it can be, in an order found by a beam.
+
+A serial scheme: whatever a resource does comes after what it has been given before. A device is changed when a stage is
+placed that needs it otherwise; several changes in the order in which they can begin. The beam keeps the partial
+schedules with the least estimate of the end: what has been placed and its tail, and what each resource still has to serve.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+from engine.model.shop import Adjustment, Change, Need, Schedule, Stage
+from engine.stages.scheduling.batches import Batches, batches
+from engine.stages.scheduling.bounds import Occupation, least_travel, occupations
+from engine.stages.scheduling.lags import Lags, first_needs
+from engine.stages.scheduling.symmetry import alike
+
+WIDTHS = (1, 6, 30, 150)  # of the beam, until the lower bound is reached
+MOST = 8_000  # partial schedules in one beam, about
+
+
+@dataclass(frozen=True, slots=True)
+class Standing:
+    """How a device stands: its setting since when, and until when some stage needs it so."""
+
+    setting: str
+    since: int = 0
+    until: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class Partial:
+    """A schedule of some of the stages. `units` are the times from which each unit of a resource is free again."""
+
+    starts: Mapping[str, int]
+    units: Mapping[str, tuple[int, ...]]
+    places: Mapping[str, str]
+    devices: Mapping[str, Standing]
+    adjustments: tuple[Adjustment, ...] = ()
+    estimate: int = 0
+    tardiness: int = 0
+
+    @property
+    def score(self) -> tuple[int, int, int]:
+        """The smaller, the better."""
+        return self.tardiness, self.estimate, sum(self.starts.values())
+
+
+def construct(lags: Lags, bound: int) -> Schedule | None:
+    """The best of some schedules made without search; None if all of them got stuck."""
+    builder = Builder(lags)
+    best: Schedule | None = None
+    for width in WIDTHS:
+        if width > 1 and width * len(lags.shop.stages) * builder.kinds > MOST:
+            break
+        found = builder.beam(width)
+        if found is None and width > 1 and best is None:
+            break
+        if found is not None and (best is None or _value(found) < _value(best)):
+            best = found
+        if best is not None and best.makespan == bound and not best.tardiness:
+            break
+    return best and replace(best, lower_bound=bound, proved=best.makespan == bound and not best.tardiness)
+
+
+def _value(schedule: Schedule) -> tuple[int, int]:
+    return schedule.tardiness, schedule.makespan
+
+
+class Builder:
+    """What placing needs to know of a shop, looked up once."""
+
+    def __init__(self, lags: Lags) -> None:
+        self.lags, self.shop = lags, lags.shop
+        self.before: dict[str, list[tuple[str, int]]] = {name: [] for name in self.shop.stages}
+        self.after: dict[str, list[tuple[str, int]]] = {name: [] for name in self.shop.stages}
+        for (earlier, later), lag in lags.direct.items():
+            self.before[later].append((earlier, lag))
+            self.after[earlier].append((later, lag))
+        self.queue = [[job.stages[0].name for job in group] for group in alike(self.shop)]
+        self.kinds = len(self.shop.jobs) - sum(len(queue) - 1 for queue in self.queue)
+        single = [resource for resource in self.shop.resources if resource.capacity == 1]
+        self.served = {resource.name: list(occupations(lags, resource)) for resource in single}
+        self.batches = batches(lags)
+        self.least = {name: least_travel(lags, served) for name, served in self.served.items()}
+
+    def beam(self, width: int) -> Schedule | None:
+        """The best complete schedule of a beam of partial ones."""
+        kept = [self._empty()]
+        for _ in self.shop.stages:
+            found = [child for each in kept for child in self._children(each)]
+            kept = sorted(found, key=lambda each: each.score)[:width]
+        return self._finish(kept[0]) if kept else None
+
+    def _empty(self) -> Partial:
+        units = {resource.name: (0,) * resource.capacity for resource in self.shop.resources}
+        for hold in self.shop.holds:
+            if hold.begin is None:
+                units[hold.resource] = units[hold.resource][1:]
+        places = {resource.name: resource.home for resource in self.shop.resources if resource.travel}
+        devices = {device.name: Standing(device.initial) for device in self.shop.devices}
+        return Partial({}, units, places, devices)
+
+    def _children(self, partial: Partial) -> list[Partial]:
+        """The partial schedule with one more stage: any that starts before another could have ended (Giffler &
+        Thompson 1960), and of jobs that are alike only the first that has not been begun."""
+        waiting = {each for queue in self.queue for each in [n for n in queue if n not in partial.starts][1:]}
+        found = [
+            (child.starts[name], child.starts[name] + stage.duration, child)
+            for name, stage in self.shop.stages.items()
+            if name not in partial.starts and name not in waiting
+            if all(earlier in partial.starts or lag < 0 for earlier, lag in self.before[name])
+            if (child := self._placed(partial, stage)) is not None
+        ]
+        soonest = min((end for _, end, _ in found), default=0)
+        return [child for start, end, child in found if start < soonest or end == soonest]
+
+    def _placed(self, partial: Partial, stage: Stage) -> Partial | None:
+        """The partial schedule with one more stage, as early as it can be; None if it cannot come now."""
+        changed = self._changed(partial, stage)
+        if changed is None:
+            return None
+        start = self._earliest(changed, stage)
+        if start is None or not self._in_time(partial, stage.name, start):
+            return None
+        devices = dict(changed.devices)
+        for need in stage.needs:
+            standing = devices[need.device]
+            devices[need.device] = replace(standing, until=max(standing.until, start + need.end))
+        places = dict(changed.places)
+        places.update({name: stage.destination for name in stage.resources if name in places})
+        made = replace(
+            changed,
+            starts={**partial.starts, stage.name: start},
+            units=self._taken(changed, stage, start),
+            places=places,
+            devices=devices,
+        )
+        return self._estimated(made, stage, start)
+
+    def _changed(self, partial: Partial, stage: Stage) -> Partial | None:
+        """The partial schedule after the changes of devices that a stage asks for, those first that can begin first."""
+        for _ in stage.needs:
+            wanted = [
+                (self._change_start(partial, change, need), need.device, change)
+                for need in first_needs(stage).values()
+                if partial.devices[need.device].setting != need.setting
+                for change in [self._change(partial, need)]
+                if change is not None
+            ]
+            if not wanted:
+                break
+            start, name, change = min(wanted, key=lambda each: (each[0], each[1]))
+            partial = self._adjusted(partial, name, change, start)
+        fits = all(partial.devices[need.device].setting == need.setting for need in stage.needs)
+        return partial if fits else None
+
+    def _change(self, partial: Partial, need: Need) -> Change | None:
+        return self.shop.device[need.device].change(partial.devices[need.device].setting, need.setting)
+
+    def _change_start(self, partial: Partial, change: Change, need: Need) -> int:
+        operator = self.shop.device[need.device].operator
+        free = partial.units[operator][0] + self._travel(partial, operator, change.origin)
+        return max(free, partial.devices[need.device].until)
+
+    def _travel(self, partial: Partial, resource: str, origin: str) -> int:
+        if resource not in partial.places:
+            return 0
+        return self.shop.resource[resource].travel.get((partial.places[resource], origin), 0)
+
+    def _adjusted(self, partial: Partial, name: str, change: Change, start: int) -> Partial:
+        operator, end = self.shop.device[name].operator, start + change.duration
+        places = (
+            {**partial.places, operator: change.destination} if operator in partial.places else partial.places
+        )
+        return replace(
+            partial,
+            units={**partial.units, operator: (end,)},
+            places=places,
+            devices={**partial.devices, name: Standing(change.after, end, end)},
+            adjustments=(*partial.adjustments, Adjustment(name, change, start)),
+        )
+
+    def _earliest(self, partial: Partial, stage: Stage) -> int | None:
+        """When a stage can start, its devices being as it needs them."""
+        times = [self.lags.heads[stage.name]]
+        times += [partial.starts[e] + lag for e, lag in self.before[stage.name] if e in partial.starts]
+        times += [partial.devices[need.device].since - need.begin for need in stage.needs]
+        for name in stage.resources:
+            if not partial.units[name]:
+                return None
+            times.append(partial.units[name][0] + self._travel(partial, name, stage.origin))
+        for hold in self.shop.holds:
+            if hold.begin and hold.begin.stage == stage.name:
+                if not partial.units[hold.resource]:
+                    return None
+                times.append(partial.units[hold.resource][0] - hold.begin.offset)
+        return max(times)
+
+    def _in_time(self, partial: Partial, name: str, start: int) -> bool:
+        """Whether a start respects the stages placed before it that must come soon after it, or not long before."""
+        later = self.after[name]
+        return all(partial.starts[each] >= start + lag for each, lag in later if each in partial.starts)
+
+    def _taken(self, partial: Partial, stage: Stage, start: int) -> dict[str, tuple[int, ...]]:
+        """The units after a stage: those of its resources, of holds that begin with it, and of holds that end."""
+        units = dict(partial.units)
+        for name in stage.resources:
+            units[name] = tuple(sorted((*units[name][1:], start + stage.duration)))
+        for hold in self.shop.holds:
+            if hold.begin and hold.begin.stage == stage.name:
+                units[hold.resource] = units[hold.resource][1:]
+            if hold.end and hold.end.stage == stage.name:
+                units[hold.resource] = tuple(sorted((*units[hold.resource], start + hold.end.offset)))
+        return units
+
+    def _estimated(self, partial: Partial, stage: Stage, start: int) -> Partial:
+        estimate = max(partial.estimate, start + self.lags.tails[stage.name])
+        for name, served in self.served.items():
+            estimate = max(estimate, self._remaining(partial, name, served))
+        for each in self.batches:
+            estimate = max(estimate, self._batched(partial, each))
+        job = self.shop.owners[stage.name]
+        done = all(each.name in partial.starts for each in job.stages)
+        late = 0
+        if job.due is not None and done:
+            end = max(partial.starts[each.name] + each.duration for each in job.stages)
+            late = job.priority * max(0, end - job.due)
+        return replace(partial, estimate=estimate, tardiness=partial.tardiness + late)
+
+    def _remaining(self, partial: Partial, resource: str, served: Sequence[Occupation]) -> int:
+        """When a resource can have served all, with what follows the last; those under way count from their start."""
+        now = max(partial.units[resource], default=0)
+        waiting = [each for each in served if each.first.name not in partial.starts]
+        for each in served:
+            if each.first.name in partial.starts and each.last.name not in partial.starts:
+                now = max(now, partial.starts[each.first.name] + each.size)
+        if not waiting:
+            return now
+        least = self.least[resource]
+        now = max(now, min(self._free(partial, each.first) for each in waiting))
+        work = sum(each.size + least for each in waiting) - least
+        return now + work + min(each.tail for each in waiting)
+
+    def _batched(self, partial: Partial, served: Batches) -> int:
+        """When all batches can have been served, with what follows the last; who is inside may join a period under way."""
+        pairs = zip(served.stages, served.entries, strict=True)
+        waiting = [
+            (stage, entry in partial.starts) for stage, entry in pairs if stage.name not in partial.starts
+        ]
+        standing = partial.devices[served.device]
+        joining = standing.setting == served.setting and standing.until > standing.since
+        left = [(stage, inside) for stage, inside in waiting if not (joining and inside)]
+        if not left:
+            return 0
+        tail = min(self.lags.tails[stage.name] - stage.duration for stage, _ in left)
+        now = max(standing.until, min(self.lags.heads[stage.name] for stage, _ in left))
+        come = sum(inside for _, inside in left)
+        gap = served.away + (served.entry if come == 0 else 0) if joining else 0
+        return now + gap + served.least([stage.duration for stage, _ in left], come) + tail
+
+    def _free(self, partial: Partial, stage: Stage) -> int:
+        """When the resources of a stage are free and where it starts; 0 for one that is taken for an unknown time."""
+        times = [
+            partial.units[name][0] + self._travel(partial, name, stage.origin) if partial.units[name] else 0
+            for name in stage.resources
+        ]
+        return max(times, default=0)
+
+    def _finish(self, partial: Partial) -> Schedule | None:
+        """The whole schedule, with devices at their final settings."""
+        for device in self.shop.devices:
+            standing = partial.devices[device.name]
+            if device.final and standing.setting != device.final:
+                change = device.change(standing.setting, device.final)
+                if change is None:
+                    return None
+                need = Need(device.name, device.final, 0, 0)
+                start = self._change_start(partial, change, need)
+                partial = self._adjusted(partial, device.name, change, start)
+        ends = [partial.starts[name] + stage.duration for name, stage in self.shop.stages.items()]
+        makespan = max([0, *ends, *(each.end for each in partial.adjustments)])
+        return Schedule(dict(partial.starts), partial.adjustments, makespan, 0, partial.tardiness)
+
+
+__all__ = ["Builder", "construct"]

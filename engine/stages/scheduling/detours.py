@@ -1,0 +1,88 @@
+"""Detours in a plan: an object is put down and taken up again from there, with nothing done to it in between.
+
+Where its way leads is often free later than it was when the plan was made, or was free all along; a schedule that
+reorders blocks has no need to park it. Two such blocks become one, without the steps that undo each other.
+"""
+
+from collections.abc import Sequence
+
+from engine.model.task import Bits, Task, indices, progress
+from engine.stages.scheduling.blocks import Block
+
+
+def straightened(blocks: Sequence[Block], loose: Bits) -> list[Block]:
+    """The blocks with detours made straight, where the plan's order allows; that of what happens to `loose` is free."""
+    kept = [block for block in blocks if not block.serves or changes(block)]
+    place = 0
+    while place < len(kept):
+        following = _next(kept, place)
+        if following is not None and _undone(kept[place], kept[following]):
+            kept = _joined(kept, place, following, ~loose) or kept
+        place += 1
+    return [block for block in kept if not block.serves or changes(block)]
+
+
+def necessary(task: Task, blocks: Sequence[Block], goals: Bits) -> list[Block]:
+    """The blocks without those that serve no object of the workflow and that nothing after them needs."""
+    kept = list(blocks)
+    if not _executes(
+        task, kept, goals
+    ):  # a process began within a block: their order is not that of the plan
+        return kept
+    for block in [each for each in blocks if not each.serves]:
+        fewer = [each for each in kept if each is not block]
+        if _executes(task, fewer, goals):
+            kept = fewer
+    return kept
+
+
+def _executes(task: Task, blocks: Sequence[Block], goals: Bits) -> bool:
+    state = task.initial
+    for step in (step for block in blocks for step in block.steps):
+        if step.preconditions & ~state:
+            return False
+        state = progress(state, step)
+    return goals & ~state == 0
+
+
+def changes(block: Block) -> bool:
+    """Whether anything is different after a block; processes count, since time passes."""
+    state: dict[int, bool] = {}
+    for ends, makes in zip(block.ends, block.makes, strict=True):
+        state |= dict.fromkeys(indices(ends), False) | dict.fromkeys(indices(makes), True)
+    first: dict[int, bool] = {}
+    for ends, makes in zip(block.ends, block.makes, strict=True):
+        for atom in indices(ends | makes):
+            first.setdefault(atom, bool(ends >> atom & 1))  # true before if it is ended first
+    return len(block.steps) == 1 or any(state[atom] != before for atom, before in first.items())
+
+
+def _next(blocks: Sequence[Block], place: int) -> int | None:
+    """Where the next block of the same object stands."""
+    subject = blocks[place].subject
+    later = range(place + 1, len(blocks))
+    return next((n for n in later if blocks[n].subject == subject), None) if subject is not None else None
+
+
+def _undone(first: Block, second: Block) -> bool:
+    """Whether the second block begins with undoing all that the first one ends with."""
+    longer = len(first.steps) > 1 and len(second.steps) > 1
+    return longer and (second.ends[0], second.makes[0]) == (first.makes[-1], first.ends[-1])
+
+
+def _joined(blocks: Sequence[Block], first: int, second: int, minded: Bits) -> list[Block] | None:
+    """Both in one place, that of the first or of the second, where no block between them is in the way."""
+    one, other = blocks[first], blocks[second]
+    between = list(blocks[first + 1 : second])
+    changed = 0
+    for block in between:
+        for bits in (*block.ends, *block.makes):
+            changed |= bits & minded
+    steps = one.steps[:-1] + other.steps[1:]
+    ends, makes = one.ends[:-1] + other.ends[1:], one.makes[:-1] + other.makes[1:]
+    joined = Block(steps, ends, makes, one.subject, True)
+    if not any(bits & changed for bits in (*other.ends[1:], *other.makes[1:])):
+        return [*blocks[:first], joined, *between, *blocks[second + 1 :]]
+    if not any(bits & changed for bits in (*one.ends[:-1], *one.makes[:-1])):
+        return [*blocks[:first], *between, joined, *blocks[second + 1 :]]
+    return None

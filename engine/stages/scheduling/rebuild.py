@@ -1,0 +1,126 @@
+"""From a schedule back to steps: which place each object takes, which steps change each device, and when each starts."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+from engine.model.forecast import STAGE
+from engine.model.shop import Hold, Moment, Schedule
+from engine.model.task import Bits, GroundOperator, Task, bitset, progress
+from engine.stages.scheduling.work import CellWork, Visit
+from kb.terms import Function, Term
+
+
+class Mislaid(Exception):
+    """A step of the schedule cannot be executed where it stands."""
+
+
+@dataclass(frozen=True, slots=True)
+class TimedStep:
+    """A step of the task and when it starts."""
+
+    operator: GroundOperator
+    start: int
+
+    @property
+    def end(self) -> int:
+        """When it has ended."""
+        return self.start + self.operator.duration
+
+
+def timed_steps(task: Task, work: CellWork, schedule: Schedule) -> tuple[TimedStep, ...]:
+    """The steps of a schedule, in an executable order. Raises `Mislaid`."""
+    wanted = sorted(_wanted(work, schedule), key=lambda each: (each.start, each.end))
+    stages = bitset([number for number, atom in enumerate(task.atoms) if atom.name == STAGE])
+    variants: dict[Function, list[GroundOperator]] = {}
+    for operator in task.operators:
+        variants.setdefault(operator.instance, []).append(operator)
+    state, made = task.initial, []
+    for each in wanted:
+        operator = _variant(each.operator, variants, state, stages)
+        made.append(TimedStep(operator, each.start))
+        state = progress(state, operator)
+    return tuple(made)
+
+
+def _variant(
+    wanted: GroundOperator, variants: Mapping[Function, Sequence[GroundOperator]], state: Bits, stages: Bits
+) -> GroundOperator:
+    """The operator that the wanted step is in a state: itself, or another way to support the same instance."""
+    fitting = [
+        each
+        for each in (wanted, *variants.get(wanted.instance, ()))
+        if each.preconditions & ~state == 0
+        and each.adds & stages == wanted.adds & stages
+        and not each.conditional
+    ]
+    if not fitting:
+        raise Mislaid(f"{wanted.instance} cannot be done")
+    return fitting[0]
+
+
+def _wanted(work: CellWork, schedule: Schedule) -> Iterator[TimedStep]:
+    renamed = _renamed(work, schedule)
+    for name, block in work.blocks.items():
+        for step, begin, _ in block.timed:
+            exchanged = _rename(step, renamed.get(name, {}))
+            yield TimedStep(exchanged, schedule.starts[name] + begin)
+    for each in schedule.adjustments:
+        now = each.start
+        for step in work.mechanisms[each.device].paths[each.change.before, each.change.after]:
+            yield TimedStep(step, now)
+            now += step.duration
+
+
+def _rename(step: GroundOperator, places: Mapping[Term, Term]) -> GroundOperator:
+    """The step at other places; what it needs there is looked up by its name, its stage stays."""
+    instance = _substituted(step.instance, places)
+    if instance == step.instance or not isinstance(instance, Function):
+        return step
+    impossible = -1  # no state fulfils it: only the variants of the new name are tried
+    return GroundOperator(
+        instance, impossible, step.adds, step.deletes, (), step.resources, step.duration, step.cost
+    )
+
+
+def _substituted(term: Term, places: Mapping[Term, Term]) -> Term:
+    if term in places:
+        return places[term]
+    if isinstance(term, Function) and term.arguments:
+        return Function(term.name, tuple(_substituted(each, places) for each in term.arguments))
+    return term
+
+
+def _renamed(work: CellWork, schedule: Schedule) -> dict[str, dict[Term, Term]]:
+    """For each stage, the places that it names and those that it gets instead."""
+    found: dict[str, dict[Term, Term]] = {}
+    for resource, visits in work.visits.items():
+        for visit, place in _assigned(visits, work.places[resource], schedule):
+            for stage in visit.stages:
+                found.setdefault(stage, {})[visit.place] = place
+    return found
+
+
+def _assigned(
+    visits: Sequence[Visit], places: Sequence[Term], schedule: Schedule
+) -> Iterator[tuple[Visit, Term]]:
+    """A place for each visit, first come, first served; its own if that is free."""
+    until = dict.fromkeys(places, 0)
+    for visit in sorted(visits, key=lambda each: (_begin(each.hold, schedule), _end(each.hold, schedule))):
+        begin, end = _begin(visit.hold, schedule), _end(visit.hold, schedule)
+        free = [place for place in (visit.place, *places) if until[place] <= begin]
+        if not free:
+            raise Mislaid(f"no place of {visit.hold.resource} is free at {begin}")
+        until[free[0]] = end
+        yield visit, free[0]
+
+
+def _begin(hold: Hold, schedule: Schedule) -> int:
+    return _at(hold.begin, schedule) if hold.begin else 0
+
+
+def _end(hold: Hold, schedule: Schedule) -> int:
+    return _at(hold.end, schedule) if hold.end else schedule.makespan + 1
+
+
+def _at(moment: Moment, schedule: Schedule) -> int:
+    return schedule.starts[moment.stage] + moment.offset

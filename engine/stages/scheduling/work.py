@@ -1,0 +1,252 @@
+"""From a task-level plan to a shop: objects of the workflow become jobs, blocks become stages.
+
+Kept are the orders within each object, causal links between objects, and whatever else two objects do to the same atom.
+Given up are orders that only say who came first: at the arm, at places, at devices.
+"""
+
+import itertools
+from collections import defaultdict
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+
+from engine.model.shop import Hold, Job, Resource, Shop, Stage, Window, in_order
+from engine.model.task import Bits, GroundOperator, Task, bitset, indices
+from engine.stages.scheduling.blocks import Block, arm_of, atoms_about, cut, mentions
+from engine.stages.scheduling.detours import necessary, straightened
+from engine.stages.scheduling.places import Exchange, Touch, holds_of
+from engine.stages.scheduling.settings import Mechanism, mechanisms
+from kb.terms import Function, Term
+
+REST = "other work"  # the job of what serves no object
+
+
+@dataclass(frozen=True)
+class Wishes:
+    """What a cell says about time beside durations: empty travel, longest stays in places, and what jobs are due."""
+
+    travel: Mapping[tuple[Term, Term], int] = field(default_factory=dict)
+    longest_stay: Mapping[Term, int] = field(default_factory=dict)
+    release: Mapping[Term, int] = field(default_factory=dict)
+    due: Mapping[Term, int] = field(default_factory=dict)
+    priority: Mapping[Term, int] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Visit:
+    """An object takes `place` by a hold of a resource with several equal places."""
+
+    hold: Hold
+    place: Term
+    stages: tuple[str, ...]  # those that name the place
+
+
+@dataclass(frozen=True)
+class CellWork:
+    """A shop, and what its stages, changes of devices and holds mean in the task."""
+
+    shop: Shop
+    blocks: Mapping[str, Block]
+    mechanisms: Mapping[str, Mechanism]
+    visits: Mapping[str, tuple[Visit, ...]]  # by resource
+    places: Mapping[str, tuple[Term, ...]]  # of each such resource
+
+
+def cell_work(
+    task: Task,
+    steps: Sequence[GroundOperator],
+    goals: Bits,
+    subjects: Sequence[Term],
+    wishes: Wishes = Wishes(),
+) -> CellWork:
+    """The shop behind a plan, given as plain operators in an executable order. Raises `Unstructured`."""
+    return _Assembly(task, tuple(steps), goals, tuple(subjects), wishes).work()
+
+
+@dataclass(frozen=True)
+class _Assembly:
+    task: Task
+    steps: tuple[GroundOperator, ...]
+    goals: Bits
+    subjects: tuple[Term, ...]
+    wishes: Wishes
+
+    def work(self) -> CellWork:
+        holds: list[Hold] = []
+        visits: dict[str, tuple[Visit, ...]] = {}
+        places: dict[str, tuple[Term, ...]] = {}
+        windows = [window for job in self.jobs for window in in_order(job.stages)]
+        for group, found in self._pools():
+            name = str(group[0].arguments[0]) if group[0].arguments else str(group[0])
+            held = [Hold(name, hold.begin, hold.end) for _, hold in found]
+            if len({self._owner(hold) for hold in held}) > 1:
+                holds += held
+                places[name] = tuple(atom.arguments[0] for atom in group if atom.arguments)
+                visits[name] = tuple(self._visits(name, found))
+            windows += [w for atom, hold in found for w in self._stay(atom, hold)]
+        holds += self._shared_resources(tuple(places.values()))
+        windows += self._links()
+        resources = [self._arm_resource(), *(self._resource(each, places) for each in _resources(holds))]
+        devices = tuple(each.device for each in self.mechanisms)
+        shop = Shop(self.jobs, tuple(resources), tuple(dict.fromkeys(windows)), tuple(holds), devices)
+        known = {each.device.name: each for each in self.mechanisms}
+        return CellWork(shop, self.named, known, visits, places)
+
+    @cached_property
+    def arm(self) -> Term:
+        return arm_of(self.steps)
+
+    @cached_property
+    def cut(self) -> tuple[Block, ...]:
+        """The blocks of the plan as it stands, but for what it does to no purpose."""
+        blocks = cut(self.task, self.steps, self.arm, self.subjects)
+        return tuple(necessary(self.task, blocks, self.goals))
+
+    @cached_property
+    def named(self) -> dict[str, Block]:
+        """The blocks that serve an object or a stage, without detours, by the name of the stage they become."""
+        places = bitset(list(self._held(self._touches(_named(self.cut)))))
+        return _named(straightened(self.cut, places | atoms_about(self.task, self.arm)))
+
+    @cached_property
+    def mechanisms(self) -> tuple[Mechanism, ...]:
+        return mechanisms(self.task, self.arm, self.cut, self.goals, self._place)
+
+    def _place(self, step: GroundOperator) -> str:
+        """Where a step is done: the first of its terms that empty travel knows."""
+        known = {place for pair in self.wishes.travel for place in pair}
+        terms = (*step.instance.arguments, *(each for each in step.resources if each != self.arm))
+        found = [str(term) for term in terms if term in known]
+        return found[0] if found else ""
+
+    @cached_property
+    def jobs(self) -> tuple[Job, ...]:
+        found: dict[Term | None, list[Stage]] = {}
+        for name, block in self.named.items():
+            needs = tuple(need for each in self.mechanisms for need in each.needs(block))
+            by_arm = self.arm in block.steps[0].resources
+            ends = (self._place(block.steps[0]), self._place(block.steps[-1])) if by_arm else ("", "")
+            stage = Stage(name, block.duration, (str(self.arm),) if by_arm else (), needs, *ends)
+            found.setdefault(block.subject, []).append(stage)
+        ordered = [each for each in (*self.subjects, None) if each in found]
+        return tuple(self._job(subject, tuple(found[subject])) for subject in ordered)
+
+    def _job(self, subject: Term | None, stages: tuple[Stage, ...]) -> Job:
+        if subject is None:
+            return Job(REST, stages)
+        wishes = self.wishes
+        times = wishes.release.get(subject, 0), wishes.due.get(subject), wishes.priority.get(subject, 1)
+        return Job(str(subject), stages, *times)
+
+    @cached_property
+    def touches(self) -> dict[int, list[Touch]]:
+        """What stages do to each atom that is neither the arm's nor a device's, in the order of the plan."""
+        return self._touches(self.named)
+
+    def _touches(self, named: Mapping[str, Block]) -> dict[int, list[Touch]]:
+        private = atoms_about(self.task, self.arm)
+        for each in self.mechanisms:
+            private |= each.atoms
+        found: dict[int, list[Touch]] = defaultdict(list)
+        for name, block in named.items():
+            for (step, begin, end), ends, makes in zip(block.timed, block.ends, block.makes, strict=True):
+                for atom in indices((step.preconditions | ends | makes) & ~private):
+                    does = (bool(bits >> atom & 1) for bits in (step.preconditions, ends, makes))
+                    found[atom].append(Touch(name, str(block.subject), begin, end, *does))
+        return found
+
+    @cached_property
+    def held(self) -> dict[Function, list[Hold]]:
+        """The atoms that say that a place is free, with what takes it."""
+        return {self.task.atoms[number]: holds for number, holds in self._held(self.touches).items()}
+
+    def _held(self, touches: Mapping[int, Sequence[Touch]]) -> dict[int, list[Hold]]:
+        found: dict[int, list[Hold]] = {}
+        for number, each in touches.items():
+            if any(touch.ends for touch in each) and any(touch.makes for touch in each):
+                holds = holds_of("", each, bool(self.task.initial >> number & 1))
+                if holds is not None:
+                    found[number] = holds
+        return found
+
+    def _pools(self) -> Iterator[tuple[tuple[Function, ...], list[tuple[Function, Hold]]]]:
+        """Atoms whose places can be exchanged, with all that takes one of them."""
+        exchange = Exchange(self.task, self.goals)
+        done: set[Function] = set()
+        for atom in self.held:
+            if atom not in done:
+                group = exchange.alike(atom)
+                done |= set(group)
+                yield group, [(each, hold) for each in group for hold in self.held.get(each, [])]
+
+    def _owner(self, hold: Hold) -> Term | None:
+        moment = hold.begin or hold.end
+        return self.named[moment.stage].subject if moment else None
+
+    def _visits(self, name: str, found: Sequence[tuple[Function, Hold]]) -> Iterator[Visit]:
+        for atom, hold in found:
+            if atom.arguments:
+                yield Visit(Hold(name, hold.begin, hold.end), atom.arguments[0], self._between(hold))
+
+    def _between(self, hold: Hold) -> tuple[str, ...]:
+        """The stages of the same object from the one that takes a place to the one that leaves it."""
+        own = [name for name, block in self.named.items() if block.subject == self._owner(hold)]
+        first = own.index(hold.begin.stage) if hold.begin else 0
+        last = own.index(hold.end.stage) if hold.end else len(own) - 1
+        return tuple(own[first : last + 1])
+
+    def _stay(self, atom: Function, hold: Hold) -> Iterator[Window]:
+        """An object may stay in a place for so long: from the end of the step that brings it to that which takes it."""
+        for place, most in self.wishes.longest_stay.items():
+            if mentions(atom, place) and hold.begin and hold.end and hold.begin.stage != hold.end.stage:
+                came = next(t for t in self._at(atom) if t.first == hold.begin)
+                left = next(t for t in self._at(atom) if t.last == hold.end)
+                yield Window(came.last, left.first, 0, most)
+
+    def _at(self, atom: Function) -> list[Touch]:
+        return self.touches[self.task.atoms.index(atom)]
+
+    def _shared_resources(self, pools: Sequence[tuple[Term, ...]]) -> Iterator[Hold]:
+        """Other unary resources of steps of several objects, where no place already keeps them apart."""
+        kept = {self.arm, *self.subjects, *itertools.chain(*pools)}
+        users: dict[Term, list[Touch]] = defaultdict(list)
+        for name, block in self.named.items():
+            for step, begin, end in block.timed:
+                for resource in (each for each in step.resources if each not in kept):
+                    users[resource].append(Touch(name, str(block.subject), begin, end, True, False, False))
+        for resource, touches in users.items():
+            if len({touch.job for touch in touches}) > 1:
+                yield from (Hold(str(resource), touch.first, touch.last) for touch in touches)
+
+    def _links(self) -> Iterator[Window]:
+        """Orders of the plan between objects that do something to one atom, where it is no place."""
+        for number, touches in self.touches.items():
+            if self.task.atoms[number] in self.held:
+                continue
+            for one, other in itertools.combinations(touches, 2):
+                changes = one.ends or one.makes or other.ends or other.makes
+                if one.job != other.job and changes:
+                    yield Window(one.last, other.first)
+
+    def _arm_resource(self) -> Resource:
+        travel = {(str(a), str(b)): lasts for (a, b), lasts in self.wishes.travel.items()}
+        return Resource(str(self.arm), 1, travel)
+
+    def _resource(self, name: str, places: Mapping[str, tuple[Term, ...]]) -> Resource:
+        units = tuple(map(str, places.get(name, ())))
+        return Resource(name, max(1, len(units)), units=units)
+
+
+def _named(blocks: Sequence[Block]) -> dict[str, Block]:
+    """The blocks that serve an object or a stage, by the name of the stage they become."""
+    found: dict[str, Block] = {}
+    numbers: dict[Term | None, Iterator[int]] = defaultdict(lambda: itertools.count(1))
+    for block in (each for each in blocks if each.serves):
+        said = " ".join(dict.fromkeys(step.instance.name for step in block.steps))
+        owner = block.subject if block.subject is not None else REST
+        found[f"{owner} {next(numbers[block.subject])} {said}"] = block
+    return found
+
+
+def _resources(holds: Sequence[Hold]) -> list[str]:
+    return list(dict.fromkeys(hold.resource for hold in holds))

@@ -1,0 +1,10 @@
+"""Sequencing: the order of visits at least travel cost.
+
+The chain of 1987 as a baseline, annealed exchanges with the bound of Held and Karp, and CP-SAT for proofs and side
+conditions. What a visit is, and where the costs come from, is not decided here.
+"""
+
+from engine.stages.sequencing.limits import Limits
+from engine.stages.sequencing.sequence import METHODS, sequence
+
+__all__ = ["METHODS", "Limits", "sequence"]

@@ -1,0 +1,159 @@
+"""Proofs by CP-SAT: a circuit over the visits, with times and ranks where a problem has windows or precedence.
+
+The solver runs with one worker and a limit in its deterministic time, so that the same problem gives the same answer.
+"""
+
+from concurrent.futures import ThreadPoolExecutor, wait
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from ortools.sat.python import cp_model
+
+from engine.model.tour import Longs, TourProblem
+from engine.stages.sequencing.limits import Limits
+
+Arcs = dict[tuple[int, int], cp_model.IntVar]
+Truths = NDArray[np.bool_]
+PERIOD = 0.05  # seconds between two looks at whether to stop
+
+
+@dataclass(frozen=True, slots=True)
+class Solved:
+    """The best order found (none: none), a lower bound, and whether it was shown that there is no order at all."""
+
+    order: tuple[int, ...] | None
+    lower_bound: int
+    infeasible: bool = False
+
+
+def solve_circuit(cost: Longs, allowed: Truths, upper: int, order: tuple[int, ...], limits: Limits) -> Solved:
+    """A closed tour of least cost, at most `upper`, along the `allowed` arcs (n, n); `order` is one of that cost."""
+    model = cp_model.CpModel()
+    arcs = {(int(a), int(b)): model.new_bool_var("") for a, b in np.argwhere(allowed) if a != b}
+    model.add_circuit([(a, b, arc) for (a, b), arc in arcs.items()])
+    total = cp_model.LinearExpr.weighted_sum(list(arcs.values()), [int(cost[pair]) for pair in arcs])
+    model.add(total <= upper)
+    model.minimize(total)
+    _hint(model, arcs, order)
+    return _solved(model, arcs, len(cost), limits)
+
+
+def solve_ordered(problem: TourProblem, order: tuple[int, ...] | None, limits: Limits) -> Solved:
+    """An order of least cost with everything that the problem says; `order` is a hint."""
+    model, n = cp_model.CpModel(), len(problem.visits)
+    cost = problem.arcs
+    arcs = {(a, b): model.new_bool_var("") for a in range(n) for b in range(n) if a != b}
+    first, last = _ends(model, problem, arcs)
+    model.add_circuit([(a, b, arc) for (a, b), arc in arcs.items()])
+    inner = [pair for pair in arcs if n not in pair]
+    total = cp_model.LinearExpr.weighted_sum(
+        [arcs[pair] for pair in inner], [int(cost[pair]) for pair in inner]
+    )
+    model.minimize(total + _way_back(model, problem, cost, first, last))
+    if problem.precedence:
+        _rank(model, problem, arcs)
+    if problem.timed:
+        _time(model, problem, cost, arcs)
+    if order is not None:
+        _hint(model, arcs, (*order, n))
+    return _solved(model, arcs, n + 1, limits)
+
+
+def _ends(
+    model: cp_model.CpModel, problem: TourProblem, arcs: Arcs
+) -> tuple[list[cp_model.IntVar], list[cp_model.IntVar]]:
+    """Arcs from and to one more node, n, that stands between the last visit and the first."""
+    n = len(problem.visits)
+    first = [model.new_bool_var("") for _ in range(n)]
+    last = [model.new_bool_var("") for _ in range(n)]
+    for visit in range(n):
+        arcs[n, visit], arcs[visit, n] = first[visit], last[visit]
+    if problem.start is not None:
+        model.add(first[problem.start] == 1)
+    if problem.end is not None:
+        model.add(last[problem.end] == 1)
+    return first, last
+
+
+def _way_back(
+    model: cp_model.CpModel,
+    problem: TourProblem,
+    cost: Longs,
+    first: list[cp_model.IntVar],
+    last: list[cp_model.IntVar],
+) -> cp_model.IntVar:
+    """The cost of the arc that closes the tour."""
+    n = len(first)
+    if not problem.closed or n == 1:
+        return model.new_constant(0)
+    back = model.new_int_var(0, int(cost.max()), "")
+    for a in range(n):
+        for b in range(n):
+            if a != b:
+                model.add(back >= int(cost[a, b])).only_enforce_if(last[a], first[b])
+    return back
+
+
+def _rank(model: cp_model.CpModel, problem: TourProblem, arcs: Arcs) -> None:
+    n = len(problem.visits)
+    rank = [model.new_int_var(0, n - 1, "") for _ in range(n)]
+    for (a, b), arc in arcs.items():
+        if a < n and b < n:
+            model.add(rank[b] == rank[a] + 1).only_enforce_if(arc)
+    for before, after in problem.precedence:
+        model.add(rank[before] < rank[after])
+
+
+def _time(model: cp_model.CpModel, problem: TourProblem, cost: Longs, arcs: Arcs) -> None:
+    n = len(problem.visits)
+    longest = int(cost.max()) * n + sum(visit.duration for visit in problem.visits)
+    horizon = longest + max(visit.window[0] for visit in problem.visits if visit.window is not None)
+    clock = []
+    for visit in problem.visits:
+        early, late = visit.window or (0, horizon)
+        if early > late:
+            model.add_bool_or([])
+        clock.append(model.new_int_var(min(early, horizon), max(min(late, horizon), min(early, horizon)), ""))
+    for (a, b), arc in arcs.items():
+        if a < n and b < n:
+            wait = problem.visits[a].duration + int(cost[a, b])
+            model.add(clock[b] >= clock[a] + wait).only_enforce_if(arc)
+
+
+def _hint(model: cp_model.CpModel, arcs: Arcs, order: tuple[int, ...]) -> None:
+    used = {(order[index - 1], order[index]) for index in range(len(order))}
+    for pair, arc in arcs.items():
+        model.add_hint(arc, pair in used)
+
+
+def _run(solver: cp_model.CpSolver, model: cp_model.CpModel, limits: Limits) -> Any:
+    """Solve in a thread of its own, so that this one can hear an interrupt and end the search."""
+    with ThreadPoolExecutor(1) as pool:
+        running = pool.submit(solver.solve, model)
+        while not wait([running], PERIOD).done:
+            if limits.interrupted():
+                solver.stop_search()
+        return running.result()
+
+
+def _solved(model: cp_model.CpModel, arcs: Arcs, n: int, limits: Limits) -> Solved:
+    """Solve; the order begins after the last node."""
+    solver = cp_model.CpSolver()
+    solver.parameters.num_workers = 1
+    solver.parameters.random_seed = limits.seed
+    solver.parameters.linearization_level = 2
+    solver.parameters.max_deterministic_time = limits.proof
+    solver.parameters.catch_sigint_signal = False
+    status = _run(solver, model, limits)
+    if status == cp_model.INFEASIBLE:
+        return Solved(None, 0, True)
+    if status not in (cp_model.OPTIMAL, cp_model.FEASIBLE):
+        return Solved(None, 0)
+    follower = {a: b for (a, b), arc in arcs.items() if solver.boolean_value(arc)}
+    order, at = list[int](), follower[n - 1]
+    while at != n - 1:
+        order.append(at)
+        at = follower[at]
+    return Solved((*order, n - 1), int(np.ceil(solver.best_objective_bound - 1e-6)))

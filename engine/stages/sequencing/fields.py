@@ -1,0 +1,55 @@
+"""Pose fields: one pose for each visit, chosen so that visits near each other have poses near each other.
+
+A field begins with one pose of one visit and spreads along a shortest tree over the positions, each visit taking its
+pose nearest to that of the visit before. Within a field only the order is left to be chosen.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from engine.model.tour import Floats
+from engine.stages.sequencing.candidates import Ints
+from engine.stages.sequencing.symmetric import Matrix
+
+MOST = 256  # poses of the first visit that are tried
+
+
+def fields(table: Floats, offset: Ints, lines: NDArray[np.int64]) -> list[Ints]:
+    """A field for each pose of the first visit of the tree, the one that changes least along it first.
+
+    `table` (m, k) has all poses as joint times, those of visit v from row offset[v] on; `lines` (n, n) are distances.
+    Each field has a row for each visit (n,).
+    """
+    tree = _tree(lines)
+    found = []
+    for row in range(offset[tree[0][0]], min(offset[tree[0][0] + 1], offset[tree[0][0]] + MOST)):
+        rows, change = np.zeros(len(lines), np.int32), 0.0
+        rows[tree[0][0]] = row
+        for visit, parent in tree[1:]:
+            steps = np.abs(table[offset[visit] : offset[visit + 1]] - table[rows[parent]]).max(axis=1)
+            nearest = int(np.argmin(steps))
+            rows[visit], change = offset[visit] + nearest, change + float(steps[nearest])
+        found.append((change, row, rows))
+    return [rows for _, _, rows in sorted(found, key=lambda each: each[:2])]
+
+
+def _tree(lines: NDArray[np.int64]) -> list[tuple[int, int]]:
+    """The visits of a shortest spanning tree, each with its parent, parents first; the last visit is the root."""
+    n = len(lines)
+    near, parent = np.full(n, np.iinfo(np.int64).max), np.zeros(n, np.intp)
+    outside, at, tree = np.ones(n, bool), n - 1, []
+    for _ in range(n):
+        tree.append((at, int(parent[at])))
+        outside[at] = False
+        closer = outside & (lines[at] < near)
+        near[closer], parent[closer] = lines[at][closer], at
+        if outside.any():
+            at = int(np.flatnonzero(outside)[np.argmin(near[outside])])
+    return tree
+
+
+def times(table: Floats, rows: Ints) -> Matrix:
+    """The times (n, n) between the poses of a field, in whole microseconds."""
+    q = table[rows]
+    found: Matrix = np.rint(1e6 * np.abs(q[:, None] - q[None]).max(axis=2)).astype(np.int32)
+    return found

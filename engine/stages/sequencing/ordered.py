@@ -1,0 +1,126 @@
+"""Orders under costs that depend on the direction, windows, and precedence: annealing, and CP-SAT for the proof."""
+
+import graphlib
+from heapq import heappop, heappush
+
+import numpy as np
+
+from engine.model.outcome import GaveUp, Infeasible
+from engine.model.tour import Longs, Tour, TourProblem, cost_of, violations
+from engine.stages.sequencing.candidates import nearest
+from engine.stages.sequencing.limits import Limits
+
+PROVABLE = 40  # visits up to which a proof is tried
+SLICE = 20_000
+MOST = 5_000_000  # moves, if no other number is asked for
+FAR = 2**62
+FINE, HEAVIEST = 2, 256  # for each unit of lateness
+
+
+def best_first_order(problem: TourProblem) -> tuple[int, ...] | None:
+    """An order that keeps precedence and ends: urgent visits first; None if the precedence, ends included, has a cycle."""
+    n = len(problem.visits)
+    before: dict[int, set[int]] = {visit: set() for visit in range(n)}
+    for first, second in problem.precedence:
+        before[second].add(first)
+    for visit in range(n):
+        if problem.start is not None and visit != problem.start:
+            before[visit].add(problem.start)
+        if problem.end is not None and visit != problem.end:
+            before[problem.end].add(visit)
+    sorter, order = graphlib.TopologicalSorter(before), []
+    try:
+        sorter.prepare()
+    except graphlib.CycleError:
+        return None
+    ready: list[tuple[int, int]] = []
+    while sorter.is_active():
+        for visit in sorter.get_ready():
+            heappush(ready, _urgency(problem, visit))
+        _, visit = heappop(ready)
+        order.append(visit)
+        sorter.done(visit)
+    return tuple(order)
+
+
+def _urgency(problem: TourProblem, visit: int) -> tuple[int, int]:
+    window = problem.visits[visit].window
+    return (window[1] if window is not None else FAR, visit)
+
+
+def solve_directed(problem: TourProblem, limits: Limits, exact: bool = False) -> Tour | Infeasible | GaveUp:
+    """The best order, proved where there are few visits or `exact` asks for it."""
+    order, work = _annealed(problem, limits)
+    kept: tuple[int, ...] | None = None if violations(problem, order) else order
+    lower = _assignment_bound(problem)
+    if (exact or len(problem.visits) <= PROVABLE) and limits.proof and not limits.interrupted():
+        from engine.stages.sequencing.exact import solve_ordered
+
+        solved = solve_ordered(problem, kept, limits)
+        if solved.infeasible:
+            return Infeasible("no order of the visits keeps all windows and the precedence")
+        if solved.order is not None:
+            lower = max(lower, solved.lower_bound)
+            found = solved.order[:-1]
+            if kept is None or cost_of(problem, found) < cost_of(problem, kept):
+                kept = found
+    if kept is None:
+        return GaveUp("no order that keeps all windows was found within the limits", "expansions")
+    cost = cost_of(problem, kept)
+    return Tour(kept, cost, min(lower, cost), work, "annealing")
+
+
+def _annealed(problem: TourProblem, limits: Limits) -> tuple[tuple[int, ...], int]:
+    """The order of least price, in annealings each twice as long as the one before.
+
+    What breaks windows and precedence is fined: lightly at first, so that the search passes through it, then more.
+    """
+    from engine.stages.sequencing.kernels.directed import anneal, price
+
+    n, arcs = len(problem.visits), problem.arcs
+    low, high = int(problem.start is not None), n - int(problem.end is not None)
+    best = np.array(best_first_order(problem), np.int32)
+    if high - low < 2:
+        return tuple(map(int, best)), 0
+    near = nearest(arcs.T)
+    pairs = np.array(problem.precedence, np.int64).reshape(-1, 2)
+    mean, heavy = max(1, int(arcs.mean())), FINE
+    rules, fine = (_times(problem), pairs), np.zeros(2, np.int64)
+    total, done, phase, seed = limits.work or min(20_000 + 20_000 * n, MOST), 0, 5000 + 500 * n, limits.seed
+    while done < total and not limits.interrupted():
+        if problem.ordered:
+            fine = np.array([heavy, heavy * mean], np.int64)
+            heavy = min(2 * heavy, HEAVIEST)
+        moves = min(phase, total - done)
+        warmth, order, left = 0.5 * mean, best.copy(), moves
+        cooling = 0.002 ** (1 / moves)
+        value = int(price(best, arcs, problem.closed, *rules, fine))
+        while left > 0 and not limits.interrupted():
+            seed, now = seed + 1, min(SLICE, left)
+            found, cost, warmth = anneal(
+                order, arcs, near, problem.closed, low, high, *rules, fine, now, warmth, cooling, seed
+            )
+            if cost < value:
+                best, value = found, cost
+            left, done = left - now, done + now
+        phase *= 2
+    return tuple(map(int, best)), done
+
+
+def _times(problem: TourProblem) -> Longs:
+    """Durations, and the earliest and latest beginnings (3, n)."""
+    windows = [visit.window or (0, FAR) for visit in problem.visits]
+    rows = ([visit.duration for visit in problem.visits], [w[0] for w in windows], [w[1] for w in windows])
+    return np.array(rows, np.int64)
+
+
+def _assignment_bound(problem: TourProblem) -> int:
+    """A lower bound from the cheapest way into each visit, or out of each; the open end costs nothing."""
+    arcs = problem.arcs.astype(np.int64)
+    np.fill_diagonal(arcs, FAR)
+    into, out = arcs.min(axis=0), arcs.min(axis=1)
+    if not problem.closed:
+        first = into.max() if problem.start is None else into[problem.start]
+        last = out.max() if problem.end is None else out[problem.end]
+        return int(max(into.sum() - first, out.sum() - last))
+    return int(max(into.sum(), out.sum()))

@@ -1,0 +1,173 @@
+"""Whether unordered steps can disturb each other: then a plan does not do the same in every order and overlap."""
+
+import itertools
+from collections.abc import Iterable, Iterator, Mapping, Set
+from dataclasses import dataclass, field
+from functools import cached_property
+
+from engine.stages.validation.datalog import Bindings, Facts, holds
+from engine.stages.validation.semantics import Change, Denial, Semantics, State
+from kb.model.conditions import TRUE, Condition, bind, literals
+from kb.model.domain import Operator
+from kb.model.plan import Plan, Step, StepId
+from kb.model.problem import Problem
+from kb.terms import ANYTHING, Atom, Function, match, substitute_atom, variables
+
+MAX_UNCERTAIN = 7  # atoms whose every combination is tried
+
+
+@dataclass(frozen=True)
+class Executed:
+    """A step with what it did in the canonical order."""
+
+    step: Step
+    operator: Operator
+    bindings: Bindings
+    change: Change
+
+    @cached_property
+    def denied(self) -> State:
+        """The atoms that it denies one by one."""
+        return frozenset(denial.pattern for denial in self.change.denials if denial.consequence is None)
+
+    @cached_property
+    def deductions(self) -> tuple[Denial, ...]:
+        """The denials that deduction makes, of whatever matches."""
+        return tuple(denial for denial in self.change.denials if denial.consequence is not None)
+
+    def denies(self, atom: Atom, statics: Facts) -> bool:
+        """Whether the step denies an atom, true at the moment or not."""
+        return atom in self.denied or any(each.matches(atom, statics) for each in self.deductions)
+
+
+@dataclass
+class Reads:
+    """What must not change beside a step: links are one-sided, watched patterns suffer from any change."""
+
+    true: set[Atom] = field(default_factory=set)
+    false: set[Atom] = field(default_factory=set)
+    watched: set[Atom] = field(default_factory=set)
+
+
+@dataclass
+class Interference:
+    """The executed steps of a plan, in their canonical order, and which come before which."""
+
+    problem: Problem
+    plan: Plan
+    semantics: Semantics
+    executed: Mapping[StepId, Executed]
+    before: Mapping[StepId, frozenset[StepId]]
+    start: State
+
+    def conflicts(self) -> Iterator[str]:
+        """What is wrong with each pair of unordered steps, which may come in either order or overlap."""
+        steps = list(self.executed.values())
+        reads: dict[StepId, Reads] = {}
+        for position, one in enumerate(steps):
+            for other in steps[:position]:
+                if other.step.id in self.before[one.step.id]:
+                    continue
+                for each in (one, other):
+                    if each.step.id not in reads:
+                        reads[each.step.id] = self._reads(each)
+                problem = self._conflict(one, other, reads) or self._conflict(other, one, reads)
+                if problem:
+                    yield f"steps {other.step.id} and {one.step.id} are unordered, but {problem}"
+
+    def _conflict(self, one: Executed, other: Executed, reads: dict[StepId, Reads]) -> str:
+        """How `one` disturbs `other`, or nothing."""
+        if one.step.resources and (shared := set(one.step.resources) & set(other.step.resources)):
+            return f"both hold {min(map(str, shared))}"
+        needed = reads[other.step.id]
+        if denied := self._denied(one, (needed.true, other.change.adds)):
+            return f"{one.step.operator} denies {min(map(str, denied))}, which {other.step.operator} needs or adds"
+        added = needed.false & one.change.adds
+        if added:
+            return f"{one.step.operator} adds {min(map(str, added))}, which {other.step.operator} needs false"
+        for pattern in sorted(needed.watched, key=str) if needed.watched else ():
+            changed = (*one.change.adds, *one.change.ends)
+            if any(match(pattern, atom, {}) is not None for atom in changed):
+                return f"{one.step.operator} changes {pattern}, which {other.step.operator} depends on"
+        return ""
+
+    def _denied(self, executed: Executed, exposed: Iterable[Set[Atom]]) -> set[Atom]:
+        """The exposed atoms that a step denies and does not add."""
+        if executed.deductions:
+            atoms = set[Atom]().union(*exposed) - executed.change.adds
+            return {atom for atom in atoms if executed.denies(atom, self.semantics.statics)}
+        return {atom for atoms in exposed for atom in executed.denied & atoms} - executed.change.adds
+
+    def _reads(self, executed: Executed) -> Reads:
+        """Causal links where they prove the precondition; else everything that it mentions."""
+        reads = Reads(watched=set(executed.change.triggered))
+        for link in self.plan.links:
+            if link.consumer == executed.step.id and not is_stage(link.condition):
+                atom, positive = signed(link.condition)
+                (reads.true if positive else reads.false).add(atom)
+        conditions = [executed.operator.precondition]
+        conditions += [e.condition for e in executed.operator.effects if e.condition != TRUE or e.parameters]
+        reads.watched -= reads.true
+        bindings = executed.bindings
+        for condition in conditions:
+            if condition is not executed.operator.precondition or not self._proved(
+                condition, bindings, reads
+            ):
+                reads.watched |= set(self._mentioned(condition, bindings))
+        return reads
+
+    def _proved(self, condition: Condition, bindings: Bindings, reads: Reads) -> bool:
+        """Whether what the links guarantee makes the condition true in every state that agrees with them.
+
+        Bounds on what is true come first; where they are too coarse and little is open, every such state is tried.
+        """
+        possible = self.everything - reads.false
+        lower, upper = self.semantics.bounds(reads.true, possible)
+        if holds(condition, lower, bindings, upper):
+            return True
+        behind = {
+            name for each in literals(condition) for name in self.semantics.fluents_behind(each.atom.name)
+        }
+        uncertain = sorted((atom for atom in possible - reads.true if atom.name in behind), key=str)
+        if len(uncertain) > MAX_UNCERTAIN:
+            return False
+        states = itertools.chain.from_iterable(
+            itertools.combinations(uncertain, size) for size in range(len(uncertain) + 1)
+        )
+        return all(holds(condition, self.semantics.facts((*reads.true, *more)), bindings) for more in states)
+
+    @cached_property
+    def everything(self) -> State:
+        """Every atom that is true at some time."""
+        return self.start.union(*(executed.change.adds for executed in self.executed.values()))
+
+    def _mentioned(self, condition: Condition, bindings: Bindings) -> Iterator[Atom]:
+        """The fluent atoms, or patterns of them, on which a condition can depend."""
+        for literal in literals(bind(condition, bindings)):
+            atom = literal.atom
+            fluents = self.semantics.fluents_behind(atom.name)
+            if fluents == {atom.name}:
+                yield substitute_atom(atom, dict.fromkeys(variables(atom), ANYTHING))
+            else:
+                yield from (atom_pattern(self.problem, name) for name in sorted(fluents))
+
+
+def atom_pattern(problem: Problem, name: str) -> Atom:
+    """Any atom of a predicate."""
+    return Function(name, (ANYTHING,) * len(problem.domain.predicates[name].arguments))
+
+
+def signed(condition: Atom) -> tuple[Atom, bool]:
+    """An atom and whether it must be true: `not(p)` is a condition that p is false."""
+    if (
+        condition.name == "not"
+        and len(condition.arguments) == 1
+        and isinstance(condition.arguments[0], Function)
+    ):
+        return condition.arguments[0], False
+    return condition, True
+
+
+def is_stage(condition: Atom) -> bool:
+    """Whether a condition counts the stages of a chain, which the workflow check follows by itself."""
+    return signed(condition)[0].name == "_stage"

@@ -1,0 +1,293 @@
+"""What a step does, read straight from the domain: the language reference's Meaning 2 to 7 on sets of atoms.
+
+Deliberately naive: deduction follows rules atom by atom, derived predicates are closed by fixpoint in every state.
+"""
+
+from collections import defaultdict
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+from engine.stages.validation.datalog import Bindings, Facts, holds, solve
+from kb.asp import Grounder
+from kb.asp.vocabulary import guard, static_program
+from kb.graphs import components, reached
+from kb.model.conditions import TRUE, Aggregate, Body, Literal, Parameter
+from kb.model.domain import Consequence, DeductiveOperator, Effect, Kind, Operator, Rule
+from kb.model.problem import Problem
+from kb.terms import Atom, Function, Term, Variable, match, substitute_atom, variables
+
+State = frozenset[Atom]
+
+
+@dataclass(frozen=True, slots=True)
+class Denial:
+    """Atoms that match `pattern` under `body` become false; `deduced` ones may not be added at the same time.
+
+    A denial that no deductive operator makes, without `consequence`, is of one ground atom.
+    """
+
+    pattern: Atom
+    body: Body = ()
+    bindings: tuple[tuple[Variable, Term], ...] = ()
+    consequence: Consequence | None = None
+    deduced: bool = True
+
+    def among(self, facts: Facts, statics: Facts) -> list[Atom]:
+        """Those of some facts that this denies."""
+        if self.consequence is None:
+            return [self.pattern] if self.pattern in facts else []
+        return [atom for atom in facts.named(self.pattern.name) if self.matches(atom, statics)]
+
+    def matches(self, atom: Atom, statics: Facts) -> bool:
+        """Whether this denies `atom`."""
+        if self.consequence is None:
+            return atom == self.pattern
+        if atom.name != self.pattern.name:
+            return False
+        found = match(self.pattern, atom, dict(self.bindings))
+        if found is None:
+            return False
+        return (
+            _typed(self.consequence, found, statics)
+            and next(solve(self.body, statics, found), None) is not None
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Change:
+    """What a step does in one state: atoms added, atoms of that state that end, and all that it denies."""
+
+    adds: State
+    ends: State
+    denials: tuple[Denial, ...]
+    triggered: State = frozenset()  # denied atoms whose end had consequences
+    contradiction: Atom | None = None
+    events: tuple[Atom, ...] = ()
+
+
+@dataclass
+class Semantics:
+    """A problem's statics, evaluated once by clingo, and the meaning of its operators over them."""
+
+    problem: Problem
+    _where: dict[Body, Body] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        domain = self.problem.domain
+        self.operators = {each.name: each for each in domain.operators}
+        self._kinds = {name: predicate.kind for name, predicate in domain.predicates.items()}
+        self._triggers: dict[tuple[str, bool], list[DeductiveOperator]] = defaultdict(list)
+        for deductive in domain.deductive_operators:
+            self._triggers[(deductive.trigger.atom.name, deductive.trigger.positive)].append(deductive)
+        self._rules: dict[str, list[Rule]] = defaultdict(list)
+        for rule in domain.rules:
+            self._rules[rule.head.name].append(rule)
+
+    @cached_property
+    def statics(self) -> Facts:
+        """Every static fact, types included; bodies with aggregates are given a predicate each."""
+        grounder = Grounder()
+        grounder.ground("\n".join([static_program(self.problem), *self._aggregate_rules()]))
+        return Facts(grounder.everything())
+
+    def _aggregate_rules(self) -> Iterator[str]:
+        domain = self.problem.domain
+        bodies = [(each.body, each.parameters) for each in domain.operators]
+        bodies += [
+            ((*d.body, *c.body), c.parameters) for d in domain.deductive_operators for c in d.consequences
+        ]
+        bodies += [(default.body, default.parameters) for default in domain.defaults]
+        for number, (body, parameters) in enumerate(bodies):
+            if any(isinstance(part, Aggregate) for part in body):
+                head = Function(f"_where_{number}", tuple(parameter.variable for parameter in parameters))
+                yield f"{head} :- {', '.join([*guard(parameters), *map(str, body)])}."
+                self._where[body] = (Literal(head),)
+
+    def body(self, body: Body) -> Body:
+        """The body with aggregates replaced by what clingo found."""
+        return self._where.get(body, body) if self.statics else body
+
+    def facts(self, state: Iterable[Atom]) -> Facts:
+        """A state with its derived atoms, over the statics."""
+        facts = Facts(state, self.statics)
+        for rules in self.strata:
+            _close(rules, facts, facts)
+        return facts
+
+    def bounds(self, certain: Iterable[Atom], possible: Iterable[Atom]) -> tuple[Facts, Facts]:
+        """What is true in every state between two sets of atoms, and what can be, derived atoms included."""
+        lower, upper = Facts(certain, self.statics), Facts(possible, self.statics)
+        for rules in self.strata:
+            _close(rules, lower, upper)
+            _close(rules, upper, lower)
+        return lower, upper
+
+    @cached_property
+    def strata(self) -> list[list[Rule]]:
+        """The rules of derived predicates in an order in which negation looks only backwards."""
+        return [
+            [rule for name in sorted(part) for rule in self._rules[name]] for part in components(self._uses)
+        ]
+
+    @cached_property
+    def _uses(self) -> dict[str, list[str]]:
+        graph: dict[str, list[str]] = {}
+        for name, rules in self._rules.items():
+            used = (p.atom.name for rule in rules for p in rule.body if isinstance(p, Literal))
+            graph[name] = [other for other in used if other in self._rules]
+        return graph
+
+    def fluents_behind(self, name: str) -> set[str]:
+        """The fluents that a predicate depends on: itself, or those its rules lead to."""
+        if name not in self._rules:
+            return {name} if self._kinds.get(name) is Kind.FLUENT else set()
+        used = {
+            p.atom.name
+            for each in reached(self._uses, name)
+            for r in self._rules[each]
+            for p in r.body
+            if isinstance(p, Literal)
+        }
+        return {other for other in used if self._kinds.get(other) is Kind.FLUENT}
+
+    def initial(self) -> State:
+        """The initial state (Meaning 6)."""
+        if self.problem.complete:
+            return frozenset(self.problem.initial)
+        given = frozenset(self.problem.initial)
+        change = self.deduce(given, (), given)
+        state, denials = set(change.adds), list(change.denials)
+        for default in self.problem.domain.defaults:
+            for atom in self._instances(default.atom, default.parameters, self.body(default.body)):
+                more = self.deduce([atom], (), frozenset(state))
+                refused = (
+                    more.contradiction
+                    or more.ends
+                    or any(d.matches(a, self.statics) for d in denials for a in more.adds)
+                )
+                if not refused:
+                    state |= more.adds
+                    denials.extend(more.denials)
+        return frozenset(state)
+
+    def _instances(self, atom: Atom, parameters: tuple[Parameter, ...], body: Body) -> list[Atom]:
+        typed = tuple(Literal(Function(p.type, (p.variable,))) for p in parameters)
+        found = {substitute_atom(atom, bindings) for bindings in solve((*typed, *body), self.statics, {})}
+        return sorted(found, key=str)
+
+    def binding(self, step: Function) -> tuple[Operator, dict[Variable, Term]] | str:
+        """A step's operator and the binding of its header; or why there is none."""
+        operator = self.operators.get(step.name)
+        if operator is None or len(operator.parameters) != len(step.arguments):
+            return f"there is no operator {step.name}/{len(step.arguments)}"
+        bindings = dict(zip(operator.variables, step.arguments, strict=True))
+        for parameter in operator.parameters:
+            if not self.statics.has_type(bindings[parameter.variable], parameter.type):
+                return f"{bindings[parameter.variable]} is no {parameter.type}"
+        if next(solve(self.body(operator.body), self.statics, bindings), None) is None:
+            return f"its constraints do not hold: {', '.join(map(str, operator.body))}"
+        return operator, bindings
+
+    def change(self, operator: Operator, bindings: Bindings, facts: Facts, state: State) -> Change:
+        """What a step does in a state."""
+        added: list[Atom] = []
+        explicit: list[Atom] = []
+        events: list[Atom] = []
+        for effect in operator.effects:
+            for found in self._fires(effect, bindings, facts):
+                atom = substitute_atom(effect.atom, found)
+                if self._kinds.get(atom.name) is Kind.EVENT:
+                    events.append(atom)
+                elif effect.adds:
+                    added.append(atom)
+                else:
+                    explicit.append(atom)
+        ends = tuple(Denial(atom, deduced=False) for atom in explicit if atom not in added)
+        return replace(self.deduce(added, ends, state), events=tuple(events))
+
+    def _fires(self, effect: Effect, bindings: Bindings, facts: Facts) -> Iterator[Bindings]:
+        if effect.condition == TRUE and not effect.parameters:
+            yield bindings
+            return
+        choices: list[Bindings] = [bindings]
+        for parameter in effect.parameters:
+            values = [atom.arguments[0] for atom in self.statics.named(parameter.type)]
+            choices = [{**each, parameter.variable: value} for each in choices for value in values]
+        yield from (each for each in choices if holds(effect.condition, facts, each))
+
+    def deduce(self, added: Iterable[Atom], explicit: tuple[Denial, ...], state: State) -> Change:
+        """The least fixpoint of adds and denials from `added`; the end of an atom counts only if `state` has it."""
+        current = Facts(state)
+        adds: dict[Atom, None] = {}
+        denials: list[Denial] = []
+        ended: dict[Atom, None] = {}
+        triggered: list[Atom] = []
+        waiting = list(added)
+        fresh = list(explicit)
+        while waiting or fresh:
+            if waiting:
+                atom = waiting.pop()
+                if atom not in adds:
+                    adds[atom] = None
+                    self._consequences(atom, True, waiting, fresh)
+                continue
+            denial = fresh.pop()
+            denials.append(denial)
+            for atom in denial.among(current, self.statics):
+                if atom not in ended:
+                    ended[atom] = None
+                    if self._consequences(atom, False, waiting, fresh):
+                        triggered.append(atom)
+        deduced = [denial for denial in denials if denial.deduced]
+        contradiction = next((a for a in adds if any(d.matches(a, self.statics) for d in deduced)), None)
+        ends = frozenset(atom for atom in ended if atom not in adds)
+        return Change(frozenset(adds), ends, tuple(denials), frozenset(triggered), contradiction)
+
+    def _consequences(self, atom: Atom, positive: bool, waiting: list[Atom], fresh: list[Denial]) -> bool:
+        found = False
+        for deductive in self._triggers.get((atom.name, positive), ()):
+            bindings = match(deductive.trigger.atom, atom, {})
+            if bindings is None:
+                continue
+            for consequence in deductive.consequences:
+                body = self.body((*deductive.body, *consequence.body))
+                if consequence.implied:
+                    found |= self._imply(consequence, body, bindings, waiting)
+                elif _typed(consequence, bindings, self.statics):
+                    fresh.append(Denial(consequence.atom, body, tuple(bindings.items()), consequence))
+                    found = True
+        return found
+
+    def _imply(self, consequence: Consequence, body: Body, bindings: Bindings, waiting: list[Atom]) -> bool:
+        typed = tuple(
+            Literal(Function(p.type, (p.variable,)))
+            for p in consequence.parameters
+            if p.variable in _open(consequence, bindings)
+        )
+        found = False
+        for each in solve((*typed, *body), self.statics, bindings):
+            if _typed(consequence, each, self.statics):
+                waiting.append(substitute_atom(consequence.atom, each))
+                found = True
+        return found
+
+
+def _close(rules: Iterable[Rule], facts: Facts, judge: Facts) -> None:
+    """Add what follows by rules of one stratum; `judge` decides negations."""
+    changed = True
+    while changed:
+        derived = [substitute_atom(r.head, b) for r in rules for b in solve(r.body, facts, {}, judge)]
+        changed = any([facts.add(atom) for atom in derived])
+
+
+def _open(consequence: Consequence, bindings: Bindings) -> set[Variable]:
+    return {variable for variable in variables(consequence.atom) if variable not in bindings}
+
+
+def _typed(consequence: Consequence, bindings: Bindings, statics: Facts) -> bool:
+    return all(
+        statics.has_type(bindings[parameter.variable], parameter.type)
+        for parameter in consequence.parameters
+        if parameter.variable in bindings
+    )

@@ -1,0 +1,61 @@
+"""A command waits for nothing that it does not use."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+HEAVY = ("networkx", "numba", "numpy", "ortools", "ruckig", "sqlalchemy")
+DOMAIN = """
+(define (domain lamps) (:predicates (lamp ?l) (lit ?l))
+  (:action switch :parameters (?l) :precondition (and (lamp ?l) (not (lit ?l))) :effect (lit ?l)))
+"""
+PROBLEM = "(define (problem one) (:domain lamps) (:objects l) (:init (lamp l)) (:goal (lit l)))"
+
+
+@pytest.mark.parametrize("strategy", ["auto", "landmarks"])
+def test_a_plain_plan_loads_nothing_of_other_commands(tmp_path: Path, strategy: str) -> None:
+    domain, problem = tmp_path / "domain.pddl", tmp_path / "problem.pddl"
+    domain.write_text(DOMAIN)
+    problem.write_text(PROBLEM)
+    loaded = loaded_by("plan", "--pddl", str(domain), str(problem), "--strategy", strategy)
+    assert loaded & {*HEAVY, "lark", "pydantic", "yaml"} == set()
+
+
+def test_a_plan_for_a_problem_of_our_own_loads_no_store_and_no_kernels_of_geometry() -> None:
+    assert loaded_by("plan", "bulkhead/one_point") & set(HEAVY) == set()
+
+
+def loaded_by(*command: str) -> set[str]:
+    """The modules that a command in a process of its own has loaded when it ends."""
+    code = "import sys; from engine.faces.cli import app; code = app(sys.argv[1:], standalone_mode=False)"
+    code += "; print(code, *sys.modules, file=sys.stderr)"
+    ran = subprocess.run([sys.executable, "-c", code, *command], capture_output=True, text=True, check=True)
+    ended, *loaded = ran.stderr.split()
+    assert ended == "0"
+    return set(loaded)
+
+
+def test_what_ends_at_once_has_written_its_answer_and_keeps_its_exit_code() -> None:
+    for command, code, said in (
+        (("plan", "bulkhead/one_point"), 0, "move_retract"),
+        (("plan", "bulkhead/tool_missing"), 10, "No plan"),
+        (("plan", "nothing"), 2, "nothing"),
+        (("--no-such-option",), 2, "No such option"),
+    ):
+        ran = subprocess.run(
+            [sys.executable, "-m", "engine.faces.cli", *command], capture_output=True, text=True, check=False
+        )
+        assert ran.returncode == code
+        assert said in ran.stdout + ran.stderr
+
+
+def test_open_threads_and_databases_are_closed_before_the_end() -> None:
+    """`leave` comes back, so that the interpreter ends as usual; otherwise nothing after it would run."""
+    code = "import sys; from engine.faces.cli.ending import leave; {}; leave(3); print('came back')"
+    for before, came_back in (("pass", False), ("import multiprocessing", True), ("import sqlite3", True)):
+        ran = subprocess.run(
+            [sys.executable, "-c", code.format(before)], capture_output=True, text=True, check=False
+        )
+        assert (ran.returncode, "came back" in ran.stdout) == ((0, True) if came_back else (3, False))

@@ -1,0 +1,92 @@
+"""Partially ordered plans judged by their orders alone, and proofs that no plan is cheaper."""
+
+from dataclasses import replace
+
+import pytest
+
+from engine.model.outcome import Found
+from engine.pipelines import planning
+from engine.pipelines.optimum import Optimum, optimum
+from engine.pipelines.orders import every_order
+from engine.stages.grounding import ground
+from engine.stages.validation import validate
+from kb.model.conditions import And, Exists, Literal, Not, Parameter
+from kb.model.domain import Domain, Effect, Kind, Operator, Predicate, Type
+from kb.model.plan import Plan, Step, StepId
+from kb.model.problem import Problem
+from kb.terms import Function, Variable
+
+
+def flipped(count: int) -> tuple[Problem, Plan]:
+    """Steps without any order that each turn a switch over: the checker sees that they interfere."""
+    off, one = Function("off"), Function("done", (Variable("X"),))
+    flip = Operator(
+        "flip",
+        (Parameter(Variable("X"), "thing"),),
+        And(()),
+        (
+            Effect(one),
+            Effect(off, True, (), Literal(off, False)),
+            Effect(off, False, (), Literal(off)),
+        ),
+    )
+    things = {f"t{number}": "thing" for number in range(count)}
+    domain = Domain(
+        "switches",
+        {"thing": Type("thing")},
+        objects=things,
+        predicates={
+            "off": Predicate("off", (), Kind.FLUENT),
+            "done": Predicate("done", ("thing",), Kind.FLUENT),
+        },
+        operators=(flip,),
+    )
+    undone = Exists((Parameter(Variable("X"), "thing"),), Literal(one, False))
+    problem = Problem("even", domain, goal=And((Not(undone), Literal(off, count % 2 == 1))), complete=True)
+    steps = (Step(StepId(n), Function("flip", (Function(t),))) for n, t in enumerate(things, 1))
+    return problem, Plan(tuple(steps))
+
+
+def test_what_the_checker_cannot_show_is_found_by_trying_every_order() -> None:
+    problem, plan = flipped(4)
+    assert {each.code for each in validate(problem, plan)} == {"K503"}
+    assert every_order(problem, plan).valid is True
+
+
+def test_a_question_that_takes_too_long_is_left_open() -> None:
+    problem, plan = flipped(8)
+    assert every_order(problem, plan, most=20).valid is None
+    assert every_order(problem, plan, most=500).valid is True  # 2^8 sets of steps done
+
+
+def test_an_order_that_fails_is_shown() -> None:
+    problem, plan = flipped(3)
+    once = Operator("once", (), Literal(Function("off"), False), (Effect(Function("off")),))
+    domain = replace(problem.domain, operators=(*problem.domain.operators, once))
+    problem = replace(problem, domain=domain, goal=And(()))
+    plan = Plan((Step(StepId(9), Function("once")), *plan.steps))
+    found = every_order(problem, plan).counterexample
+    assert found is not None
+    assert found.order[-1] == 9
+    assert len(found.order) % 2 == 0
+    assert not found.at_the_goal
+
+
+@pytest.mark.parametrize("target", ["bulkhead/one_point", "bulkhead/both_tools"])
+def test_plans_of_a_cell_hold_in_every_order(target: str) -> None:
+    problem = planning.problem_of(target)
+    outcome = planning.plan(problem)
+    assert isinstance(outcome, Found)
+    assert every_order(problem, outcome.plan).valid is True
+
+
+def test_the_search_for_a_cheaper_plan_ends_with_one_or_a_proof_or_gives_up() -> None:
+    task = ground(planning.problem_of("bulkhead/one_point"))
+    for bound in (6, 100):
+        found = optimum(task, bound, lambda: False)
+        assert found is not None
+        assert found.steps is not None
+        assert len(found.steps) == 5
+    assert optimum(task, 5, lambda: False) == Optimum(None)
+    assert optimum(task, 6, lambda: False, most=10) is None
+    assert optimum(task, 6, lambda: True) is None

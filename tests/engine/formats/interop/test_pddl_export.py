@@ -1,0 +1,225 @@
+"""A problem and its export have the same plans."""
+
+import itertools
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from hypothesis import HealthCheck, event, given, settings
+from hypothesis import strategies as st
+
+from engine.formats.interop.pddl import PddlProblem, read_pddl
+from engine.formats.interop.pddl.export import PddlText, export, import_plan, write_plan
+from engine.formats.interop.pddl.expressions import actions
+from engine.formats.interop.pddl.plans import read_plan
+from engine.formats.interop.pddl.plans import write_plan as write_pddl_plan
+from engine.model.outcome import Found, Infeasible
+from engine.pipelines import planning
+from engine.stages.grounding import ground
+from engine.stages.planning import Limits
+from engine.stages.validation import validate
+from kb.diagnostics import InvalidInput
+from kb.loader import find, problem_files
+from kb.model.conditions import TRUE, Literal, Parameter
+from kb.model.domain import Consequence, DeductiveOperator, Domain, Effect, Kind, Operator, Predicate
+from kb.model.problem import Chain, Problem
+from kb.terms import ANYTHING, Function
+from tests.engine.formats.interop.test_pddl import task
+from tests.places import DOMAINS as TESTED
+from tests.properties.problems import CONSTANTS, PREDICATES, TYPES, X, Y, problems, shortest
+
+BUNDLED = [file for name in ("bulkhead", "themse") for file in problem_files(find(name))]
+PANTRY = Path(__file__).parent / "pantry"
+LONG = {"twelve_points", "four", "never"}  # planned by others in more than a few seconds
+TARGETS = [
+    pytest.param(file, marks=[pytest.mark.slow] if file.stem in LONG else [])
+    for file in (*BUNDLED, *sorted(TESTED.glob("*/problems/*.yaml")), *sorted(PANTRY.glob("problems/*.yaml")))
+]
+
+
+def reread(text: PddlText, folder: Path) -> PddlProblem:
+    """What our own reader makes of an export."""
+    (folder / "domain.pddl").write_text(text.domain)
+    (folder / "problem.pddl").write_text(text.problem)
+    return read_pddl(folder / "domain.pddl", folder / "problem.pddl")
+
+
+@pytest.mark.parametrize("lifted", [True, False], ids=["lifted", "ground"])
+@pytest.mark.parametrize("file", TARGETS, ids=lambda file: f"{file.parents[1].name}-{file.stem}")
+def test_an_export_has_the_plans_of_its_problem(file: Path, lifted: bool, tmp_path: Path) -> None:
+    problem = planning.problem_of(str(file))
+    text = export(problem, ground(problem), lifted)
+    read = reread(text, tmp_path)
+    own, theirs = planning.plan(problem), planning.plan(read.problem)
+    assert isinstance(own, Infeasible) == isinstance(theirs, Infeasible)
+    if isinstance(own, Found):
+        assert isinstance(theirs, Found)
+        imported = import_plan(text, write_pddl_plan(read, theirs.plan))
+        assert planning.check_plan(problem, imported) == []
+        (tmp_path / "plan").write_text(write_plan(text, own.plan))
+        assert planning.check_plan(read.problem, read_plan(read, tmp_path / "plan")) == []
+
+
+@pytest.mark.parametrize("file", BUNDLED, ids=lambda file: file.stem)
+def test_both_cells_are_exported_lifted(file: Path) -> None:
+    problem = planning.problem_of(str(file))
+    text = export(problem, ground(problem))
+    assert (text.lifted, text.why_ground) == (True, "")
+
+
+def test_what_is_read_of_pddl_can_be_written_again(tmp_path: Path) -> None:
+    first = task(tmp_path)
+    text = export(first.problem, ground(first.problem))
+    assert (text.lifted, text.why_ground) == (True, "")
+    again = reread(text, tmp_path)
+    own, theirs = planning.plan(first.problem), planning.plan(again.problem)
+    assert isinstance(own, Found)
+    assert isinstance(theirs, Found)
+    assert own.plan.cost == theirs.plan.cost
+    assert planning.check_plan(first.problem, import_plan(text, write_pddl_plan(again, theirs.plan))) == []
+
+
+def test_every_way_of_the_language_has_one_in_pddl() -> None:
+    problem = planning.problem_of(str(PANTRY / "problems" / "everything.yaml"))
+    domain = export(problem, ground(problem)).domain
+    table = "(where_put ?jar ?from ?to ?w)"  # arithmetic in a constraint
+    relation = "(is_lid ?jar ?lid)"  # a compound term with a variable
+    unfolded = "(not (open ?jar))"  # a derived predicate
+    axiom = "(:derived (linked ?x - place ?x-2 - place)"  # a recursive one
+    deduced = "(forall (?m - numeral) (not (filled ?jar ?m)))"
+    cost = "(increase (total-cost) (cost_put ?w))"
+    for said in (table, relation, unfolded, axiom, deduced, cost):
+        assert said in domain
+
+
+def test_deduction_that_leads_back_to_itself_is_exported_ground() -> None:
+    problem = planning.problem_of(str(TESTED / "blocks" / "problems" / "sussman.yaml"))
+    trigger, consequence = Function("on", (X, Y)), Function("on", (Y, X))
+    parameters = tuple(Parameter(each, "block") for each in (X, Y))
+    back = DeductiveOperator(
+        Literal(trigger, False), parameters, (), (Consequence(consequence, False, (), parameters),)
+    )
+    domain = replace(problem.domain, deductive_operators=(*problem.domain.deductive_operators, back))
+    text = export(replace(problem, domain=domain), ground(problem))
+    assert not text.lifted
+    assert "leads back to itself" in text.why_ground
+
+
+def _agrees(problem: Problem, lifted: bool, folder: Path) -> None:
+    """The export of a random problem has a plan if brute force finds one, and it is one for the problem."""
+    try:
+        text = export(problem, ground(problem), lifted)
+    except InvalidInput:  # contradictions and ambiguities have no export
+        return
+    event("lifted" if text.lifted else f"ground: {text.why_ground.split(' for ')[0]}")
+    read = reread(text, folder)
+    found = planning.plan(read.problem, Limits(expansions=20_000))
+    length = shortest(problem)
+    assert isinstance(found, Found) == (length is not None)
+    if isinstance(found, Found):
+        assert validate(problem, import_plan(text, write_pddl_plan(read, found.plan))) == []
+
+
+@pytest.mark.parametrize("lifted", [True, False], ids=["lifted", "ground"])
+@settings(deadline=None, max_examples=40, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(problem=problems(conditional=True))
+def test_random_problems_are_exported(problem: Problem, lifted: bool, tmp_path: Path) -> None:
+    _agrees(problem, lifted, tmp_path)
+
+
+@pytest.mark.parametrize("lifted", [True, False], ids=["lifted", "ground"])
+@settings(deadline=None, max_examples=40, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(problem=problems(deductive=True))
+def test_deduction_is_compiled(problem: Problem, lifted: bool, tmp_path: Path) -> None:
+    _agrees(problem, lifted, tmp_path)
+
+
+DONE = Predicate("done", ("thing",), Kind.EVENT)
+STAGES = [Function(name, (term,)) for name in ("p", "q", "done") for term in CONSTANTS]
+STAGES += [Function("r"), Function("p", (ANYTHING,))]
+
+
+@st.composite
+def chained(draw: st.DrawFn) -> Problem:
+    """A random problem with an event and up to two chains, of which one may wait for the other."""
+    problem = draw(problems(conditional=draw(st.booleans()), deductive=draw(st.booleans())))
+    first, *others = problem.domain.operators
+    term = first.variables[0] if first.parameters else CONSTANTS[0]
+    first = replace(first, effects=(*first.effects, Effect(Function("done", (term,)))))
+    domain = replace(
+        problem.domain,
+        operators=(first, *others),
+        predicates={**problem.domain.predicates, "done": DONE},
+    )
+    stages = st.lists(st.sampled_from(STAGES), min_size=1, max_size=2).map(tuple)
+    chains = [Chain("one", draw(stages), (), draw(st.sampled_from([None, CONSTANTS[0]])))]
+    if draw(st.booleans()):
+        chains.append(Chain("other", draw(stages), ("one",) if draw(st.booleans()) else (), CONSTANTS[0]))
+    return replace(problem, domain=domain, goal=TRUE, chains=tuple(chains))
+
+
+@pytest.mark.parametrize("lifted", [True, False], ids=["lifted", "ground"])
+@settings(deadline=None, max_examples=40, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(problem=chained())
+def test_workflows_are_compiled(problem: Problem, lifted: bool, tmp_path: Path) -> None:
+    try:
+        text = export(problem, ground(problem), lifted)
+    except InvalidInput:
+        return
+    read = reread(text, tmp_path)
+    own, theirs = planning.plan(problem), planning.plan(read.problem)
+    event(f"{type(own).__name__}, {'lifted' if text.lifted else text.why_ground.split(' for ')[0]}")
+    assert isinstance(own, Found) == isinstance(theirs, Found)
+    if isinstance(own, Found) and isinstance(theirs, Found):
+        assert validate(problem, import_plan(text, write_pddl_plan(read, theirs.plan))) == []
+        (tmp_path / "plan").write_text(write_plan(text, own.plan))
+        assert planning.check_plan(read.problem, read_plan(read, tmp_path / "plan")) == []
+
+
+def test_stages_that_can_be_reached_in_several_ways_are_planned() -> None:
+    """Either of two steps may reach the last stage of `one`: the plan means another than the checker sees first."""
+    a, b = (Function("p", (term,)) for term in CONSTANTS)
+    done = Function("done", (CONSTANTS[0],))
+    operators = (
+        Operator("o0", (), TRUE, (Effect(a), Effect(done))),
+        Operator("o1", (), TRUE, (Effect(a), Effect(b))),
+    )
+    objects = dict.fromkeys(map(str, CONSTANTS), "thing")
+    domain = Domain(
+        "ways", TYPES, objects=objects, predicates={**PREDICATES, "done": DONE}, operators=operators
+    )
+    chains = (Chain("one", (b, a)), Chain("other", (done, a), (), CONSTANTS[0]))
+    assert isinstance(planning.plan(Problem("ways", domain, chains=chains, complete=True)), Found)
+
+
+@pytest.mark.parametrize(
+    "line", ["(lift a)", "lift a", "3.5: (lift a) [1]", "  (LIFT a) ; now", "( lift a );"]
+)
+def test_plans_are_read_as_planners_print_them(line: str) -> None:
+    text = f"; cost = 3\n\n{line}\n"
+    ((words, offset),) = actions(text)
+    assert words == ["lift", "a"]
+    assert text[offset : offset + 4].lower() == "lift"
+
+
+def test_a_line_that_is_no_action_is_refused() -> None:
+    problem = planning.problem_of(str(TESTED / "workshop" / "problems" / "dirty.yaml"))
+    for lifted, line in itertools.product((True, False), ("(a) (b)", "((a))", "(a) b", "(a b)")):
+        text = export(problem, ground(problem), lifted)
+        assert import_plan(text, "(light_fire)\n(look)").steps
+        with pytest.raises(InvalidInput):
+            import_plan(text, line.replace("a", "light_fire").replace("b", "look"))
+
+
+def test_what_is_no_action_of_the_export_is_pointed_at() -> None:
+    problem = planning.problem_of("bulkhead/one_point")
+    text = export(problem, ground(problem))
+    with pytest.raises(InvalidInput) as error:
+        import_plan(text, "(mvoe t3_746)\n(move t3_746)\n(apply_couplant t3_746 m2 m9 m9 m9)\n", "sas_plan")
+    said = [str(each) for each in error.value.diagnostics]
+    assert "sas_plan:1:2" in said[0]
+    assert "did you mean 'move'?" in said[0]
+    assert "sas_plan:2:2" in said[1]
+    assert "arguments, not 1" in said[1]
+    assert "sas_plan:3:2" in said[2]
+    assert "unknown object 'm9'" in said[2]

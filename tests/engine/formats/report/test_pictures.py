@@ -1,0 +1,176 @@
+import re
+from itertools import combinations, pairwise
+from xml.etree import ElementTree
+
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from engine.formats.report import dot, svg
+from engine.formats.report.layout import layout
+from engine.model.outcome import Found
+from engine.pipelines import planning
+from kb.loader import load_problem
+from kb.model.plan import GOAL, START, CausalLink, Plan, Step, StepId
+from kb.terms import Function
+
+SVG = "{http://www.w3.org/2000/svg}"
+Box = tuple[float, float, float, float]  # left, top, right, bottom
+Segment = tuple[float, float, float, float]  # the same
+
+
+@st.composite
+def plans(draw: st.DrawFn) -> Plan:
+    """Plans of up to twelve steps with random orders, links and resources."""
+    count = draw(st.integers(0, 12))
+    steps, links = [], []
+    for number in range(1, count + 1):
+        earlier = st.integers(1, number - 1) if number > 1 else st.nothing()
+        after = draw(st.lists(earlier, unique=True, max_size=3)) if number > 1 else []
+        name = draw(st.text("abc<&>'\"", min_size=1, max_size=20))
+        held = draw(st.lists(st.sampled_from([Function("arm"), Function("<tool>")]), unique=True))
+        steps.append(Step(StepId(number), Function(name), tuple(map(StepId, sorted(after))), tuple(held)))
+        for producer in draw(st.lists(st.integers(0, number - 1), unique=True, max_size=6)):
+            condition = Function("p<&", (Function(draw(st.sampled_from("qrstuvwx"))),))
+            links.append(CausalLink(StepId(producer), condition, StepId(number)))
+    links.append(CausalLink(StepId(draw(st.integers(0, count))) if count else START, Function("g"), GOAL))
+    return Plan(tuple(steps), tuple(links))
+
+
+def rectangles(root: ElementTree.Element, name: str) -> list[Box]:
+    found = []
+    for rect in root.iter(f"{SVG}rect"):
+        if rect.get("class") == name:
+            x, y, width, height = (float(rect.get(key, "0")) for key in ("x", "y", "width", "height"))
+            found.append((x, y, x + width, y + height))
+    return found
+
+
+def overlap(one: Box, other: Box) -> bool:
+    return one[0] < other[2] and other[0] < one[2] and one[1] < other[3] and other[1] < one[3]
+
+
+def ways(root: ElementTree.Element) -> list[tuple[str, list[Segment]]]:
+    """Producer and condition of each link, and the level and upright pieces of its way."""
+    found = []
+    for path in root.iter(f"{SVG}path"):
+        if (path.get("class") or "").split(" ")[0] == "link":
+            numbers = [float(number) for number in re.findall(r"-?[\d.]+", path.get("d", ""))]
+            corners = list(zip(numbers[::2], numbers[1::2], strict=True))
+            pieces = [
+                (min(x, to_x), min(y, to_y), max(x, to_x), max(y, to_y))
+                for (x, y), (to_x, to_y) in pairwise(corners)
+            ]
+            title = path.findtext(f"{SVG}title") or ""
+            found.append((title.rsplit(" for ", 1)[0], pieces))
+    return found
+
+
+@given(plans())
+@settings(max_examples=50, deadline=None)
+def test_an_svg_shows_every_step_order_and_link(plan: Plan) -> None:
+    root = ElementTree.fromstring(svg.plan(plan))
+    shown = [text.text or "" for text in root.iter(f"{SVG}text")]
+    for step in plan.steps:
+        assert f"{step.id} {step.operator}" in shown
+    drawn = [path.get("class") for path in root.iter(f"{SVG}path")]
+    assert drawn.count("order") == len(list(dot.orders(plan)))
+    assert drawn.count("link") + drawn.count("link given") == len(plan.links)
+    texts = {START: "start", **{step.id: f"{step.id} {step.operator}" for step in plan.steps}, GOAL: "goal"}
+    titles = [title.text for path in root.iter(f"{SVG}path") for title in path.iter(f"{SVG}title")]
+    assert titles == [
+        f"{texts[link.producer]} achieves {link.condition} for {texts[link.consumer]}" for link in plan.links
+    ]
+
+
+@given(plans())
+@settings(max_examples=50, deadline=None)
+def test_boxes_and_labels_lie_on_the_paper_and_apart(plan: Plan) -> None:
+    root = ElementTree.fromstring(svg.plan(plan))
+    paper, *labels = rectangles(root, "paper")
+    boxes = rectangles(root, "box")
+    assert len(boxes) == len(plan.steps) + 2
+    for one in (*boxes, *labels):
+        assert paper[0] <= one[0] < one[2] <= paper[2]
+        assert paper[1] <= one[1] < one[3] <= paper[3]
+    for one, other in combinations([*boxes, *labels], 2):
+        assert not overlap(one, other)
+
+
+@given(plans())
+@settings(max_examples=200, deadline=None)
+def test_no_link_runs_through_a_box_and_links_of_different_conditions_never_lie_on_one_another(
+    plan: Plan,
+) -> None:
+    root = ElementTree.fromstring(svg.plan(plan))
+    drawn = ways(root)
+    for _, pieces in drawn:
+        for left, top, right, bottom in pieces:
+            assert left == right or top == bottom
+            for box in rectangles(root, "box"):
+                assert not overlap((left - 1e-9, top, right + 1e-9, bottom), box) or bottom in (
+                    box[1],
+                    box[3],
+                )
+    for (net, pieces), (other_net, others) in combinations(drawn, 2):
+        if net != other_net:
+            for left, top, right, bottom in pieces:
+                for other in others:
+                    level = top == bottom == other[1] == other[3] and left < other[2] and other[0] < right
+                    upright = left == right == other[0] == other[2] and top < other[3] and other[1] < bottom
+                    assert not level
+                    assert not upright
+
+
+@given(plans())
+@settings(max_examples=50, deadline=None)
+def test_a_link_ends_at_the_boxes_of_its_producer_and_its_consumer(plan: Plan) -> None:
+    root = ElementTree.fromstring(svg.plan(plan))
+    names = [START, *(step.id for step in plan.steps), GOAL]
+    boxes = dict(zip(names, rectangles(root, "box"), strict=True))
+    for link, (_, pieces) in zip(plan.links, ways(root), strict=True):
+        producer, consumer = boxes[link.producer], boxes[link.consumer]
+        assert producer[0] < pieces[0][0] < producer[2]
+        assert pieces[0][1] == producer[3]
+        assert consumer[0] < pieces[-1][0] < consumer[2]
+        assert pieces[-1][3] == consumer[1]
+
+
+@given(plans())
+@settings(max_examples=50, deadline=None)
+def test_every_order_points_downwards(plan: Plan) -> None:
+    edges = list(dot.orders(plan))
+    nodes = [START, *(step.id for step in plan.steps), GOAL]
+    placed = layout(dict.fromkeys(nodes, 10.0), edges, 5.0)
+    assert all(placed.layer[earlier] < placed.layer[later] for earlier, later in edges)
+
+
+@given(plans())
+@settings(max_examples=50, deadline=None)
+def test_dot_has_one_edge_per_order_and_link(plan: Plan) -> None:
+    edges = re.findall(r"^  \w+ -> \w+( \[.*\])?;$", dot.plan(plan), flags=re.MULTILINE)
+    assert len([edge for edge in edges if not edge]) == len(list(dot.orders(plan)))
+    assert len([edge for edge in edges if edge]) == len(plan.links)
+
+
+@given(plans())
+@settings(max_examples=10, deadline=None)
+def test_pictures_repeat(plan: Plan) -> None:
+    assert svg.plan(plan) == svg.plan(plan)
+    assert dot.plan(plan) == dot.plan(plan)
+
+
+def test_quotes_and_backslashes_stay_inside_the_strings_of_dot() -> None:
+    operator = Function('say("a \\"b\\" \\\\n")')
+    made = dot.plan(Plan((Step(StepId(1), operator, (), (Function('"held"'),)),)))
+    (label,) = re.findall(r'^  1 \[label="((?:[^"\\]|\\.)*)"\];$', made, flags=re.MULTILINE)
+    assert re.sub(r'\\(["\\])', r"\1", label.replace(r"\n[", "\n[")) == f'1 {operator}\n["held"]'
+
+
+def test_stages_are_shown_in_the_words_of_the_problem() -> None:
+    problem = load_problem("themse/one")
+    outcome = planning.plan(problem)
+    assert isinstance(outcome, Found)
+    assert any(link.condition.name == "_stage" for link in outcome.plan.links)
+    for picture in (svg.plan(outcome.plan, problem), dot.plan(outcome.plan, problem)):
+        assert "_stage" not in picture
+        assert "heated(probe_1, 900)" in picture

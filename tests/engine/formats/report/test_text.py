@@ -1,0 +1,130 @@
+import io
+import re
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from rich.console import Console, RenderableType
+
+from engine.formats.report import text
+from engine.formats.report.wrapping import wrapped
+from engine.model.forecast import earliest_starts, histories, makespan
+from engine.model.outcome import Found
+from engine.pipelines import planning
+from kb.loader import load_problem
+from kb.model.plan import Plan, Step, StepId
+from kb.terms import Function, Text
+
+
+def printed(target: str, width: int) -> str:
+    problem = load_problem(target)
+    outcome = planning.plan(problem)
+    return shown(text.outcome(outcome, problem), width)
+
+
+def shown(made: RenderableType, width: int) -> str:
+    stream = io.StringIO()
+    Console(file=stream, width=width, color_system=None).print(made)
+    return "\n".join(line.rstrip() for line in stream.getvalue().splitlines()) + "\n"
+
+
+ONE_POINT = """\
+step  operator                  after  start (s)  lasts  achieves
+   1  move_retract(t3_746, m1)                 0      2  at(t3_746, approach_point(meas(m1))) for 2
+   2  move(t3_746, meas(m1),    1              2      8  at(t3_746, approach_point(meas(m2)))
+        meas(m2))                                          for 3, 4
+   3  apply_couplant(t3_746,    2             10      3  couplant_applied(goal_point(meas(m2)))
+        m2)                                                for 5
+   4  move_contact(t3_746, m2)  3             13      2  at(t3_746, in_contact_point(meas(m2)))
+                                                           for 5
+   5  us_measure(us_probe,      4             15      4  measured(us_probe, t3_746, meas(m2))
+        t3_746, m2)                                        for goal
+5 steps, cost 5, 19 s when every step starts as early as it may
+"""
+
+
+def test_a_plan_is_a_table_of_steps_with_what_they_are_for() -> None:
+    assert printed("bulkhead/one_point", 100) == ONE_POINT
+
+
+def test_no_internal_name_is_ever_shown() -> None:
+    for target in ("themse/two", "bulkhead/twelve_points", "bulkhead/tool_missing"):
+        assert not re.search(r"\b_[a-z]", printed(target, 80))
+
+
+@pytest.mark.parametrize("width", [80, 100, 200])
+def test_no_line_is_longer_than_the_terminal_is_wide(width: int) -> None:
+    assert max(map(len, printed("themse/two", width).splitlines())) <= width
+
+
+@given(st.text("ab(,) _", max_size=60), st.integers(4, 40))
+@settings(max_examples=200, deadline=None)
+def test_wrapped_text_fits_and_is_whole(text: str, width: int) -> None:
+    made = wrapped(text, width)
+    assert all(len(line) <= width for line in made.splitlines())
+    assert "".join(made.split()) == "".join(text.split())
+
+
+def test_atoms_break_after_commas_before_they_break_at_brackets() -> None:
+    assert wrapped("put(probe_1, slot(furnace, 1))", 20).splitlines() == [
+        "put(probe_1,",
+        "  slot(furnace, 1))",
+    ]
+    assert wrapped("couplant_applied(goal_point(meas(m2)))", 24).splitlines() == [
+        "couplant_applied(",
+        "  goal_point(meas(m2)))",
+    ]
+
+
+def test_brackets_in_texts_are_no_markup() -> None:
+    step = Step(StepId(1), Function("say", (Text("[bold]x[/bold]"),)), duration=1)
+    assert "[bold]x[/bold]" in shown(text.plan_table(Plan((step,)), load_problem("themse/one")), 80)
+
+
+def test_colours_are_for_terminals_that_want_them(monkeypatch: pytest.MonkeyPatch) -> None:
+    def colours(terminal: bool) -> set[str]:
+        stream = io.StringIO()
+        Console(file=stream, force_terminal=terminal, width=100).print(table)
+        return set(re.findall(r"\x1b\[[0-9;]*3[0-7]m", stream.getvalue()))
+
+    monkeypatch.setenv("TERM", "xterm-256color")
+    monkeypatch.delenv("NO_COLOR", raising=False)
+    table = text.plan_table(Plan((Step(StepId(1), Function("go")),)), load_problem("themse/one"))
+    assert colours(True)
+    assert not colours(False)
+    monkeypatch.setenv("NO_COLOR", "1")
+    assert not colours(True)
+
+
+def test_an_empty_plan_says_so() -> None:
+    assert shown(text.plan_table(Plan(()), load_problem("themse/one")), 80).startswith("Nothing to do")
+
+
+def test_a_narrow_terminal_loses_nothing() -> None:
+    wide = "".join(printed("themse/one", 400).replace(";", "").split())
+    for width in (76, 80, 100):
+        assert sorted(wide) == sorted("".join(printed("themse/one", width).split()))
+
+
+def test_a_history_tells_what_is_done_how_long_and_in_which_order() -> None:
+    problem = load_problem("themse/two")
+    outcome = planning.plan(problem)
+    assert isinstance(outcome, Found)
+    for history in histories(problem, outcome.plan):
+        assert [(each.stage.name, each.duration) for each in history.happenings][:2] == [
+            ("heated", 900),
+            ("cooled", 300),
+        ]
+        assert history.happenings[2].stage.name == "stored"
+        starts = [each.start for each in history.happenings]
+        assert starts == sorted(starts)
+
+
+def test_every_step_starts_when_all_before_it_have_ended() -> None:
+    outcome = planning.plan(load_problem("themse/two"))
+    assert isinstance(outcome, Found)
+    starts = earliest_starts(outcome.plan)
+    steps = {step.id: step for step in outcome.plan.steps}
+    for step in outcome.plan.steps:
+        assert starts[step.id] == max((starts[b] + steps[b].duration for b in step.after), default=0)
+    assert makespan(outcome.plan) == max(starts[step.id] + step.duration for step in outcome.plan.steps)

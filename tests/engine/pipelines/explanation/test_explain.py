@@ -1,0 +1,101 @@
+from collections.abc import Iterator
+from dataclasses import replace
+
+import pytest
+
+from engine.model.outcome import Found, Infeasible, Outcome
+from engine.pipelines import planning
+from engine.pipelines.explanation import changed, explain
+from engine.pipelines.explanation.steps import why
+from engine.stages.grounding import ground
+from kb.diagnostics import InvalidInput
+from kb.loader import bundled, load_problem
+from kb.model.problem import Problem
+
+QUICK = {"bulkhead/one_point", "bulkhead/both_tools"}
+ALL = [
+    f"{name}/{file.stem}" for name, path in bundled().items() for file in sorted(path.glob("problems/*.yaml"))
+]
+BUNDLED = [pytest.param(name, marks=[] if name in QUICK else [pytest.mark.slow]) for name in ALL]
+
+
+def without_one_fact(problem: Problem) -> Iterator[tuple[str, Problem]]:
+    """The problem without one of its static facts, given in the problem or in the domain's rules."""
+    for fact in problem.statics:
+        yield str(fact), replace(problem, statics=tuple(f for f in problem.statics if f != fact))
+    for part in problem.domain.asp:
+        if ":-" not in part.text and not part.text.startswith("#"):
+            asp = tuple(other for other in problem.domain.asp if other is not part)
+            yield part.text, replace(problem, domain=replace(problem.domain, asp=asp))
+
+
+def told(problem: Problem) -> Outcome | set[str]:
+    """The answer to a problem, or the codes of what is wrong with it."""
+    try:
+        return planning.plan(problem)
+    except InvalidInput as error:
+        return {each.code for each in error.diagnostics}
+
+
+@pytest.mark.parametrize("target", BUNDLED)
+def test_a_missing_static_fact_is_named_or_an_equally_small_change_found(target: str) -> None:
+    problem = load_problem(target)
+    if not isinstance(planning.plan(problem), Found):
+        pytest.skip("only problems that have a plan can lose it")
+    for fact, poorer in without_one_fact(problem):
+        outcome = told(poorer)
+        if isinstance(outcome, set):  # the initial state speaks of something that the fact made
+            assert outcome == {"K103"}, fact
+        if not isinstance(outcome, Infeasible):
+            continue
+        explanation = explain(poorer)
+        assert explanation.status == "infeasible"
+        assert explanation.goals
+        sizes = [len(change.facts) for change in explanation.changes if change.kind != "drop goal"]
+        assert 1 in sizes, f"without {fact}"
+        for change in explanation.changes:
+            outcome = planning.plan(changed(poorer, change))
+            assert isinstance(outcome, Found)
+            assert len(outcome.plan.steps) == change.proof
+
+
+def test_goals_that_exclude_each_other_are_told_with_the_reason() -> None:
+    explanation = explain(load_problem("bulkhead/two_contacts"))
+    assert len(explanation.goals) == 2
+    assert explanation.exclusions
+    assert {change.kind for change in explanation.changes} == {"drop goal"}
+
+
+def test_an_initial_fact_that_is_in_the_way_is_named() -> None:
+    change = explain(load_problem("bulkhead/tool_missing")).changes[0]
+    assert (change.kind, list(map(str, change.facts))) == (
+        "remove initial",
+        ["location(slra, t3_746, elsewhere)"],
+    )
+    assert change.missing[-1].startswith("pick_up(t3_746, slra) is out of reach")
+
+
+def test_a_feasible_problem_has_nothing_to_explain() -> None:
+    assert explain(load_problem("bulkhead/one_point")).status == "feasible"
+
+
+def test_every_step_leads_to_a_goal_and_every_order_has_a_reason() -> None:
+    problem = load_problem("bulkhead/both_tools")
+    outcome = planning.plan(problem)
+    assert isinstance(outcome, Found)
+    task = ground(problem)
+    for step in outcome.plan.steps:
+        reason = why(task, outcome.plan, step.id)
+        assert reason.purposes
+        assert all(purpose.consumer is None or purpose.links for purpose in reason.purposes)
+        orders = [order for order in reason.orders if order.later.id == step.id]
+        assert [order.earlier.id for order in orders] == list(step.after)
+        assert all(order.reason for order in reason.orders)
+
+
+def test_a_step_that_is_not_there_is_bad_input() -> None:
+    problem = load_problem("bulkhead/one_point")
+    outcome = planning.plan(problem)
+    assert isinstance(outcome, Found)
+    with pytest.raises(InvalidInput, match="no step 9"):
+        why(ground(problem), outcome.plan, 9)

@@ -1,0 +1,114 @@
+"""Plans composed of MACROPs are valid, no dearer than the planner's by more than a twentieth, and never needed."""
+
+import dataclasses
+from pathlib import Path
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from engine.model.outcome import Found
+from engine.pipelines import planning
+from engine.pipelines.reuse import Answered, Practice
+from engine.stages.macros.lookup.repertoire import DOUBT_S, pays
+from engine.stages.validation import validate
+from kb.loader import load, with_goals
+from kb.model.conditions import TRUE
+from kb.model.macro import Macrop
+from kb.model.problem import Problem
+from kb.store import Library, Stored, Use
+from tests.places import BUNDLED as DOMAINS
+
+
+def bundled(name: str) -> Problem:
+    domain, problem = name.split("/")
+    found = load(DOMAINS / domain / "problems" / f"{problem}.yaml").problem
+    assert found is not None
+    return found
+
+
+def found_in(answered: Answered) -> Found:
+    assert isinstance(answered.outcome, Found)
+    return answered.outcome
+
+
+def answer(problem: Problem, folder: Path) -> Answered:
+    with Library(str(folder / "library.db")) as library, Practice(library) as practice:
+        return practice.plan(problem)
+
+
+def test_four_probes_are_four_instances_of_what_two_taught(tmp_path: Path) -> None:
+    problem = bundled("themse/four")
+    answered = answer(problem, tmp_path)
+    assert answered.origin == "parts"
+    assert len(answered.parts) == 4
+    assert len({part.macrop for part in answered.parts[1:]}) == 1
+    plan = found_in(answered).plan
+    assert validate(problem, plan) == []
+    assert sorted(n for part in answered.parts for n in part.steps) == [step.id for step in plan.steps]
+    planned = planning.plan(problem)
+    assert isinstance(planned, Found)
+    assert plan.cost <= 1.05 * planned.plan.cost
+
+
+def test_the_whole_is_learned_as_a_macrop_of_macrops(tmp_path: Path) -> None:
+    problem = bundled("themse/four")
+    first, second = answer(problem, tmp_path), answer(problem, tmp_path)
+    assert (second.origin, second.macrop) == ("library", first.macrop)
+    assert [part.steps for part in second.parts] == [part.steps for part in first.parts]
+    assert found_in(first).plan.steps == found_in(second).plan.steps
+
+
+places = ["slot(drawer, 1)", "slot(drawer, 2)", "slot(drawer, 3)", "slot(drawer, 4)", "slot(freezer, 1)"]
+many_goals = st.permutations(places).map(
+    lambda order: ", ".join(f"at(probe_{n}, {place})" for n, place in enumerate(order[:3], 1))
+)
+
+
+@pytest.mark.slow
+@given(goals=many_goals, other=many_goals)
+@settings(max_examples=4, deadline=None, suppress_health_check=list(HealthCheck))
+def test_parts_that_disturb_each_other_are_planned_together(tmp_path: Path, goals: str, other: str) -> None:
+    (tmp_path / "library.db").unlink(missing_ok=True)
+    base = dataclasses.replace(bundled("themse/four"), goal=TRUE, chains=())
+    for wanted in (goals, other):
+        problem = with_goals(base.domain, wanted, base)
+        plan = found_in(answer(problem, tmp_path)).plan
+        assert validate(problem, plan) == []
+
+
+def test_what_failed_to_pay_is_not_tried_again(tmp_path: Path) -> None:
+    problem = bundled("themse/four")
+    with Library(str(tmp_path / "library.db")) as library, Practice(library) as practice:
+        kinds = "| heated/2>cooled/2>stored/1"
+        library.note_trial("themse", f" {kinds}", False)
+        assert library.tried("themse", f" {kinds}") == (0, 1)
+        assert practice.plan(problem).origin == "planner"
+
+
+def test_a_macrop_that_costs_more_than_it_saves_is_not_offered() -> None:
+    macrop = _nothing()
+    assert pays(Stored(1, macrop, "", 0, 0.5, 0.0))
+    assert pays(Stored(1, macrop, "", 0, 5.0, 4.0))
+    assert not pays(Stored(1, macrop, "", 0, 0.5, DOUBT_S + 0.1))
+    assert pays(Stored(1, macrop, "", 100, 0.5, DOUBT_S + 0.1))
+
+
+def _nothing() -> Macrop:
+    from kb.terms import Function
+
+    return Macrop(Function("nothing"), "d", (), (), (), (), (), (), (), (), (), ())
+
+
+def test_time_spent_in_vain_is_charged(tmp_path: Path) -> None:
+    problem = bundled("bulkhead/one_point")
+    with Library(str(tmp_path / "library.db")) as library:
+        with Practice(library) as practice:
+            practice.plan(problem)
+            practice.plan(problem)
+        (first,) = library.all()
+        assert first.uses == 1
+        assert 0 < first.lookup_s < first.planning_s
+        library.used({first.id: Use(0, 1000.0)})
+        with Practice(library) as practice:
+            assert practice.plan(problem).origin == "planner"

@@ -1,0 +1,221 @@
+"""Sub-sequences that recur and pay become operators of later searches; those that do not, or have gone stale, do not."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from engine.faces.cli import app
+from engine.formats.interop.pddl import read_pddl
+from engine.model.outcome import Found, Offer, Statistics
+from engine.pipelines import planning
+from engine.pipelines.reuse import Practice
+from engine.pipelines.reuse.lessons import records
+from engine.pipelines.reuse.subsequences import FAILED, SIGNATURE, Subsequences, pattern_of
+from engine.stages.macros.learning.subsequences import fits
+from engine.stages.planning import Limits
+from engine.stages.planning.utility import measured
+from engine.stages.validation import validate
+from kb.model.domain import Domain, Operator
+from kb.model.problem import Problem
+from kb.store import Library, document, macrop_of
+from kb.store.utilities import RARELY, Utilities, Utility
+
+DOMAIN = """
+(define (domain parcels) (:requirements :strips)
+  (:predicates (at ?x ?l) (in ?p ?t) (truck ?t) (parcel ?p) (road ?a ?b))
+  (:action load :parameters (?p ?t ?l)
+    :precondition (and (parcel ?p) (truck ?t) (at ?p ?l) (at ?t ?l)) :effect (and (in ?p ?t) (not (at ?p ?l))))
+  (:action unload :parameters (?p ?t ?l)
+    :precondition (and (parcel ?p) (truck ?t) (in ?p ?t) (at ?t ?l)) :effect (and (at ?p ?l) (not (in ?p ?t))))
+  (:action drive :parameters (?t ?a ?b)
+    :precondition (and (truck ?t) (at ?t ?a) (road ?a ?b)) :effect (and (at ?t ?b) (not (at ?t ?a)))))
+"""
+
+
+def parcels(folder: Path, moves: str, name: str = "day") -> Problem:
+    """A truck for each letter, which moves its parcel from one town to the next: `ab` from a to b."""
+    towns = "abcd"
+    numbers = range(len(moves.split()))
+    roads = " ".join(f"(road {a} {b})" for a in towns for b in towns if a != b)
+    there = " ".join(f"(parcel p{n}) (at p{n} {move[0]})" for n, move in enumerate(moves.split()))
+    wanted = " ".join(f"(at p{n} {move[1]})" for n, move in enumerate(moves.split()))
+    things = " ".join(f"p{n}" for n in numbers)
+    text = (
+        f"(define (problem {name}) (:domain parcels) (:objects {things} t1 t2 {' '.join(towns)}) (:init {roads} {there} "
+        f"(truck t1) (truck t2) (at t1 a) (at t2 c)) (:goal (and {wanted})))"
+    )
+    (folder / "domain.pddl").write_text(DOMAIN)
+    (folder / f"{name}.pddl").write_text(text)
+    return read_pddl(folder / "domain.pddl", folder / f"{name}.pddl").problem
+
+
+@pytest.fixture
+def library(tmp_path: Path) -> Library:
+    return Library(str(tmp_path / "library.db"))
+
+
+def taught(library: Library, problem: Problem) -> Subsequences:
+    with Practice(library) as practice:
+        practice.plan(problem)
+        return practice.subsequences(problem.domain)
+
+
+def test_what_recurs_and_pays_is_kept_with_its_figures(library: Library, tmp_path: Path) -> None:
+    known = taught(library, parcels(tmp_path, "ab bc cd da ac bd"))
+    kept = library.serving("parcels", SIGNATURE)
+    figures = Utilities(library).of("parcels")
+    assert kept
+    for each in kept:
+        mine = [utility for (number, _), utility in figures.items() if number == each.id]
+        assert any(utility.pays for utility in mine)
+        assert each.uses >= 2
+        assert each.macrop.depends
+    offered = known.offered()
+    assert {*offered.backward, *offered.forward} <= {pattern_of(each.macrop) for each in kept}
+    assert offered.backward or offered.forward
+
+
+def test_a_kept_subsequence_serves_another_task_and_is_counted(library: Library, tmp_path: Path) -> None:
+    taught(library, parcels(tmp_path, "ab bc cd da ac bd"))
+    problem = parcels(tmp_path, "ba cb dc ad ca db ab", "other")
+    offers = Subsequences(library, problem.domain).offered()
+    searches = [search for search in ("backward", "forward") if getattr(offers, search)]
+    assert searches
+    for search in searches:
+        known = Subsequences(library, problem.domain)
+        outcome, _ = planning.planned(problem, Limits(strategy=search), known.offered())
+        assert isinstance(outcome, Found)
+        assert validate(problem, outcome.plan) == []
+        offer = outcome.statistics.offer
+        assert offer.search in ("", search)
+        before = Utilities(library).of()
+        known.note(outcome.statistics)
+        after = Utilities(library).of()
+        for (number, kind), utility in after.items():
+            had = before.get((number, kind), Utility())
+            assert utility.offered - had.offered == (kind == offer.search and bool(offer.offered))
+        assert sum(u.used for u in after.values()) == len(offer.used) + sum(u.used for u in before.values())
+
+
+def test_trials_repeat_and_count_the_work_without_once(tmp_path: Path, library: Library) -> None:
+    problem = parcels(tmp_path, "ab bc cd da")
+    _, task = planning.planned(problem)
+    known = taught(library, problem)
+    patterns = [pattern_of(each.macrop) for each in library.serving("parcels", SIGNATURE)]
+    assert patterns
+    for search in ("backward", "forward"):
+        first = measured(task, search, patterns)
+        assert first == measured(task, search, patterns)
+        assert set(first) == set(patterns)
+        assert all(trial.beside <= 2 * trial.without for trial in first.values())
+        assert measured(task, search, patterns, lambda: True) == {}
+    assert known.domain is problem.domain
+
+
+def test_after_an_edit_of_an_operator_nothing_that_rests_on_it_is_offered(
+    library: Library, tmp_path: Path
+) -> None:
+    problem = parcels(tmp_path, "ab bc cd da ac bd")
+    taught(library, problem)
+    domain = problem.domain
+
+    def edited(name: str) -> Domain:
+        operators = tuple(_holding(o) if o.name == name else o for o in domain.operators)
+        return replace(domain, operators=operators)
+
+    for name in ("load", "drive", "unload"):
+        offered = Subsequences(library, edited(name)).offered()
+        for pattern in (*offered.backward, *offered.forward):
+            assert name not in {step.name for step in pattern}
+
+
+def _holding(operator: Operator) -> Operator:
+    return replace(operator, resources=(*operator.resources, operator.parameters[0].variable))
+
+
+def test_what_pays_nowhere_is_dropped_and_what_is_offered_in_vain_is_offered_no_more(
+    library: Library, tmp_path: Path
+) -> None:
+    problem = parcels(tmp_path, "ab bc cd da ac bd")
+    known = taught(library, problem)
+    kept = library.serving("parcels", SIGNATURE)
+    vain = {(each.id, search): Utility(offered=RARELY) for each in kept for search in ("backward", "forward")}
+    Utilities(library).note(vain)
+    assert Subsequences(library, problem.domain).offered() == type(known.offered())()
+    loss = {key: Utility(trials=FAILED, without=1, beside=10**9) for key in vain}
+    Utilities(library).note(loss)
+    taught(library, parcels(tmp_path, "ba cb dc ad", "more"))
+    assert not {each.id for each in kept} & {each.id for each in library.serving("parcels", SIGNATURE)}
+
+
+def test_they_are_exported_and_imported_as_what_they_are_and_never_looked_up(
+    library: Library, tmp_path: Path
+) -> None:
+    problem = parcels(tmp_path, "ab bc cd da ac bd")
+    taught(library, problem)
+    copies = [macrop_of(document(each.macrop)) for each in library.all() if each.macrop.subsequence]
+    assert copies
+    with Library(str(tmp_path / "other.db")) as other:
+        other.add(records(copies))
+        assert [each.macrop for each in other.serving("parcels", SIGNATURE)] == copies
+        with Practice(other) as practice:
+            repertoire = practice.repertoire(problem.domain)
+            repertoire.load()
+            assert len(repertoire) == 0
+
+
+def test_a_library_that_is_only_used_is_left_as_it_is(library: Library, tmp_path: Path) -> None:
+    taught(library, parcels(tmp_path, "ab bc cd da ac bd"))
+    before = (Utilities(library).of(), library.serving("parcels", SIGNATURE))
+    with Practice(library, Limits(strategy="forward"), learns=False) as practice:
+        answered = practice.plan(parcels(tmp_path, "ba cb dc ad ca", "other"))
+    assert isinstance(answered.outcome, Found)
+    assert (Utilities(library).of(), library.serving("parcels", SIGNATURE)) == before
+
+
+def test_what_no_search_was_offered_is_not_counted(library: Library, tmp_path: Path) -> None:
+    known = taught(library, parcels(tmp_path, "ab bc cd da ac bd"))
+    before = Utilities(library).of()
+    known.note(Statistics())
+    known.note(Statistics(offer=Offer("forward", (), ())))
+    assert Utilities(library).of() == before
+
+
+def test_a_folded_plan_has_every_step_once_and_shows_the_macrops_in_it(
+    library: Library, tmp_path: Path
+) -> None:
+    problem = parcels(tmp_path, "ab bc cd da ac bd")
+    known = taught(library, problem)
+    outcome = planning.plan(problem)
+    assert isinstance(outcome, Found)
+    parts = known.folded(outcome.plan)
+    assert sorted(step for part in parts for step in part.steps) == [step.id for step in outcome.plan.steps]
+    steps = {step.id: step.operator for step in outcome.plan.steps}
+    patterns = {each.id: pattern_of(each.macrop) for each in library.serving("parcels", SIGNATURE)}
+    inner = [part for part in parts if part.macrop is not None]
+    assert inner
+    for part in inner:
+        assert part.macrop is not None
+        assert fits(patterns[part.macrop], [steps[each] for each in part.steps])
+
+
+def test_commands_tell_what_searches_had_of_subsequences(library: Library, tmp_path: Path) -> None:
+    taught(library, parcels(tmp_path, "ab bc cd da ac bd"))
+    listed, told = (
+        CliRunner().invoke(app, ["macros", verb, "--store", library.target, "--format", "json"])
+        for verb in ("list", "stats")
+    )
+    kept = {each.id for each in library.serving("parcels", SIGNATURE)}
+    figures = Utilities(library).of()
+    for entry in json.loads(listed.stdout)["data"]["macrops"]:
+        assert ("in_search" in entry) == (entry["number"] in kept)
+        for search, found in entry.get("in_search", {}).items():
+            assert found["without"] == figures[entry["number"], search].without
+    assert json.loads(told.stdout)["data"]["subsequences"]["macrops"] == len(kept)
+    text = (
+        CliRunner().invoke(app, ["macros", "list", "--store", library.target], env={"COLUMNS": "200"}).stdout
+    )
+    assert "in search" in text

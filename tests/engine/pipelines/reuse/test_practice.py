@@ -1,0 +1,172 @@
+"""Lookup first, planning else, learning after: whatever a library answers passes the independent checker."""
+
+import dataclasses
+from pathlib import Path
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from engine.model.outcome import Found
+from engine.pipelines.reuse import Answered, Practice
+from engine.stages.macros.lookup.query import Situation
+from engine.stages.planning import Limits
+from engine.stages.validation import validate
+from kb.diagnostics import InvalidInput
+from kb.loader import load, with_goals
+from kb.model.conditions import TRUE
+from kb.model.problem import Problem
+from kb.store import Library
+from kb.terms import Function, Number, ordered
+from tests.places import BUNDLED as DOMAINS
+
+POINTS = """
+problem: points
+domain: bulkhead
+objects: {measurement: [m1..6]}
+statics:
+  - needs(m1, thickness), needs(m2, thickness), needs(m3, thickness), needs(m4, profile), needs(m5, profile)
+  - needs(m6, profile)
+initial:
+  - at(t3_746, in_contact_point(meas(m1))), holding(t3_746, us_probe)
+goals:
+  - measured(_, _, meas(m2))
+"""
+
+point = st.integers(1, 6).map("measured(_, _, meas(m{}))".format)
+bulkhead_goal = st.one_of(
+    point,
+    st.lists(point, min_size=2, max_size=3, unique=True).map(", ".join),
+    st.integers(1, 6).map("at(t3_746, approach_point(meas(m{})))".format),
+    st.sampled_from(["us_probe", "slra"]).map("holding(t3_746, {})".format),
+    st.sampled_from(["us_probe", "slra"]).map("location({}, t3_746, in_rack)".format),
+)
+probe = st.integers(1, 4)
+themse_goal = st.one_of(
+    st.builds("inside(probe_{}, {})".format, probe, st.sampled_from(["furnace", "freezer", "drawer"])),
+    st.builds("at(probe_{}, mars_gripper)".format, probe),
+    st.builds("position({})".format, st.sampled_from(["flap, open", "drawer, open", "bayonet, locked"])),
+    st.just("at(lid, stand)"),
+)
+
+
+@pytest.fixture(scope="module")
+def points(tmp_path_factory: pytest.TempPathFactory) -> Problem:
+    file = tmp_path_factory.mktemp("points") / "points.yaml"
+    file.write_text(POINTS)
+    problem = load(file).problem
+    assert problem is not None
+    return problem
+
+
+@pytest.fixture(scope="module")
+def probes() -> Problem:
+    problem = load(DOMAINS / "themse" / "problems" / "four.yaml").problem
+    assert problem is not None
+    return dataclasses.replace(problem, goal=TRUE, chains=())
+
+
+def asked(problem: Problem, goals: str) -> Problem:
+    return with_goals(problem.domain, goals, problem)
+
+
+def plan_of(answered: Answered) -> Found:
+    assert isinstance(answered.outcome, Found)
+    return answered.outcome
+
+
+def assert_valid(problem: Problem, here: Situation, answered: Answered) -> None:
+    before = problem.replace(ordered(here.facts))
+    assert validate(before, plan_of(answered).plan) == []
+
+
+def work_through(problem: Problem, goals: list[str], folder: Path) -> list[str]:
+    """Serve goals one after another, each from where the last one ended; the origins of the plans."""
+    file = folder / "library.db"
+    file.unlink(missing_ok=True)
+    origins = []
+    with Library(str(file)) as library, Practice(library, Limits(expansions=20_000)) as practice:
+        here = practice.situation(problem)
+        for goal in goals:
+            wanted = asked(problem, goal)
+            answered = practice.plan(wanted, here)
+            assert_valid(wanted, here, answered)
+            assert answered.after is not None
+            origins.append(answered.origin)
+            here = answered.after
+    return origins
+
+
+SETTINGS = settings(max_examples=8, deadline=None, suppress_health_check=list(HealthCheck))
+
+
+@given(goals=st.lists(bulkhead_goal, min_size=4, max_size=8))
+@SETTINGS
+def test_every_plan_in_a_day_of_measuring_is_valid(points: Problem, tmp_path: Path, goals: list[str]) -> None:
+    work_through(points, goals, tmp_path)
+
+
+@pytest.mark.slow
+@given(goals=st.lists(themse_goal, min_size=4, max_size=7))
+@SETTINGS
+def test_every_plan_in_a_day_at_the_rack_is_valid(probes: Problem, tmp_path: Path, goals: list[str]) -> None:
+    work_through(probes, goals, tmp_path)
+
+
+def test_what_was_planned_once_is_looked_up_for_other_objects(points: Problem, tmp_path: Path) -> None:
+    goals = [f"measured(_, _, meas(m{n}))" for n in (2, 3, 1)]
+    assert work_through(points, goals, tmp_path) == ["planner", "library", "library"]
+
+
+def test_a_goal_that_holds_needs_no_plan(points: Problem, tmp_path: Path) -> None:
+    assert work_through(points, ["holding(t3_746, us_probe)"], tmp_path) == ["state"]
+
+
+def test_another_process_serves_what_one_has_learned(points: Problem, tmp_path: Path) -> None:
+    target = str(tmp_path / "library.db")
+    with Library(target) as one, Library(target) as other, Practice(other) as reader:
+        first = asked(points, "measured(_, _, meas(m2))")
+        assert reader.plan(asked(points, "at(t3_746, approach_point(meas(m2)))")).origin == "planner"
+        with Practice(one) as writer:
+            learned = writer.plan(first)
+        found = reader.plan(first)
+        assert (learned.origin, found.origin, found.macrop) == ("planner", "library", learned.macrop)
+    with Library(target) as library:
+        assert library.figures().uses == 1
+
+
+def test_what_is_infeasible_is_not_learned(points: Problem, tmp_path: Path) -> None:
+    heavy = dataclasses.replace(points, statics=tuple(s for s in points.statics if s.name != "needs"))
+    with Library(str(tmp_path / "library.db")) as library, Practice(library) as practice:
+        answered = practice.plan(asked(heavy, "measured(_, _, meas(m4))"))
+        assert not isinstance(answered.outcome, Found)
+        assert library.all() == []
+
+
+def test_the_thorough_way_finds_the_same(points: Problem, tmp_path: Path) -> None:
+    with Library(str(tmp_path / "library.db")) as library, Practice(library, thorough=True) as practice:
+        first = practice.plan(asked(points, "measured(_, _, meas(m2))"))
+        again = practice.plan(asked(points, "measured(_, _, meas(m3))"))
+        assert (first.origin, again.origin) == ("planner", "library")
+        assert len(plan_of(first).plan.steps) == len(plan_of(again).plan.steps)
+
+
+def test_what_no_plan_is_made_for_is_not_looked_up_either(probes: Problem, tmp_path: Path) -> None:
+    wanted = asked(probes, "at(probe_1, mars_gripper)")
+    crowded = dataclasses.replace(wanted, statics=(*wanted.statics, *_both_at_home()))
+    both = tuple(atom for each in ("open", "closed") for atom in _position(each))
+    with Library(str(tmp_path / "library.db")) as library, Practice(library) as practice:
+        assert practice.plan(wanted).origin == "planner"
+        with pytest.raises(InvalidInput, match="K204"):
+            practice.plan(crowded)
+        with pytest.raises(InvalidInput, match="K301"):
+            practice.plan(dataclasses.replace(wanted, initial=both))
+
+
+def _both_at_home() -> tuple[Function, ...]:
+    slot = Function("slot", (Function("drawer"), Number(1)))
+    return tuple(Function("own_depot", (Function(name), slot)) for name in ("probe_1", "probe_2"))
+
+
+def _position(setting: str) -> tuple[Function, ...]:
+    return (Function("position", (Function("flap"), Function(setting))),)

@@ -1,0 +1,60 @@
+"""Plans in the middle of their execution, and somebody who changes the world meanwhile."""
+
+import random
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+from engine.model.task import progress
+from engine.pipelines.revision import Course
+from engine.pipelines.revision.observing import expected
+from engine.pipelines.revision.remaining import stages_reached
+from engine.stages.macros.lookup.checking import changes_of
+from kb.loader.plan import load_plan
+from kb.model.plan import StepId
+from kb.terms import Atom
+from tests.places import BUNDLED as DOMAINS
+
+PLANS = sorted(
+    path
+    for path in DOMAINS.glob("*/golden/*.json")
+    if '"status": "found"' in path.read_text(encoding="utf-8")
+)
+
+
+@cache
+def course(path: Path) -> Course:
+    return Course.of(*load_plan(path))
+
+
+@dataclass(frozen=True)
+class Moment:
+    """Steps that are done, and what is true now."""
+
+    done: tuple[StepId, ...]
+    observed: tuple[Atom, ...]
+
+
+def moment(course: Course, cut: int, acts: int, losses: int, draw: random.Random) -> Moment:
+    """After the first `cut` steps somebody takes a few steps of their own, and a few facts get lost."""
+    steps = course.plan.steps[:cut]
+    done = tuple(step.id for step in steps)
+    reached = stages_reached(course.problem.chains, changes_of(course.start, steps))
+    state = course.bits(expected(course, done).facts, reached)
+    for _ in range(acts):
+        possible = [
+            each
+            for each in course.task.operators
+            if not each.preconditions & ~state and not _is_stage(course.named(each.adds | each.deletes))
+        ]
+        if possible:
+            state = progress(state, draw.choice(possible))
+    facts = [atom for atom in course.named(state) if atom.name != "not" and not atom.name.startswith("_")]
+    for _ in range(min(losses, len(facts))):
+        facts.pop(draw.randrange(len(facts)))
+    return Moment(done, tuple(facts))
+
+
+def _is_stage(atoms: Sequence[Atom]) -> bool:
+    return any(atom.name.startswith("_") for atom in atoms)

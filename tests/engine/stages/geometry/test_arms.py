@@ -1,0 +1,167 @@
+"""Forward and inverse kinematics of every bundled arm, and of arms made up here."""
+
+import math
+
+import numpy as np
+import pytest
+
+from engine.kernels.geometry.checks import carriers
+from engine.model.geometry import Floats
+from engine.stages.geometry import transforms
+from engine.stages.geometry.kinematics.arms import ArmModel, carrier_poses, wrapped
+from engine.stages.geometry.kinematics.inverse import InverseKinematics, Solver, pose_error, turns
+from kb.model.cell import Arm, Joint, JointKind, Pose
+
+SOLVERS = {
+    "manutec_r3": Solver.SPHERICAL_WRIST,
+    "puma_560": Solver.SPHERICAL_WRIST,
+    "t3_746": Solver.SPHERICAL_WRIST,
+    "ur5": Solver.PARALLEL_AXES,
+}
+
+
+def worst_error(model: ArmModel, poses: Floats, q: Floats) -> float:
+    return float(np.abs(pose_error(model, poses, q)).max())
+
+
+def test_the_right_solver_is_read_off_the_axes(models: dict[str, ArmModel]) -> None:
+    assert {name: InverseKinematics(model).solver for name, model in models.items()} == SOLVERS
+
+
+def test_forward_kinematics_is_the_product_of_the_published_table(models: dict[str, ArmModel]) -> None:
+    """The Puma's table multiplied out here, entry by entry."""
+    q = np.array([0.3, -0.4, 0.5, 0.6, 0.7, -0.8])
+    a, d = [0, 0.4318, 0.0203, 0, 0, 0], [0.6718, 0, 0.15, 0.4318, 0, 0]
+    alpha = np.array([90, 0, -90, 90, -90, 0]) * math.pi / 180
+    T = np.eye(4)
+    for i in range(6):
+        ct, st, ca, sa = math.cos(q[i]), math.sin(q[i]), math.cos(alpha[i]), math.sin(alpha[i])
+        T = T @ np.array(
+            [
+                [ct, -st * ca, st * sa, a[i] * ct],
+                [st, ct * ca, -ct * sa, a[i] * st],
+                [0, sa, ca, d[i]],
+                [0, 0, 0, 1],
+            ]
+        )
+    assert np.abs(models["puma_560"].flange_pose(q) - T).max() < 1e-15
+
+
+def test_inverse_kinematics_of_ten_thousand_poses_is_exact_and_misses_nothing(
+    model: ArmModel, rng: np.random.Generator
+) -> None:
+    """Every answer takes its pose, and the configuration a pose was made from is among them."""
+    q = model.random(10_000, rng)
+    poses = model.flange_pose(q)
+    found = InverseKinematics(model).solve(poses)
+    row, branch = np.nonzero(found.valid)
+    assert worst_error(model, poses[row], found.q[row, branch]) < 1e-9
+    missed = np.abs(wrapped(found.q - q[:, None])).max(axis=-1)
+    assert np.where(found.valid, missed, np.inf).min(axis=1).max() < 1e-6
+
+
+def test_a_pose_out_of_reach_has_no_solution(model: ArmModel) -> None:
+    far = model.flange_pose(np.zeros(6))
+    far[:3, 3] = 100.0
+    assert not InverseKinematics(model).solve(far[None]).valid.any()
+
+
+def test_singular_configurations_have_solutions_that_reach(model: ArmModel) -> None:
+    special = np.array(np.meshgrid(*[[0.0, math.pi / 2, -math.pi / 2, math.pi]] * 5)).reshape(5, -1).T
+    q = np.column_stack([np.full(len(special), 0.3), special])
+    poses = model.flange_pose(q)
+    found = InverseKinematics(model).solve(poses)
+    assert found.valid.any(axis=1).all()
+    row, branch = np.nonzero(found.valid)
+    assert worst_error(model, poses[row], found.q[row, branch]) < 1e-9
+
+
+def test_a_batch_answers_as_single_poses_do(model: ArmModel, rng: np.random.Generator) -> None:
+    q = model.random(20, rng)
+    poses = model.flange_pose(q)
+    together = InverseKinematics(model).solve(poses)
+    for n in range(len(q)):
+        alone = InverseKinematics(model).solve(poses[n : n + 1])
+        assert np.array_equal(alone.q[0], together.q[n])
+        assert np.array_equal(alone.valid[0], together.valid[n])
+        assert np.array_equal(model.flange_pose(q[n]), poses[n])
+        assert np.abs(model.jacobian(q)[n] - model.jacobian(q[n])).max() < 1e-15
+
+
+def test_the_jacobian_is_the_derivative_of_the_pose(model: ArmModel, rng: np.random.Generator) -> None:
+    q, step = model.random(20, rng), 1e-6
+    J = model.jacobian(q)
+    for joint in range(6):
+        ahead, behind = q.copy(), q.copy()
+        ahead[:, joint] += step
+        behind[:, joint] -= step
+        slope = pose_error(model, model.flange_pose(ahead), behind) / (2 * step)
+        assert np.abs(slope - J[:, :, joint]).max() < 1e-8
+
+
+def test_the_compiled_forward_kinematics_agrees_with_numpy(model: ArmModel, rng: np.random.Generator) -> None:
+    joints, q = model.joints, model.random(50, rng)
+    out = np.empty((50, 7, 3, 4))
+    carriers(joints.parent, joints.T_parent_origin, joints.axis, joints.prismatic, q, out)
+    assert np.abs(out - carrier_poses(joints, q)[:, :, :3]).max() < 1e-14
+
+
+def test_whole_turns_within_the_limits_are_offered(models: dict[str, ArmModel]) -> None:
+    found = turns(models["ur5"], np.array([0.5, 0, 0, 0, 0, 0]))
+    assert len(found) == 2 * 3**5
+    assert models["ur5"].within_limits(found).all()
+    assert len(turns(models["manutec_r3"], np.array([3.0, 0, 0, 0, 0, 0]))) == 0
+
+
+def arm_of(*joints: Joint) -> ArmModel:
+    return ArmModel(Arm("made_up", joints, flange=(Pose((0.1, 0.0, 0.2)),)))
+
+
+def test_an_arm_without_a_closed_form_is_searched(rng: np.random.Generator) -> None:
+    """Six axes, no three of which are parallel or meet."""
+    joints = []
+    for number in range(6):
+        turn = (float(rng.uniform(-1.5, 1.5)), float(rng.uniform(-1.5, 1.5)), 0.0)
+        joints.append(Joint(f"j{number}", (Pose((0.1, 0.05 * number, 0.3), turn),), lower=-3.0, upper=3.0))
+    model = arm_of(*joints)
+    solver = InverseKinematics(model)
+    assert solver.solver is Solver.ITERATIVE
+    poses = model.flange_pose(model.random(10, rng))
+    found = solver.solve(poses)
+    assert found.valid.any(axis=1).all()
+    row, branch = np.nonzero(found.valid)
+    assert worst_error(model, poses[row], found.q[row, branch]) < 1e-9
+
+
+def test_prismatic_joints_move_along_their_axis() -> None:
+    model = arm_of(
+        Joint("lift", (), (0.0, 0.0, 1.0), JointKind.PRISMATIC, 0.0, 1.0),
+        Joint("turn", (Pose((0.5, 0.0, 0.0)),), lower=-3.0, upper=3.0),
+    )
+    assert np.allclose(model.flange_pose(np.array([0.4, 0.0]))[:3, 3], [0.6, 0.0, 0.6])
+    assert np.allclose(model.jacobian(np.array([0.4, 0.0]))[:, 0], [0, 0, 1, 0, 0, 0])
+
+
+@pytest.mark.parametrize("oblique", [0.3, 1.1, math.pi / 2])
+def test_wrists_of_any_angle_are_one_case(oblique: float, rng: np.random.Generator) -> None:
+    right = math.pi / 2
+    turned = [Pose((0.0, 0.0, 0.4), (right, 0, 0)), Pose((0.5, 0, 0.1)), Pose((0.1, 0, 0.0), (right, 0, 0))]
+    wrist = [Pose((0.0, 0.0, 0.6), (oblique, 0, 0)), Pose((0, 0, 0), (-oblique, 0, 0))]
+    origins = [(), *((pose,) for pose in (*turned, *wrist))]
+    model = arm_of(*(Joint(f"j{n}", origin, lower=-3.1, upper=3.1) for n, origin in enumerate(origins)))
+    q = model.random(500, rng)
+    found = InverseKinematics(model).solve(model.flange_pose(q))
+    nearest = np.where(found.valid, np.abs(wrapped(found.q - q[:, None])).max(axis=-1), np.inf).min(axis=1)
+    regular = np.linalg.svd(model.jacobian(q), compute_uv=False)[:, -1] > 1e-3
+    assert InverseKinematics(model).solver is Solver.SPHERICAL_WRIST
+    assert nearest[regular].max() < 1e-6
+
+
+def test_assumptions_are_marked(models: dict[str, ArmModel]) -> None:
+    assert any("joints 4 to 6" in each for each in models["manutec_r3"].arm.assumptions)
+    assert any("T3-776" in each for each in models["t3_746"].arm.assumptions)
+
+
+def test_random_configurations_keep_the_limits(model: ArmModel, rng: np.random.Generator) -> None:
+    assert model.within_limits(model.random(1000, rng)).all()
+    assert transforms.is_rigid(model.flange_pose(model.random(10, rng)))

@@ -1,0 +1,217 @@
+"""Pictures without a display, and glTF that says where everything is."""
+
+import base64
+import json
+import math
+import struct
+import zlib
+from typing import Any
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from engine.model.geometry import Floats, Joints, Piece
+from engine.stages.geometry import transforms
+from engine.stages.geometry.collision.builtin import BuiltinBackend
+from engine.stages.geometry.kinematics.arms import carrier_poses
+from engine.stages.geometry.pictures import png, svg
+from engine.stages.geometry.pictures.camera import AZIMUTH_RAD, ELEVATION_RAD, looking_at
+from engine.stages.geometry.pictures.gltf import document, quaternion
+from engine.stages.geometry.pictures.surfaces import MARKED, Surface, mesh_of, surfaces
+from engine.stages.geometry.pictures.view import View, as_gltf, as_png, as_svg, view_of
+from engine.stages.geometry.world.scenes import scene_of
+from kb.loader import bundled
+from kb.loader.cell import load_cell
+
+HITTING = "0, 45, -20, 0, 60, 0"
+
+
+@pytest.fixture(scope="module")
+def hitting() -> View:
+    return view_of(load_cell(bundled()["themse"] / "cell.yaml"), BuiltinBackend(), [HITTING])
+
+
+def pixels(picture: bytes) -> Floats:
+    """A PNG without filters as (height, width, 3), its checksums verified."""
+    assert picture[:8] == b"\x89PNG\r\n\x1a\n"
+    at, found = 8, {}
+    while at < len(picture):
+        (length,) = struct.unpack_from(">I", picture, at)
+        kind, content = picture[at + 4 : at + 8], picture[at + 8 : at + 8 + length]
+        assert struct.unpack_from(">I", picture, at + 8 + length) == (zlib.crc32(kind + content),)
+        found[kind] = content
+        at += 12 + length
+    width, height, bits, colour = struct.unpack_from(">IIBB", found[b"IHDR"])
+    assert (bits, colour) == (8, 2)
+    rows = np.frombuffer(zlib.decompress(found[b"IDAT"]), np.uint8).reshape(height, 1 + 3 * width)
+    assert not rows[:, 0].any()
+    return rows[:, 1:].reshape(height, width, 3).astype(float)
+
+
+def test_a_colliding_pair_is_marked_in_both_pictures(hitting: View) -> None:
+    assert hitting.contacts
+    image = pixels(as_png(hitting, AZIMUTH_RAD, ELEVATION_RAD))
+    assert image.shape == (720, 960, 3)
+    red = (image[..., 0] > 1.8 * image[..., 1]) & (image[..., 0] > 2.5 * image[..., 2])
+    assert red.sum() > 500
+    root = ElementTree.fromstring(as_svg(hitting, AZIMUTH_RAD, ELEVATION_RAD))
+    said = [each.text or "" for each in root.iter("{http://www.w3.org/2000/svg}text")]
+    assert len(said) == len(hitting.contacts)
+    assert said[0].startswith(f"{hitting.contacts[0].first} / {hitting.contacts[0].second}: ")
+    free = view_of(hitting.world.cell, BuiltinBackend())
+    assert not any(each.marked for each in surfaces(free.world, scene_of(free.world), free.contacts))
+    assert "<text" not in as_svg(free, AZIMUTH_RAD, ELEVATION_RAD)
+
+
+def test_the_same_view_gives_the_same_bytes(hitting: View) -> None:
+    for draw in (as_png, as_svg):
+        assert draw(hitting, 0.3, 0.4) == draw(hitting, 0.3, 0.4)
+    assert as_gltf(hitting) == as_gltf(hitting)
+
+
+def test_what_is_nearer_hides_what_is_farther() -> None:
+    square = np.array([[[0, 0, 0], [1, 0, 0], [1, 1, 0]], [[0, 0, 0], [1, 1, 0], [0, 1, 0]]], dtype=float)
+    triangles = np.concatenate([square + np.array([0, 0, 1.0]), square])
+    camera = looking_at(triangles.reshape(-1, 3), (60, 60), -math.pi / 2, math.pi / 2)
+    colours = np.array([[1.0, 0, 0]] * 2 + [[0, 0, 1.0]] * 2)
+    middle = pixels(png.draw(camera, triangles, colours))[30, 30]
+    assert middle[0] > 100 > middle[2]
+    polygons = [line for line in svg.draw(camera, triangles, colours).splitlines() if "<polygon" in line]
+    last = polygons[-1].split('fill="#')[1][:6]
+    assert int(last[:2], 16) > 100 > int(last[4:], 16)
+
+
+@given(st.floats(-3.2, 3.2), st.floats(-1.5, 1.5), st.integers(0, 1000))
+def test_everything_is_in_the_picture(azimuth: float, elevation: float, seed: int) -> None:
+    points = np.random.default_rng(seed).normal(size=(20, 3))
+    seen = looking_at(points, (300, 200), azimuth, elevation).project(points)
+    assert (seen[:, :2] >= -1e-6).all()
+    assert (seen[:, 0] <= 300 + 1e-6).all()
+    assert (seen[:, 1] <= 200 + 1e-6).all()
+
+
+@given(st.integers(0, 2**32 - 1))
+def test_surfaces_are_closed_turned_outwards_and_lie_on_their_piece(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    axis = rng.normal(size=3)
+    T = transforms.transform(transforms.rotation(axis / np.linalg.norm(axis), 1.0), rng.normal(size=3))
+    ends = [np.zeros((1, 3)), rng.normal(size=(2, 3)), rng.normal(size=(8, 3))]
+    for vertices in ends:
+        radius = 0.2 if len(vertices) < 3 else 0.0
+        piece = Piece("piece", 1, T, vertices, radius)
+        points, triangles = mesh_of(piece)
+        corners = points[triangles]
+        volume = np.einsum("ni,ni->", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])) / 6
+        assert volume > 0
+        low = (transforms.apply(T, vertices) - radius).min(axis=0) - 1e-9
+        high = (transforms.apply(T, vertices) + radius).max(axis=0) + 1e-9
+        assert ((points >= low) & (points <= high)).all()
+
+
+@given(st.integers(0, 2**32 - 1), st.sampled_from([0.0, 1e-8, 1.0, math.pi - 1e-8, math.pi]))
+def test_a_quaternion_turns_as_its_rotation_does(seed: int, angle: float) -> None:
+    axis = np.random.default_rng(seed).normal(size=3)
+    R = transforms.rotation(axis / np.linalg.norm(axis), angle)
+    assert np.abs(turned(quaternion(R)) - R).max() < 1e-9
+
+
+def turned(q: Floats) -> Floats:
+    """The rotation (3, 3) of a quaternion (x, y, z, w)."""
+    angle = 2 * math.atan2(float(np.linalg.norm(q[:3])), q[3])
+    length = np.linalg.norm(q[:3])
+    return transforms.rotation(q[:3] / length if length else np.array([0.0, 0, 1]), angle)
+
+
+class Gltf:
+    """A glTF file read again, as a viewer would."""
+
+    def __init__(self, text: str) -> None:
+        self.content: dict[str, Any] = json.loads(text)
+        uri = self.content["buffers"][0]["uri"]
+        self.data = base64.b64decode(uri.partition(",")[2])
+        assert len(self.data) == self.content["buffers"][0]["byteLength"]
+
+    def numbers(self, accessor: int) -> Floats:
+        entry = self.content["accessors"][accessor]
+        view = self.content["bufferViews"][entry["bufferView"]]
+        kind = {5126: "<f4", 5125: "<u4"}[entry["componentType"]]
+        raw = self.data[view["byteOffset"] : view["byteOffset"] + view["byteLength"]]
+        values = np.frombuffer(raw, kind).reshape(entry["count"], -1)
+        assert np.array_equal(values.min(axis=0), np.array(entry["min"], kind))
+        assert np.array_equal(values.max(axis=0), np.array(entry["max"], kind))
+        return values.astype(float)
+
+    def poses(self, moved: dict[int, dict[str, Floats]] | None = None) -> dict[str, Floats]:
+        """Of every node by name, in the cell (z up); `moved` overrides translations and rotations of nodes."""
+        found: dict[str, Floats] = {}
+
+        def visit(number: int, above: Floats) -> None:
+            node = {**self.content["nodes"][number], **(moved or {}).get(number, {})}
+            R = turned(np.array(node.get("rotation", [0, 0, 0, 1])))
+            here = above @ transforms.transform(R, np.array(node.get("translation", [0, 0, 0])))
+            found[node["name"]] = here
+            for child in node.get("children", []):
+                visit(child, here)
+
+        (root,) = self.content["scenes"][0]["nodes"]
+        visit(root, np.eye(4))
+        up = found["cell"]
+        return {name: transforms.inverse(up) @ T for name, T in found.items()}
+
+    def at(self, time_s: float) -> dict[str, Floats]:
+        """The poses at a time, rotations interpolated the short way round."""
+        (animation,) = self.content["animations"]
+        moved = {}
+        for channel in animation["channels"]:
+            sampler = animation["samplers"][channel["sampler"]]
+            times, values = self.numbers(sampler["input"])[:, 0], self.numbers(sampler["output"])
+            after = int(np.clip(np.searchsorted(times, time_s), 1, len(times) - 1))
+            part = (time_s - times[after - 1]) / (times[after] - times[after - 1])
+            a, b = values[after - 1], values[after]
+            mixed = (1 - part) * a + part * b
+            if channel["target"]["path"] == "rotation":
+                b = -b if a @ b < 0 else b
+                angle = math.acos(min(1.0, float(a @ b)))
+                mixed = a if angle < 1e-9 else (math.sin((1 - part) * angle) * a + math.sin(part * angle) * b)
+                mixed = mixed / np.linalg.norm(mixed)
+            moved[channel["target"]["node"]] = {channel["target"]["path"]: mixed}
+        return self.poses(moved)
+
+
+def test_the_nodes_of_a_gltf_stand_where_the_carriers_do(hitting: View) -> None:
+    read, world = Gltf(as_gltf(hitting)), hitting.world
+    rest = carrier_poses(world.joints, hitting.configurations[0])
+    for number in range(1, world.joints.count + 1):
+        assert np.abs(read.poses()[f"carrier {number}"] - rest[number]).max() < 1e-9
+    meshes = [node for node in read.content["nodes"] if "mesh" in node]
+    assert {node["name"] for node in meshes} == set(scene_of(world).bodies)
+    colours = [m["pbrMetallicRoughness"]["baseColorFactor"][:3] for m in read.content["materials"]]
+    assert list(MARKED) in colours
+    assert read.content["asset"]["version"] == "2.0"
+
+
+def test_a_motion_passes_through_every_configuration_and_interpolates_joints() -> None:
+    joints = Joints(
+        np.array([0, 1, 2]),
+        np.stack([transforms.translation(0, 0, 0.3), transforms.translation(0.5, 0, 0), np.eye(4)]),
+        np.array([[0, 0, 1.0], [0, 1.0, 0], [1.0, 0, 0]]),
+        np.array([False, False, True]),
+        np.full(3, -7.0),
+        np.full(3, 7.0),
+    )
+    shown = [Surface("tip", 3, np.eye(3), np.array([[0, 1, 2]]), (0.5, 0.5, 0.5))]
+    passed = np.array([[0.0, 0.0, 0.0], [6.0, -1.0, 0.5], [-1.0, 2.5, 0.0]])
+    times = np.array([0.0, 2.0, 3.0])
+    read = Gltf(document(shown, joints, times, passed))
+    for time_s in np.linspace(0.0, 3.0, 13):
+        q = np.array([np.interp(time_s, times, passed[:, k]) for k in range(3)])
+        expected = carrier_poses(joints, q)[-1]
+        assert np.abs(read.at(float(time_s))["tip"] - expected).max() < 1e-5
+
+
+def test_one_configuration_is_a_scene_without_motion(hitting: View) -> None:
+    still = view_of(hitting.world.cell, BuiltinBackend())
+    assert "animations" not in json.loads(as_gltf(still))

@@ -1,0 +1,133 @@
+"""The compiled distances against the difference written out corner by corner."""
+
+import math
+from itertools import product
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from engine.kernels.geometry.distance import separation
+from engine.kernels.geometry.volumes import segment_block_gap, segment_gap
+from engine.model.geometry import Floats
+from engine.stages.geometry.collision.reference import signed_distance
+from engine.stages.geometry.shapes.hull import FlatError, hull_triangles, planes
+from engine.stages.geometry.transforms import rotation
+
+kinds = st.sampled_from(["point", "segment", "block", "cloud", "plate"])
+seeds = st.integers(0, 2**32 - 1)
+
+
+def body(kind: str, rng: np.random.Generator) -> Floats:
+    vertices = {
+        "point": np.zeros((1, 3)),
+        "segment": np.array([[0, 0, -0.5], [0, 0, 0.5]]),
+        "block": np.array(list(product((-0.5, 0.5), repeat=3))) * rng.uniform(0.1, 1, 3),
+        "cloud": rng.normal(size=(int(rng.integers(4, 12)), 3)) * 0.4,
+        "plate": rng.normal(size=(4, 3)) * (0.5, 0.5, 0.0),
+    }[kind]
+    axis = rng.normal(size=3)
+    turned = (
+        rotation(axis / np.linalg.norm(axis), float(rng.uniform(0, 6))) if rng.random() < 0.6 else np.eye(3)
+    )
+    shift = rng.normal(size=3) * rng.choice([0.0, 0.3, 1.0])
+    return vertices @ turned.T + (np.round(shift * 2) / 2 if rng.random() < 0.4 else shift)
+
+
+def compiled(first: Floats, second: Floats, radii: tuple[float, float] = (0.0, 0.0)) -> tuple[float, Floats]:
+    out = np.empty(9)
+    rows = np.vstack([first, second])
+    split = len(first)
+    found = separation(rows, 0, split, radii[0], split, len(second), radii[1], np.empty((5, 10)), out)
+    return found, out
+
+
+@settings(max_examples=400, deadline=None)
+@given(kinds, kinds, seeds)
+def test_compiled_distances_agree_with_the_plain_ones(one: str, other: str, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    first, second = body(one, rng), body(other, rng)
+    assert math.isclose(compiled(first, second)[0], signed_distance(first, second), abs_tol=1e-9)
+
+
+@settings(max_examples=200, deadline=None)
+@given(kinds, kinds, seeds)
+def test_distances_are_symmetric_and_the_normal_turns_round(one: str, other: str, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    first, second = body(one, rng), body(other, rng)
+    there, back = compiled(first, second), compiled(second, first)
+    assert math.isclose(there[0], back[0], abs_tol=1e-9)
+    if there[0] > 1e-6:
+        assert np.abs(there[1][6:] + back[1][6:]).max() < 1e-5
+
+
+@settings(max_examples=200, deadline=None)
+@given(kinds, kinds, seeds, st.floats(0, 0.3), st.floats(0, 0.3))
+def test_witness_points_stand_as_far_apart_as_is_said_along_the_normal(
+    one: str, other: str, seed: int, ra: float, rb: float
+) -> None:
+    rng = np.random.default_rng(seed)
+    first, second = body(one, rng), body(other, rng)
+    distance, out = compiled(first, second, (ra, rb))
+    assert math.isclose(float(np.linalg.norm(out[6:])), 1.0, abs_tol=1e-9)
+    assert np.abs(out[3:6] - out[:3] - distance * out[6:]).max() < 1e-7
+    assert math.isclose(distance, compiled(first, second)[0] - ra - rb, abs_tol=1e-9)
+
+
+@settings(max_examples=200, deadline=None)
+@given(kinds, kinds, seeds)
+def test_moving_by_the_depth_along_the_normal_parts_two_bodies(one: str, other: str, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    first, second = body(one, rng), body(other, rng)
+    distance, out = compiled(first, second)
+    if distance < 0:
+        parted = compiled(first, second - (distance - 1e-9) * out[6:])[0]
+        assert -1e-9 <= parted < 1e-6
+
+
+@settings(max_examples=200, deadline=None)
+@given(st.sampled_from(["point", "segment"]), st.sampled_from(["point", "segment"]), seeds)
+def test_segments_have_a_formula_of_their_own(one: str, other: str, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    first, second = body(one, rng), body(other, rng)
+    rows = np.vstack([first, second])
+    gap = segment_gap(rows, 0, len(first), len(first), len(second))
+    assert math.isclose(math.sqrt(gap), max(0.0, compiled(first, second)[0]), abs_tol=1e-7)
+
+
+@settings(max_examples=300, deadline=None)
+@given(st.sampled_from(["point", "segment"]), seeds)
+def test_segments_and_blocks_have_a_formula_of_their_own(one: str, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    segment, half = body(one, rng), rng.uniform(0.05, 0.5, 3)
+    axis = rng.normal(size=3)
+    pose = np.eye(4)
+    pose[:3, :3] = rotation(axis / np.linalg.norm(axis), 1.0)
+    corners = np.array(list(product((-1, 1), repeat=3))) * half
+    middle = rng.normal(size=3) * 0.2
+    R = pose[:3, :3]
+    bounds = np.concatenate([R @ middle, [0.0], R.T.ravel(), half, [0.0, 1.0]])[None]
+    gap = segment_block_gap(segment, 0, len(segment), bounds, 0)
+    plain = signed_distance(segment, (corners + middle) @ pose[:3, :3].T)
+    assert math.isclose(math.sqrt(gap), max(0.0, plain), abs_tol=1e-7)
+
+
+@settings(max_examples=100, deadline=None)
+@given(seeds, st.integers(4, 30))
+def test_all_points_are_within_their_hull_and_its_surface_is_closed(seed: int, count: int) -> None:
+    points = np.random.default_rng(seed).normal(size=(count, 3))
+    triangles = hull_triangles(points)
+    normals, offsets = planes(points, triangles)
+    assert (points @ normals.T - offsets).max() < 1e-9
+    edges = {(int(t[i]), int(t[(i + 1) % 3])) for t in triangles for i in range(3)}
+    assert len(edges) == 3 * len(triangles)
+    assert all((b, a) in edges for a, b in edges)
+    assert len(triangles) == 2 * len(np.unique(triangles)) - 4
+
+
+def test_a_hull_of_points_in_a_plane_is_refused() -> None:
+    flat = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0], [0.5, 0.5, 0]])
+    for points in (flat, flat[:3], flat[[0, 1, 1, 1]], np.zeros((6, 3))):
+        with pytest.raises(FlatError):
+            hull_triangles(points)

@@ -1,0 +1,278 @@
+"""The region tree answers as the flat list of its solid regions does; attaching and detaching restore it."""
+
+import math
+from itertools import product
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from engine.model.geometry import Floats, Piece
+from engine.stages.geometry import transforms
+from engine.stages.geometry.collision.builtin import BuiltinBackend, BuiltinChecker
+from engine.stages.geometry.collision.reference import signed_distance
+from engine.stages.geometry.collision.region_checker import RegionChecker
+from engine.stages.geometry.regions.hierarchies import declared_tree, nested_boxes, region_tree
+from engine.stages.geometry.regions.tree import OutsideError, RegionTree, TreeRegion
+from engine.stages.geometry.shapes.coverage import Covered, Hole, covering
+from engine.stages.geometry.world.model import World
+from engine.stages.geometry.world.scenes import scene_of
+from kb.loader import bundled
+from kb.loader.arm import bundled_arms, load_arm
+from kb.loader.cell import load_cell
+from kb.model.cell import Body, BodyKind, Cell, MountedArm, PlacedShape, PointSet
+
+seeds = st.integers(0, 2**32 - 1)
+CUBE = np.array(list(product((-0.5, 0.5), repeat=3)))
+
+
+def turned(rng: np.random.Generator, at: Floats) -> Floats:
+    axis = rng.normal(size=3)
+    return transforms.transform(
+        transforms.rotation(axis / np.linalg.norm(axis), float(rng.uniform(0, math.pi))), at
+    )
+
+
+def sphere(name: str, at: Floats, radius: float) -> Piece:
+    return Piece(name, 0, transforms.transform(np.eye(3), at), np.zeros((1, 3)), radius)
+
+
+def box(name: str, T: Floats, size: Floats | float) -> Piece:
+    return Piece(name, 0, T, CUBE * size, 0.0, box=True)
+
+
+def tube(name: str, T: Floats, length: float, radius: float) -> Piece:
+    return Piece(name, 0, T, np.array([[0, 0, -length / 2], [0, 0, length / 2]]), radius)
+
+
+def any_piece(name: str, rng: np.random.Generator, spread: float = 1.0, size: float = 0.4) -> Piece:
+    T = turned(rng, rng.uniform(-spread, spread, 3))
+    kind = rng.integers(4)
+    if kind == 0:
+        return sphere(name, T[:3, 3], float(rng.uniform(0.05, size / 2)))
+    if kind == 1:
+        return tube(name, T, float(rng.uniform(0.05, size)), float(rng.uniform(0.02, size / 3)))
+    if kind == 2:
+        return box(name, T, rng.uniform(0.05, size, 3))
+    return Piece(name, 0, T, rng.normal(size=(int(rng.integers(4, 9)), 3)) * size / 3, 0.0)
+
+
+def random_tree(rng: np.random.Generator, count: int = 12) -> RegionTree:
+    """Bounds of every kind laid around solid pieces, some of which reach over the seam of two bounds."""
+    solids = [any_piece(f"s{n}", rng) for n in range(count)]
+    world = TreeRegion("everything", sphere("everything", np.zeros(3), 4.0))
+    left = TreeRegion(
+        "left", box("left", transforms.translation(-1.5, 0, 0), (3.0, 3.5, 3.5)), ("everything",)
+    )
+    right = TreeRegion("right", tube("right", transforms.translation(0.7, 0, 0), 2.5, 2.2), ("everything",))
+    regions = [world, left, right]
+    for n, piece in enumerate(solids):
+        regions.append(TreeRegion(f"s{n}", piece, ("left", "right"), solid=True))
+    regions += nested_boxes("heap", [any_piece("heap", rng, size=0.1) for _ in range(12)])
+    return RegionTree.of(regions)
+
+
+def solids(tree: RegionTree) -> list[TreeRegion]:
+    return [region for region in tree.regions.values() if region.solid]
+
+
+def far(first: Piece, second: Piece, by: float) -> bool:
+    """Whether balls around the frames of two pieces are: then the plain reference need not be asked."""
+    reach = [float(np.linalg.norm(each.vertices, axis=1).max()) + each.radius_m for each in (first, second)]
+    apart = float(np.linalg.norm(first.T_carrier_piece[:3, 3] - second.T_carrier_piece[:3, 3]))
+    return apart > sum(reach) + by
+
+
+def distance(first: Piece, second: Piece) -> float:
+    """By the plain reference."""
+    placed = [transforms.apply(each.T_carrier_piece, each.vertices) for each in (first, second)]
+    return signed_distance(*placed) - first.radius_m - second.radius_m
+
+
+def flat(tree: RegionTree, query: Piece, within: float = 0.0) -> dict[str, float]:
+    """The nearest of each body by the flat list."""
+    found: dict[str, float] = {}
+    for region in solids(tree):
+        apart = math.inf if far(query, region.piece, within) else distance(query, region.piece)
+        if apart <= within:
+            found[region.piece.body] = min(apart, found.get(region.piece.body, math.inf))
+    return found
+
+
+@settings(max_examples=12, deadline=None)
+@given(seeds)
+def test_points_and_segments_are_answered_as_by_the_flat_list(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    tree = random_tree(rng)
+    points = rng.uniform(-1.2, 1.2, (20, 3))
+    for point, hits in zip(points, tree.at_points(points), strict=True):
+        assert hits == tuple(sorted(flat(tree, sphere("", point, 0.0))))
+    for start, end in rng.uniform(-1.5, 1.5, (5, 2, 3)):
+        radius = float(rng.choice([0.0, 0.05]))
+        query = Piece("", 0, np.eye(4), np.stack([start, end]), radius)
+        assert tree.at_segment(start, end, radius) == tuple(sorted(flat(tree, query)))
+
+
+@settings(max_examples=25, deadline=None)
+@given(seeds)
+def test_a_body_that_flies_free_is_answered_as_by_the_flat_list(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    tree, pieces = random_tree(rng), [any_piece("gripper", rng, 0.1) for _ in range(2)]
+    T = turned(rng, rng.uniform(-1, 1, 3))
+    placed = [Piece("gripper", 0, T @ each.T_carrier_piece, each.vertices, each.radius_m) for each in pieces]
+    assert tree.at_body(pieces, T) == tuple(sorted({name for each in placed for name in flat(tree, each)}))
+    within = 0.1
+    plain: dict[str, float] = {}
+    for each in placed:
+        for name, apart in flat(tree, each, within).items():
+            plain[name] = min(apart, plain.get(name, math.inf))
+    told = {contact.second: contact.distance_m for contact in tree.contacts(pieces, T, within)}
+    assert told.keys() == plain.keys()
+    assert all(math.isclose(told[name], plain[name], abs_tol=1e-8) for name in plain)
+
+
+@settings(max_examples=25, deadline=None)
+@given(seeds)
+def test_attaching_what_was_detached_restores_the_tree(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    tree = random_tree(rng)
+    name = str(rng.choice(list(tree.regions)))
+    rest, taken = tree.detached(name)
+    assert {each.name for each in taken} == {name, *tree.below(name)}
+    assert not {each.name for each in taken} & rest.regions.keys()
+    again = rest.attached(taken)
+    assert dict(again.regions) == dict(tree.regions)
+    assert dict(again.covers) == dict(tree.covers)
+    points = rng.uniform(-1.2, 1.2, (20, 3))
+    assert again.at_points(points) == tree.at_points(points)
+
+
+@settings(max_examples=25, deadline=None)
+@given(seeds)
+def test_detaching_what_was_attached_restores_the_tree(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    tree = random_tree(rng)
+    part = nested_boxes("part", [any_piece("part", rng, 0.3, 0.2) for _ in range(6)], ("everything",))
+    rest, taken = tree.attached(part).detached("part")
+    assert (dict(rest.regions), dict(rest.covers)) == (dict(tree.regions), dict(tree.covers))
+    assert {each.name for each in taken} == {each.name for each in part}
+
+
+@settings(max_examples=15, deadline=None)
+@given(seeds)
+def test_a_region_that_was_moved_is_hit_where_it_is_now(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    tree, T = random_tree(rng), turned(rng, rng.uniform(-0.5, 0.5, 3))
+    moved = tree.moved("heap", T)
+    points = rng.uniform(-1.0, 1.0, (20, 3))
+    only, was = moved.detached("everything")[0], tree.detached("everything")[0]
+    assert only.at_points(transforms.apply(T, points), 0.05) == was.at_points(points, 0.05)
+    back = moved.moved("heap", transforms.inverse(T))
+    assert back.at_points(points) == tree.at_points(points)
+
+
+def test_the_union_of_parents_or_of_ancestors_may_cover_a_region() -> None:
+    root = TreeRegion("root", box("root", np.eye(4), 4.0))
+    parts = [
+        TreeRegion(name, box(name, transforms.translation(x, 0, 0), (1.0, 1.0, 1.0)), ("root",))
+        for name, x in (("west", -0.5), ("east", 0.5))
+    ]
+    across = box("across", np.eye(4), (1.6, 0.3, 0.3))
+    seam = RegionTree.of([root, *parts, TreeRegion("across", across, ("west", "east"), True)])
+    assert seam.covers["across"].names == ("west", "east")
+    assert 0 < seam.covers["across"].slack_m < 0.1
+    one = RegionTree.of([root, *parts, TreeRegion("across", across, ("west",), True)])
+    assert one.covers["across"].names == ("west", "root")
+    for tree in (seam, one):
+        assert tree.at_points(np.array([[0.0, 0, 0], [0.79, 0, 0], [0.81, 0, 0]])) == [
+            ("across",),
+            ("across",),
+            (),
+        ]
+
+
+def test_a_region_that_reaches_out_of_its_ancestors_is_refused_at_a_point_of_it() -> None:
+    root = TreeRegion("root", sphere("root", np.zeros(3), 1.0))
+    out = box("out", transforms.translation(0.9, 0, 0), 0.3)
+    with pytest.raises(OutsideError) as error:
+        RegionTree.of([root, TreeRegion("out", out, ("root",), True)])
+    assert distance(sphere("", error.value.point, 0.0), out) <= 1e-9
+    assert np.linalg.norm(error.value.point) > 1.0
+
+
+@settings(max_examples=60, deadline=None)
+@given(seeds)
+def test_what_is_covered_has_no_point_outside_and_a_hole_is_one(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    piece, others = any_piece("piece", rng, 0.2), [any_piece(f"o{n}", rng, 0.4, 1.5) for n in range(4)]
+    answer = covering(piece, others)
+    corners = transforms.apply(piece.T_carrier_piece, piece.vertices)
+    weights = rng.dirichlet(np.ones(len(corners)), 40)
+    ball = rng.normal(size=(40, 3))
+    points = weights @ corners + piece.radius_m * ball / np.linalg.norm(ball, axis=1, keepdims=True)
+
+    def away(point: Floats) -> float:
+        return min(distance(sphere("", point, 0.0), other) for other in others)
+
+    if isinstance(answer, Covered):
+        assert max(map(away, points)) <= answer.slack_m + 1e-9
+    else:
+        assert isinstance(answer, Hole)
+        assert distance(sphere("", answer.point, 0.0), piece) <= 0
+        assert away(answer.point) > 0
+
+
+def test_what_does_not_fit_is_refused() -> None:
+    tree = RegionTree.of([TreeRegion("root", sphere("root", np.zeros(3), 1.0), solid=True)])
+    small = sphere("small", np.zeros(3), 0.1)
+    with pytest.raises(ValueError, match="already"):
+        tree.attached([TreeRegion("root", small)])
+    with pytest.raises(ValueError, match="no parent 'roof'"):
+        tree.attached([TreeRegion("small", small, ("roof",))])
+    with pytest.raises(ValueError, match="own ancestor"):
+        tree.attached([TreeRegion("small", small, ("other",)), TreeRegion("other", small, ("small",))])
+    with pytest.raises(ValueError, match="does not stand"):
+        tree.attached([TreeRegion("moving", Piece("moving", 1, np.eye(4), np.zeros((1, 3)), 0.1))])
+    with pytest.raises(KeyError):
+        tree.detached("small")
+
+
+def test_a_tree_without_regions_is_never_hit() -> None:
+    tree = RegionTree.of([])
+    assert tree.at_points(np.zeros((2, 3))) == [(), ()]
+    assert tree.contacts([sphere("ball", np.zeros(3), 0.1)], np.eye(4), 1.0) == ()
+
+
+@pytest.mark.parametrize("name", ["themse", "bulkhead"])
+def test_arm_configurations_are_answered_as_by_the_flat_list(name: str) -> None:
+    """Self-collision and cell at once, in the tree that the bundled cells declare."""
+    world = World.of(load_cell(bundled()[name] / "cell.yaml"))
+    tree, scene = region_tree(world), scene_of(world)
+    assert not declared_tree(world)[1]
+    assert len({region.parents for region in tree.regions.values()}) > 2
+    q = next(iter(world.models.values())).random(1000, np.random.default_rng(7))
+    by_tree, by_list = RegionChecker(scene, tree), BuiltinChecker(scene)
+    assert np.array_equal(by_tree.collides(q), by_list.collides(q))
+    assert 0.02 < by_list.collides(q).mean() < 0.95
+    assert np.abs(by_tree.clearance(q[:100], 0.3) - by_list.clearance(q[:100], 0.3)).max() < 1e-9
+    for one in q[:10]:
+        told = [
+            [(c.first, c.second, c.distance_m) for c in each.contacts(one, 0.1)]
+            for each in (by_tree, by_list)
+        ]
+        names = [{frozenset(contact[:2]): contact[2] for contact in each} for each in told]
+        assert names[0].keys() == names[1].keys()
+        assert all(math.isclose(names[0][pair], names[1][pair], abs_tol=1e-9) for pair in names[0])
+
+
+def test_many_standing_pieces_become_a_tree() -> None:
+    dust = PointSet(tuple(map(tuple, np.random.default_rng(1).uniform(-1, 1, (200, 3)))), 0.01)
+    body = Body("dust", BodyKind.FIXTURE, shapes=(PlacedShape(dust),))
+    scene = scene_of(
+        World.of(Cell("dusty", {"ur5": MountedArm(load_arm(bundled_arms()["ur5"]))}, bodies={"dust": body}))
+    )
+    checker = BuiltinBackend().checker(scene)
+    assert isinstance(checker, RegionChecker)
+    q = np.random.default_rng(2).uniform(-3, 3, (500, 6))
+    assert np.array_equal(checker.collides(q), BuiltinChecker(scene).collides(q))

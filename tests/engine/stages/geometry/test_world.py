@@ -1,0 +1,144 @@
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from engine.stages.geometry import transforms
+from engine.stages.geometry.world.model import World
+from engine.stages.geometry.world.scenes import free_scene_of, scene_of
+from kb.loader.arm import bundled_arms, load_arm
+from kb.model.cell import (
+    Body,
+    BodyKind,
+    Box,
+    Cell,
+    MountedArm,
+    PlacedShape,
+    Placement,
+    Pose,
+    Sphere,
+)
+
+HOME = (0.1, -1.2, 1.3, -0.4, -1.5, 0.2)
+
+
+def block(name: str, parent: str, at: tuple[float, float, float], kind: BodyKind = BodyKind.PART) -> Body:
+    shapes = (PlacedShape(Box((0.1, 0.1, 0.1))),)
+    return Body(name, kind, Placement(parent, Pose(at, (0.1, 0.2, 0.3))), shapes, {"top": Pose((0, 0, 0.05))})
+
+
+def cell_with_two_arms() -> Cell:
+    arm = load_arm(bundled_arms()["ur5"])
+    left = MountedArm(arm, Placement("world", Pose((-1.0, 0, 0))), Pose((0, 0, 0.1)), HOME)
+    right = MountedArm(arm, Placement("table", Pose((1.0, 0, 0.2))), home=HOME)
+    bodies = [block("part", "table", (0.2, 0.3, 0.1)), block("lid", "part", (0, 0, 0.1))]
+    bodies.append(Body("gripper", BodyKind.TOOL, Placement("left.flange"), (PlacedShape(Sphere(0.05)),)))
+    return Cell(
+        "two",
+        {"left": left, "right": right},
+        {"table": Placement("world", Pose((0.0, 0.5, 0.7)))},
+        {body.name: body for body in bodies},
+    )
+
+
+@pytest.fixture(scope="module")
+def world() -> World:
+    return World.of(cell_with_two_arms())
+
+
+FRAMES = [
+    "world",
+    "table",
+    "part",
+    "part.top",
+    "lid",
+    "gripper",
+    "left.tool",
+    "right.flange",
+    "right.forearm",
+    "left.base",
+]
+
+
+@given(st.sampled_from(FRAMES), st.sampled_from(FRAMES), st.sampled_from(FRAMES))
+def test_locations_are_consistent_between_all_frames(a: str, b: str, c: str) -> None:
+    world = World.of(cell_with_two_arms())
+    assert np.abs(world.pose(a, b) @ world.pose(b, c) - world.pose(a, c)).max() < 1e-12
+    assert np.abs(world.pose(a, a) - np.eye(4)).max() < 1e-15
+
+
+def test_what_is_affixed_moves_along_and_what_is_unfixed_stays(world: World) -> None:
+    gripped = world.affix("part", "left.tool")
+    assert np.abs(gripped.pose("world", "part") - world.pose("world", "part")).max() < 1e-12
+    moved = gripped.moved("left", np.array(HOME) + 0.3)
+    assert np.abs(moved.pose("left.tool", "part") - gripped.pose("left.tool", "part")).max() < 1e-12
+    assert np.abs(moved.pose("part", "lid") - world.pose("part", "lid")).max() < 1e-12
+    left = moved.unfix("part").moved("left", np.array(HOME))
+    assert np.abs(left.pose("world", "part") - moved.pose("world", "part")).max() < 1e-12
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.lists(st.floats(-2, 2), min_size=6, max_size=6), st.sampled_from(["left.tool", "right.wrist_2"]))
+def test_affixing_and_putting_back_restores_the_tree(q: list[float], to: str) -> None:
+    before = World.of(cell_with_two_arms()).moved("left", np.array(q))
+    after = before.affix("part", to).affix("part", "table")
+    assert after.placed.keys() == before.placed.keys()
+    for name, fixed in before.placed.items():
+        assert after.placed[name].parent == fixed.parent
+        assert np.abs(after.placed[name].T_parent_frame - fixed.T_parent_frame).max() < 1e-12
+
+
+def test_a_body_cannot_be_affixed_to_itself_or_to_what_stands_on_it(world: World) -> None:
+    for frame in ("part", "part.top", "lid"):
+        with pytest.raises(ValueError, match="stands on"):
+            world.affix("part", frame)
+    with pytest.raises(KeyError):
+        world.affix("part", "nowhere")
+    with pytest.raises(KeyError):
+        world.pose("world", "left.elbow")
+
+
+def test_two_arms_are_one_forest_of_joints(world: World) -> None:
+    joints = world.joints
+    assert joints.count == 12
+    assert list(joints.parent) == [0, 1, 2, 3, 4, 5, 0, 7, 8, 9, 10, 11]
+    flange = world.models["right"].flange_pose(np.array(HOME))
+    assert np.abs(world.pose("right.base", "right.flange") - flange).max() < 1e-12
+
+
+def test_an_arm_on_an_arm_is_carried_by_it() -> None:
+    cell = cell_with_two_arms()
+    right = MountedArm(cell.arms["right"].arm, Placement("left.tool"), home=HOME)
+    world = World.of(Cell("stacked", {"left": cell.arms["left"], "right": right}))
+    assert world.joints.parent[6] == 6
+    moved = world.moved("left", np.array(HOME) + 0.2)
+    assert (
+        np.abs(moved.pose("left.tool", "right.flange") - world.pose("left.tool", "right.flange")).max()
+        < 1e-12
+    )
+    assert np.abs(moved.pose("world", "right.flange") - world.pose("world", "right.flange")).max() > 0.1
+
+
+def test_bodies_hang_on_the_carriers_of_what_they_are_affixed_to(world: World) -> None:
+    carriers = {piece.body: piece.carrier for piece in scene_of(world.affix("part", "right.flange")).pieces}
+    assert carriers["gripper"] == 6
+    assert carriers["part"] == carriers["lid"] == 12
+    assert carriers["left.base"] == 0
+
+
+def test_pairs_that_move_together_or_may_touch_are_not_checked(world: World) -> None:
+    scene = scene_of(world, allowed=frozenset({frozenset({"part", "right.forearm"})}))
+    pairs = {frozenset((scene.pieces[i].body, scene.pieces[j].body)) for i, j in scene.pairs}
+    assert frozenset({"part", "lid"}) not in pairs
+    assert frozenset({"gripper", "left.wrist_3"}) not in pairs
+    assert frozenset({"left.upper_arm", "left.forearm"}) not in pairs
+    assert frozenset({"part", "right.forearm"}) not in pairs
+    assert frozenset({"part", "left.forearm"}) in pairs
+    assert frozenset({"left.forearm", "right.forearm"}) in pairs
+
+
+def test_a_free_scene_leaves_out_what_the_arms_carry(world: World) -> None:
+    scene = free_scene_of(world, "gripper")
+    assert {piece.carrier for piece in scene.pieces if piece.body == "gripper"} == {1}
+    assert {"part", "lid", "gripper", "left.base", "right.base"} == set(scene.bodies)
+    assert transforms.is_rigid(np.stack([piece.T_carrier_piece for piece in scene.pieces]))

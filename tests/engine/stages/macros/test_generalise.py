@@ -1,0 +1,158 @@
+"""Generalising keeps the plan, and every instance that satisfies a MACROP is a plan to the independent checker."""
+
+import dataclasses
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from hypothesis import HealthCheck, assume, given, settings
+from hypothesis import strategies as st
+from macro_cells import GOLDEN, Example, atom, bundled, golden
+
+from engine.stages.macros.learning.generalise import NotGeneral, generalise
+from engine.stages.macros.lifted.bodies import satisfiable
+from engine.stages.macros.lifted.world import World
+from engine.stages.macros.lookup.instantiate import instantiate
+from engine.stages.macros.lookup.matching import Work, matches
+from engine.stages.macros.lookup.program import Program
+from engine.stages.macros.lookup.query import Query, Situation
+from engine.stages.validation import validate
+from kb.model.conditions import And, Literal, part_variables
+from kb.model.macro import Macrop
+from kb.model.plan import Plan
+from kb.model.problem import Chain, Problem
+from kb.terms import Function, Term, Variable, substitute, substitute_atom, variables
+
+
+@pytest.mark.parametrize("path", GOLDEN, ids=lambda path: f"{path.parts[-3]}-{path.stem}")
+def test_instantiating_with_the_original_constants_gives_the_plan_back(path: Path) -> None:
+    found = golden(path)
+    again = instantiate(found.learned.macrop, found.learned.bindings)
+    assert again.steps == found.plan.steps
+    assert set(again.links) == set(found.plan.links)
+
+
+@pytest.mark.parametrize("path", GOLDEN, ids=lambda path: f"{path.parts[-3]}-{path.stem}")
+def test_what_the_domain_does_not_name_becomes_a_variable(path: Path) -> None:
+    found = golden(path)
+    domain = found.problem.domain
+    named = {*domain.objects, *(c for type_ in domain.types.values() for c in type_.constants)}
+    own = set(found.problem.objects) - named
+    for step in found.learned.macrop.steps:
+        assert not own & {str(part) for part in _leaves(step.operator)}
+
+
+def _leaves(term: Term) -> Iterator[Term]:
+    if isinstance(term, Function) and term.arguments:
+        for argument in term.arguments:
+            yield from _leaves(argument)
+    else:
+        yield term
+
+
+def constraints_hold(macrop: Macrop, world: World, bindings: dict[Variable, Term]) -> bool:
+    typed = all(world.statics.has_type(bindings[p.variable], p.type) for p in macrop.types)
+    existential = {v for part in macrop.constraints for v in part_variables(part)} - {
+        v for s in macrop.steps for v in variables(s.operator)
+    }
+    known = {v: t for v, t in bindings.items() if v not in existential}
+    body = (*macrop.constraints, *macrop.disequalities)
+    excluded = any(satisfiable(each, world.statics, known) for each in macrop.exclusions)
+    return typed and not excluded and satisfiable(body, world.statics, known)
+
+
+def posed(found: Example, bindings: dict[Variable, Term]) -> Problem:
+    """The problem of reaching an instance's goals from the instance's own preconditions."""
+    macrop = found.learned.macrop
+    chains = tuple(
+        Chain(
+            str(substitute(chain.name, bindings)).strip('"'),
+            tuple(substitute_atom(stage, bindings) for stage in chain.stages),
+            tuple(str(substitute(name, bindings)).strip('"') for name in chain.after),
+            substitute(chain.subject, bindings) if chain.subject is not None else None,
+        )
+        for chain in macrop.chains
+    )
+    initial = tuple(
+        dict.fromkeys(substitute_atom(p.atom, bindings) for p in macrop.preconditions if p.positive)
+    )
+    goals = And(tuple(Literal(substitute_atom(g.atom, bindings), g.positive) for g in macrop.goals))
+    return dataclasses.replace(found.problem, goal=goals, chains=chains, initial=initial, complete=True)
+
+
+@pytest.mark.parametrize(
+    "name", ["bulkhead/one_point", "bulkhead/both_tools", "bulkhead/twelve_points", "themse/one", "themse/lid_on_stand",
+             "themse/furnace_of_two", "themse/two"]
+)  # fmt: skip
+@given(data=st.data())
+@settings(max_examples=40, deadline=None, suppress_health_check=list(HealthCheck))
+def test_every_instance_that_satisfies_a_macrop_passes_the_checker(name: str, data: st.DataObject) -> None:
+    found = bundled(name)
+    macrop = found.learned.macrop
+    bindings = found.learned.bindings | dict(_changes(found, data))
+    assume(constraints_hold(macrop, found.world, bindings))
+    problem = posed(found, bindings)
+    assert validate(problem, instantiate(macrop, bindings)) == []
+
+
+def _changes(found: Example, data: st.DataObject) -> Iterator[tuple[Variable, Term]]:
+    """A few variables of the binding changed, some of them to what another variable stands for."""
+    typed = found.learned.macrop.types
+    for parameter in data.draw(st.lists(st.sampled_from(typed), max_size=4)):
+        values = sorted((each.arguments[0] for each in found.world.statics.named(parameter.type)), key=str)
+        yield parameter.variable, data.draw(st.sampled_from(values))
+
+
+def test_constants_are_kept_apart_only_where_a_step_needs_it() -> None:
+    macrop = bundled("bulkhead/twelve_points").learned.macrop
+    apart = {str(each) for each in macrop.disequalities}
+    assert {"Id1 != Id2", "Id4 != Id5"} <= apart  # move demands that From and To differ
+    assert not {"Id1 != Id3", "Id4 != Id6"} & apart  # two visits of one point are a plan, too
+
+
+def test_a_plan_that_does_not_reach_its_goal_is_not_generalised() -> None:
+    found = bundled("bulkhead/one_point")
+    shorter = Plan(found.plan.steps[:-1])
+    with pytest.raises(NotGeneral, match="does not hold at the end"):
+        generalise(found.problem, shorter, found.world, found.initial)
+
+
+def test_links_are_found_where_a_plan_has_none() -> None:
+    found = bundled("themse/one")
+    bare = generalise(found.problem, Plan(found.plan.steps), found.world, found.initial)
+    assert bare.macrop.preconditions == found.learned.macrop.preconditions
+    assert {str(each) for each in bare.macrop.disequalities} == {
+        str(each) for each in found.learned.macrop.disequalities
+    }
+
+
+def test_a_goal_that_held_all_along_is_no_goal_of_the_macrop() -> None:
+    found = bundled("bulkhead/one_point")
+    goal = And((found.problem.goal, Literal(atom("holding(t3_746, us_probe)"))))
+    problem = dataclasses.replace(found.problem, goal=goal)
+    learned = generalise(problem, found.plan, found.world, found.initial)
+    assert learned.macrop.goals == found.learned.macrop.goals
+
+
+def test_matching_agrees_with_brute_force() -> None:
+    """All bindings of a small macrop, tried one by one."""
+    found = bundled("bulkhead/one_point")
+    macrop, world = found.learned.macrop, found.world
+    situation = Situation.of(world, found.initial)
+    goal = Literal(atom("measured(us_probe, t3_746, meas(m2))"))
+    asked = Query(situation, (goal,), ())
+    joined = {tuple(b[p] for p in macrop.parameters) for b in matches(Program(macrop), asked, Work())}
+    objects = [Function(name) for name in (*found.problem.objects, *found.problem.domain.objects)]
+    tried = set()
+    for one in objects:
+        bindings: dict[Variable, Term] = {
+            Variable("Id1"): one,
+            Variable("Tool1"): Function("us_probe"),
+            Variable("Arm1"): Function("t3_746"),
+            Variable("Id2"): Function("m2"),
+        }
+        held = all(substitute_atom(p.atom, bindings) in situation.facts for p in macrop.preconditions)
+        if held and constraints_hold(macrop, world, bindings):
+            tried.add(tuple(bindings[p] for p in macrop.parameters))
+    assert joined
+    assert joined == tried

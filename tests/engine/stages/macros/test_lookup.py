@@ -1,0 +1,225 @@
+"""Lookup misses nothing that fits, and its fast check accepts no plan that the independent checker refuses."""
+
+import dataclasses
+import random
+from collections.abc import Iterator
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from macro_cells import GOLDEN, Example, atom, bundled, golden
+
+from engine.stages.macros.lookup.checking import Refused, check
+from engine.stages.macros.lookup.index import Index
+from engine.stages.macros.lookup.lookup import look_up
+from engine.stages.macros.lookup.matching import OutOfWork, Work, joined, matches
+from engine.stages.macros.lookup.program import Program
+from engine.stages.macros.lookup.query import Query, Situation, query, readings
+from engine.stages.validation import validate
+from kb.model.conditions import And, Literal
+from kb.model.plan import Plan, Step
+from kb.model.problem import Problem
+from kb.terms import ordered
+
+EXAMPLES = [golden(path) for path in GOLDEN]
+ids = {"ids": [path.stem for path in GOLDEN]}
+
+
+def situation(found: Example) -> Situation:
+    return Situation.of(found.world, found.initial)
+
+
+def asked(found: Example, problem: Problem | None = None) -> Query:
+    made = query(problem or found.problem, situation(found))
+    assert made is not None
+    return made
+
+
+@pytest.mark.parametrize("found", EXAMPLES, **ids)
+def test_the_problem_that_taught_a_macrop_is_served_by_it(found: Example) -> None:
+    index = Index()
+    for key, each in enumerate(EXAMPLES):
+        index.add(key, each.learned.macrop)
+    hit = look_up(index, asked(found))
+    assert hit is not None
+    assert hit.plan.cost <= found.plan.cost
+    assert validate(found.problem, hit.plan) == []
+
+
+def states(found: Example) -> list[Situation]:
+    """The situations along a plan."""
+    here = situation(found)
+    reached = [here]
+    for step in found.plan.steps:
+        change = found.world.change(step.operator, here.facts)
+        here = Situation(found.world, change.applied(here.facts))
+        reached.append(here)
+    return reached
+
+
+def goals_of(found: Example) -> list[Literal]:
+    """Everything that is ever true of the cell along a plan."""
+    return [Literal(each) for each in ordered({a for here in states(found) for a in here.facts})]
+
+
+PLAIN = [each for each in EXAMPLES if not each.problem.chains] + [bundled("themse/lid_on_stand")]
+
+
+@given(data=st.data())
+@settings(max_examples=40, deadline=None, suppress_health_check=list(HealthCheck))
+def test_the_index_offers_every_macrop_that_matches(data: st.DataObject) -> None:
+    found = data.draw(st.sampled_from(PLAIN))
+    here = data.draw(st.sampled_from(states(found)))
+    goals = data.draw(st.lists(st.sampled_from(goals_of(found)), min_size=1, max_size=2, unique=True))
+    problem = dataclasses.replace(found.problem, goal=And(tuple(goals)), chains=())
+    whole = query(problem, here)
+    assert whole is not None
+    index = Index()
+    taught = data.draw(st.lists(st.sampled_from(_lessons()), max_size=12))
+    for key, macrop in enumerate(taught):
+        index.add(key, macrop)
+    for each in readings(whole):
+        offered = {entry.key for entry in index.candidates(each)}
+        fitting = {
+            key for key, macrop in enumerate(taught) if next(matches(Program(macrop), each, Work()), None)
+        }
+        assert fitting <= offered
+
+
+@given(data=st.data())
+@settings(max_examples=40, deadline=None, suppress_health_check=list(HealthCheck))
+def test_goals_with_few_choices_first_gives_the_bindings_of_the_plain_join(data: st.DataObject) -> None:
+    found = data.draw(st.sampled_from(PLAIN))
+    here = data.draw(st.sampled_from(states(found)))
+    goals = data.draw(st.lists(st.sampled_from(goals_of(found)), min_size=1, max_size=3, unique=True))
+    whole = query(dataclasses.replace(found.problem, goal=And(tuple(goals)), chains=()), here)
+    assert whole is not None
+    for each in readings(whole):
+        for macrop in data.draw(st.lists(st.sampled_from(_lessons()), max_size=12)):
+            program = Program(macrop)
+            if len(macrop.goals) != len(each.goals):
+                continue
+            bare = Program(dataclasses.replace(macrop, exclusions=()))
+            try:
+                plain = {frozenset(bindings.items()) for bindings in joined(program, each, Work(20_000))}
+            except OutOfWork:
+                continue
+            fast = {frozenset(bindings.items()) for bindings in matches(bare, each, Work(100_000))}
+            assert fast == plain
+
+
+def _lessons() -> list[object]:
+    """MACROPs of the plans and of their last parts."""
+    return [macrop for each in PLAIN for macrop in _parts(each)]
+
+
+_known: dict[int, list[object]] = {}
+
+
+def _parts(found: Example) -> list[object]:
+    if id(found) not in _known:
+        _known[id(found)] = list(_taught(found))
+    return _known[id(found)]
+
+
+def _taught(found: Example) -> Iterator[object]:
+    from engine.stages.macros.learning.generalise import NotGeneral, generalise
+
+    reached = states(found)
+    for first in range(0, len(found.plan.steps), 3):
+        kept = found.plan.steps[first:]
+        names = {step.id for step in kept}
+        steps = tuple(
+            dataclasses.replace(step, after=tuple(each for each in step.after if each in names))
+            for step in kept
+        )
+        for goal in ordered(set(reached[-1].facts) - set(reached[first].facts))[:3]:
+            problem = dataclasses.replace(found.problem, goal=Literal(goal), chains=())
+            try:
+                yield generalise(problem, Plan(steps), found.world, reached[first].state).macrop
+            except NotGeneral:
+                continue
+
+
+@st.composite
+def spoilt(draw: st.DrawFn, plan: Plan) -> Plan:
+    """A plan with steps left out, changed over, or freed of their order."""
+    steps = list(plan.steps)
+    for _ in range(draw(st.integers(0, 2))):
+        place = draw(st.integers(0, len(steps) - 1))
+        what = draw(st.sampled_from(["drop", "swap", "free"]))
+        if what == "drop" and len(steps) > 1:
+            steps = _without(steps, place)
+        elif what == "swap" and place + 1 < len(steps):
+            one, other = steps[place], steps[place + 1]
+            steps[place] = dataclasses.replace(one, operator=other.operator, resources=other.resources)
+            steps[place + 1] = dataclasses.replace(other, operator=one.operator, resources=one.resources)
+        elif what == "free":
+            steps[place] = dataclasses.replace(steps[place], after=())
+    return Plan(tuple(steps))
+
+
+def _without(steps: list[Step], place: int) -> list[Step]:
+    gone = steps[place]
+    return [
+        dataclasses.replace(
+            step,
+            after=tuple(dict.fromkeys(b for a in step.after for b in (gone.after if a == gone.id else (a,)))),
+        )
+        for step in steps
+        if step.id != gone.id
+    ]
+
+
+@pytest.mark.parametrize("found", EXAMPLES, **ids)
+@given(data=st.data())
+@settings(max_examples=12, deadline=None, suppress_health_check=list(HealthCheck))
+def test_the_fast_check_accepts_only_what_the_checker_accepts(found: Example, data: st.DataObject) -> None:
+    plan = data.draw(spoilt(found.plan))
+    accepted = isinstance(check(plan, asked(found)), Situation)
+    problem = found.problem.replace(ordered(found.initial))
+    assert not (accepted and validate(problem, plan))
+
+
+@pytest.mark.parametrize("found", EXAMPLES, **ids)
+def test_the_fast_check_accepts_plans_and_knows_where_they_lead(found: Example) -> None:
+    after = check(found.plan, asked(found))
+    assert isinstance(after, Situation)
+    assert after.state == states(found)[-1].state
+
+
+def test_a_goal_that_held_is_not_given_up_for_another() -> None:
+    found = bundled("bulkhead/one_point")
+    here = Literal(atom("at(t3_746, in_contact_point(meas(m1)))"))
+    problem = dataclasses.replace(found.problem, goal=And((found.problem.goal, here)))
+    both = asked(found, problem)
+    assert both.kept == (here,)
+    assert isinstance(check(found.plan, both), Refused)
+    index = Index()
+    index.add(0, found.learned.macrop)
+    assert all(look_up(index, each) is None for each in readings(both))
+
+
+def test_what_is_removed_is_not_offered() -> None:
+    found = bundled("bulkhead/one_point")
+    index = Index()
+    index.add("x", found.learned.macrop)
+    assert [entry.key for entry in index.candidates(asked(found))] == ["x"]
+    index.remove("x")
+    assert index.candidates(asked(found)) == []
+    assert len(index) == 0
+
+
+def test_lookup_does_not_hang_on_the_order_in_which_macrops_were_learned() -> None:
+    found = bundled("bulkhead/twelve_points")
+    plans = set()
+    for seed in range(3):
+        index = Index()
+        macrops = [each.learned.macrop for each in EXAMPLES]
+        random.Random(seed).shuffle(macrops)
+        for key, macrop in enumerate(macrops):
+            index.add(key, macrop)
+        hit = look_up(index, asked(found))
+        assert hit is not None
+        plans.add(hit.plan)
+    assert len(plans) == 1

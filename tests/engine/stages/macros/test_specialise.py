@@ -1,0 +1,35 @@
+"""What was equal in the plan is equal in the sub-sequence, and an instance of it is what it came from."""
+
+import pytest
+
+from engine.pipelines.reuse.subsequences import lifted, pattern_of
+from engine.stages.macros.learning.subsequences import recurring
+from engine.stages.macros.lifted.world import World
+from engine.stages.macros.lookup.query import Situation
+from engine.stages.validation.semantics import Semantics
+from kb.loader import load_plan
+from kb.terms import Term, Variable, match, variables
+from tests.places import BUNDLED as DOMAINS
+
+
+@pytest.mark.parametrize("name", ["themse/golden/one.json", "bulkhead/golden/one_point.json"])
+def test_a_lifted_subsequence_has_one_variable_for_each_object_and_fits_where_it_came_from(name: str) -> None:
+    problem, plan = load_plan(DOMAINS / name)
+    start = Situation.of(World(problem), Semantics(problem).initial())
+    made = [(each, lifted(each, problem, start)) for each in recurring(plan)[:40]]
+    assert any(macrop is not None for _, macrop in made)
+    for each, macrop in made:
+        if macrop is None:
+            continue
+        pattern = pattern_of(macrop)
+        bindings: dict[Variable, Term] | None = {}
+        for step, operator in zip(pattern, each.operators, strict=True):
+            bindings = match(step, operator, bindings or {})
+            assert bindings is not None
+        assert len(set(bindings.values())) == len(bindings)
+        inside = {variable for step in pattern for variable in variables(step)}
+        header = [variable for variable in macrop.name.arguments if variable in inside]
+        assert inside <= set(macrop.name.arguments)
+        assert len(header) == len(set(header))
+        different = [(each.left, each.right) for each in macrop.disequalities]
+        assert all(left != right for left, right in different)

@@ -1,0 +1,86 @@
+"""Better plans one after another, several strategies at once, and the fewest steps proved."""
+
+import pytest
+from hypothesis import HealthCheck, assume, given, settings
+from hypothesis import strategies as st
+
+from engine.model.outcome import Found, GaveUp, Infeasible
+from engine.pipelines import planning
+from engine.stages.grounding import ground
+from engine.stages.planning import RACE, Limits, plan
+from engine.stages.planning.portfolio import STRATEGIES
+from kb.diagnostics import InvalidInput
+from kb.loader import load_problem
+from kb.model.plan import Plan
+from kb.model.problem import Problem
+from tests.properties.problems import problems, shortest
+
+
+@given(st.one_of(problems(), problems(deductive=True)))
+@settings(max_examples=60, deadline=None, suppress_health_check=list(HealthCheck))
+def test_shortest_finds_as_few_steps_as_brute_force(problem: Problem) -> None:
+    try:
+        outcome = planning.plan(problem, Limits(strategy="shortest"))
+    except InvalidInput:
+        assume(False)
+    fewest = shortest(problem)
+    assume(fewest is not None)
+    assert isinstance(outcome, Found)
+    assert len(outcome.plan.steps) == fewest
+
+
+def test_every_plan_told_of_is_better_than_the_one_before_and_the_last_is_the_answer() -> None:
+    problem, heard = load_problem("bulkhead/both_tools"), list[Plan]()
+    outcome = planning.plan(
+        problem,
+        Limits(
+            thorough=True, interrupted=lambda: bool(heard) and heard[-1].cost <= 12, improved=heard.append
+        ),
+    )
+    assert isinstance(outcome, Found)
+    costs = [each.cost for each in heard]
+    assert costs == sorted(set(costs), reverse=True)
+    assert len(costs) > 1
+    assert outcome.plan == heard[-1]
+    assert all(planning.check_plan(problem, each) == [] for each in heard)
+
+
+@given(problem=problems())
+@settings(max_examples=8, deadline=None, suppress_health_check=list(HealthCheck))
+def test_a_race_answers_as_brute_force_does(problem: Problem) -> None:
+    try:
+        outcome = planning.plan(problem, Limits(strategy=RACE))
+    except InvalidInput:
+        assume(False)
+    assert isinstance(outcome, Infeasible if shortest(problem) is None else Found)
+
+
+def test_a_race_keeps_the_best_plan_when_interrupted() -> None:
+    heard = list[Plan]()
+    limits = Limits(strategy=RACE, thorough=True, interrupted=lambda: bool(heard), improved=heard.append)
+    outcome = planning.plan(load_problem("bulkhead/both_tools"), limits)
+    assert isinstance(outcome, Found)
+    assert outcome.plan.cost == heard[-1].cost
+
+
+def test_a_race_that_may_not_expand_anything_gives_up() -> None:
+    task = ground(load_problem("bulkhead/twelve_points"))
+    assert isinstance(plan(task, Limits(expansions=1, strategy=RACE)), GaveUp)
+
+
+def test_the_best_plan_survives_want_of_memory(monkeypatch: pytest.MonkeyPatch) -> None:
+    def greedy(*_: object) -> None:
+        raise MemoryError
+
+    monkeypatch.setattr("engine.stages.planning.improvement.rounds.straighten", greedy)
+    assert isinstance(planning.plan(load_problem("bulkhead/both_tools")), Found)
+
+
+def test_want_of_memory_in_the_search_is_an_answer(monkeypatch: pytest.MonkeyPatch) -> None:
+    def greedy(*_: object) -> None:
+        raise MemoryError
+
+    monkeypatch.setitem(STRATEGIES, "auto", greedy)  # type: ignore[arg-type]
+    outcome = planning.plan(load_problem("bulkhead/both_tools"))
+    assert isinstance(outcome, GaveUp)
+    assert outcome.limit == "memory"

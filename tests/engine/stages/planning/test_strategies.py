@@ -1,0 +1,128 @@
+"""Every strategy agrees with brute force, repeats, and its plans execute."""
+
+import pytest
+from hypothesis import HealthCheck, assume, given, settings
+from hypothesis import strategies as st
+
+from engine.model.outcome import Found, GaveUp, Infeasible
+from engine.model.task import GroundOperator, Task, bitset, indices
+from engine.pipelines import planning
+from engine.stages.grounding import ground
+from engine.stages.planning import Limits, plan
+from engine.stages.planning.forward.search import Forward
+from engine.stages.planning.portfolio import STRATEGIES
+from engine.stages.planning.variants import unconditional
+from kb.diagnostics import InvalidInput
+from kb.loader import load_problem
+from kb.model.problem import Problem
+from kb.terms import Function, Number
+from tests.properties.problems import problems, shortest
+
+
+@pytest.mark.parametrize("strategy", sorted(STRATEGIES))
+@given(problem=st.one_of(problems(), problems(conditional=True), problems(deductive=True)))
+@settings(max_examples=40, deadline=None, suppress_health_check=list(HealthCheck))
+def test_every_strategy_agrees_with_brute_force(strategy: str, problem: Problem) -> None:
+    try:
+        outcome = planning.plan(problem, Limits(strategy=strategy))
+    except InvalidInput:
+        assume(False)
+    assert isinstance(outcome, Infeasible if shortest(problem) is None else Found)
+
+
+@pytest.mark.parametrize("strategy", sorted(STRATEGIES))
+@pytest.mark.parametrize("target", ["bulkhead/both_tools", "themse/one"])
+def test_every_strategy_solves_the_cells_and_repeats(strategy: str, target: str) -> None:
+    problem = load_problem(target)
+    first, second = (planning.plan(problem, Limits(strategy=strategy)) for _ in range(2))
+    assert isinstance(first, Found)
+    assert isinstance(second, Found)
+    assert first.plan == second.plan
+
+
+def test_a_seed_changes_ties_and_repeats() -> None:
+    task = ground(load_problem("bulkhead/both_tools"))
+    answers = [plan(task, Limits(strategy="forward", seed=seed)) for seed in (3, 3, 4)]
+    assert all(isinstance(answer, Found) for answer in answers)
+    assert answers[0] == answers[1]
+
+
+@pytest.mark.parametrize("strategy", sorted(STRATEGIES))
+def test_every_strategy_stops_at_its_limit(strategy: str) -> None:
+    task = ground(load_problem("bulkhead/twelve_points"))
+    outcome = plan(task, Limits(expansions=3, strategy=strategy))
+    assert isinstance(outcome, GaveUp)
+    assert outcome.limit == "expansions"
+    assert outcome.statistics.counts["expanded"] <= 3
+
+
+@given(st.one_of(problems(), problems(deductive=True)), st.data())
+@settings(max_examples=60, deadline=None, suppress_health_check=list(HealthCheck))
+def test_the_compiled_evaluation_finds_what_is_applicable_and_reachable(
+    problem: Problem, data: st.DataObject
+) -> None:
+    """Against plain sets: applicable operators, and whether the goals can be reached without deletes."""
+    try:
+        task = ground(problem)
+    except InvalidInput:
+        assume(False)
+    assume(task.goals)
+    operators = unconditional(task)
+    state = data.draw(st.integers(0, (1 << len(task.atoms)) - 1))
+    search = Forward(operators, state, task.goals[0], len(task.atoms))
+    estimate, applicable, preferred = search.evaluate(state)
+    plainly = [number for number, operator in enumerate(operators) if operator.preconditions & ~state == 0]
+    assert sorted(applicable) == plainly
+    assert set(preferred) <= set(plainly)
+    reached, before = state, -1
+    while reached != before:
+        before = reached
+        for operator in operators:
+            if operator.preconditions & ~reached == 0:
+                reached |= operator.adds
+    assert (estimate >= 0) == (task.goals[0] & ~reached == 0)
+    assert (estimate == 0) == (task.goals[0] & ~state == 0) or estimate < 0
+    assert all(0 <= atom < len(task.atoms) for atom in indices(reached))
+
+
+@pytest.mark.parametrize("strategy", sorted(STRATEGIES))
+def test_a_goal_that_holds_in_some_way_needs_no_step(strategy: str) -> None:
+    problem = planning.problem_of("bulkhead/one_point", goals="holding(t3_746, _)")
+    outcome = planning.plan(problem, Limits(strategy=strategy))
+    assert isinstance(outcome, Found)
+    assert outcome.plan.steps == ()
+
+
+def hanoi(discs: int) -> Task:
+    """The tower of Hanoi: which disc lies on which disc or peg, and what is clear; larger things have higher numbers."""
+    things = range(discs + 3)
+    atoms = [Function("clear", (Number(thing),)) for thing in things]
+    atoms += [Function("on", (Number(disc), Number(below))) for disc in range(discs) for below in things]
+
+    def on(disc: int, below: int) -> int:
+        return discs + 3 + disc * (discs + 3) + below
+
+    moves = [
+        GroundOperator(
+            Function("move", (Number(disc), Number(source), Number(target))),
+            bitset([disc, on(disc, source), target]),
+            bitset([source, on(disc, target)]),
+            bitset([target, on(disc, source)]),
+        )
+        for disc in range(discs)
+        for source in range(disc + 1, discs + 3)
+        for target in range(disc + 1, discs + 3)
+        if source != target
+    ]
+    start = bitset([0, discs + 1, discs + 2, *(on(disc, disc + 1) for disc in range(discs))])
+    goal = bitset([on(disc, disc + 1 if disc + 1 < discs else discs + 2) for disc in range(discs)])
+    return Task(tuple(atoms), tuple(moves), start, (goal,), (1,) * len(atoms), ())
+
+
+def test_a_roundabout_plan_gives_way_to_a_shorter_one() -> None:
+    lengths = {}
+    for strategy in ("auto", "backward", "landmarks"):
+        outcome = plan(hanoi(6), Limits(strategy=strategy))
+        assert isinstance(outcome, Found)
+        lengths[strategy] = len(outcome.plan.steps)
+    assert 63 <= lengths["auto"] <= min(lengths["landmarks"], lengths["backward"])

@@ -1,0 +1,71 @@
+"""Charts show every stage where it is, in letters and as SVG, and data say the same."""
+
+import io
+import xml.etree.ElementTree as ET
+
+from rich.console import Console
+
+from engine.formats.report.gantt import Gantt, Kind, rows, schedule_entry, summary
+from engine.formats.report.gantt_svg import chart
+from engine.model.shop import Hold, Job, Moment, Resource, Schedule, Shop, Stage
+from tests.engine.stages.scheduling.test_checker import GOOD, SHOP
+
+
+def drawn(width: int) -> list[str]:
+    console = Console(width=width, color_system=None, record=True, file=io.StringIO())
+    console.print(Gantt(SHOP, GOOD, "s"))
+    return console.export_text().splitlines()
+
+
+def test_a_row_per_job_of_several_stages_and_per_unit_in_use() -> None:
+    made = {row.name: [(bar.start, bar.end, bar.kind) for bar in row.bars] for row in rows(SHOP, GOOD)}
+    assert made == {
+        "a": [(3, 7, Kind.STAGE), (9, 19, Kind.STAGE)],
+        "arm": [(1, 3, Kind.CHANGE), (3, 7, Kind.STAGE), (7, 9, Kind.CHANGE), (11, 14, Kind.STAGE)],
+        "oven": [(5, 19, Kind.HOLD)],
+    }
+
+
+def test_units_of_a_resource_have_rows_of_their_own() -> None:
+    jobs = tuple(Job(name, (Stage(f"{name}0", 2), Stage(f"{name}1", 2))) for name in "ab")
+    holds = tuple(Hold("slot", Moment(f"{name}0"), Moment(f"{name}1", 2)) for name in "ab")
+    shop = Shop(jobs, (Resource("slot", 2, units=("left", "right")),), (), holds)
+    made = rows(shop, Schedule({"a0": 0, "a1": 4, "b0": 1, "b1": 5}, (), 7, 0))
+    assert [row.name for row in made] == ["a", "b", "left", "right"]
+
+
+def test_the_chart_keeps_to_the_width_and_ends_with_a_scale() -> None:
+    for width in (50, 80, 120):
+        lines = drawn(width)
+        assert max(map(len, lines)) <= width
+        assert [line.split()[0] for line in lines] == ["a", "arm", "oven", "|0"]
+        assert "bake" in lines[0]
+
+
+def test_the_picture_is_xml_with_a_bar_for_everything() -> None:
+    picture = chart(SHOP, GOOD, "s")
+    assert picture == chart(SHOP, GOOD, "s")
+    root = ET.fromstring(picture)
+    titles = [each.text for each in root.iter("{http://www.w3.org/2000/svg}title")]
+    assert "bake, 9 to 19" in titles
+    assert "door: open, 1 to 3" in titles
+    assert titles[0] == summary(GOOD, "s")
+    bars = [each for each in root.iter("{http://www.w3.org/2000/svg}rect") if each.get("class") == "bar"]
+    assert len(bars) == sum(len(row.bars) for row in rows(SHOP, GOOD))
+
+
+def test_data_say_when_each_stage_is() -> None:
+    entry = schedule_entry(SHOP, GOOD)
+    assert [(each["stage"], each["start"], each["end"]) for each in entry["stages"]] == [
+        ("bring", 3, 7),
+        ("bake", 9, 19),
+        ("wipe", 11, 14),
+    ]
+    assert entry["changes"][0] == {"device": "door", "from": "shut", "to": "open", "start": 1, "end": 3}
+    assert (entry["makespan"], entry["lower_bound"], entry["gap"]) == (19, 19, 0.0)
+
+
+def test_the_summary_says_what_is_known() -> None:
+    open_one = Schedule({}, (), 100, 98, 3)
+    assert summary(open_one, "s") == "makespan 100 s, at least 98, gap 2.0 %, weighted tardiness 3"
+    assert summary(Schedule({}, (), 5, 5, 0, True)) == "makespan 5, proved to be the least"

@@ -1,0 +1,127 @@
+"""Schedules of shops: bounds are bounds, answers repeat, symmetric jobs keep their order."""
+
+import random
+import time
+
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from engine.model.outcome import GaveUp, Infeasible
+from engine.model.shop import Job, Moment, Resource, Scheduled, Shop, Stage, Window, in_order
+from engine.stages.scheduling import ScheduleLimits, check_schedule, schedule
+from engine.stages.scheduling.bounds import jackson, lower_bound
+from engine.stages.scheduling.construct import construct
+from engine.stages.scheduling.lags import Lags
+from engine.stages.scheduling.symmetry import alike
+
+
+def job_shop(jobs: int, machines: int, seed: int) -> Shop:
+    numbers = random.Random(seed)
+    made = []
+    for job in range(jobs):
+        order = numbers.sample(range(machines), machines)
+        stages = (Stage(f"{job}.{m}", numbers.randint(1, 20), (f"m{m}",)) for m in order)
+        made.append(Job(f"job {job}", tuple(stages)))
+    windows = tuple(window for each in made for window in in_order(each.stages))
+    return Shop(tuple(made), tuple(Resource(f"m{m}") for m in range(machines)), windows)
+
+
+def solved(shop: Shop, limits: ScheduleLimits = ScheduleLimits()) -> Scheduled:
+    found = schedule(shop, limits)
+    assert isinstance(found, Scheduled)
+    return found
+
+
+works = st.lists(st.tuples(st.integers(0, 9), st.integers(1, 6), st.integers(0, 9)), min_size=1, max_size=7)
+
+
+@given(works)
+def test_jackson_is_the_greatest_bound_of_any_subset(given_works: list[tuple[int, int, int]]) -> None:
+    bounds = [
+        min(head for head, _, _ in chosen)
+        + sum(size for _, size, _ in chosen)
+        + min(tail for *_, tail in chosen)
+        for mask in range(1, 1 << len(given_works))
+        for chosen in [[work for n, work in enumerate(given_works) if mask >> n & 1]]
+    ]
+    assert jackson(given_works) == max(bounds)  # Carlier 1982, proposition 2
+
+
+@settings(max_examples=15, deadline=None)
+@given(st.integers(0, 10_000))
+def test_job_shops_are_proved_and_bounded(seed: int) -> None:
+    shop = job_shop(4, 4, seed)
+    made = solved(shop).schedule
+    assert made.proved
+    assert lower_bound(Lags(shop)) <= made.makespan
+    first = construct(Lags(shop), 0)
+    assert first is not None
+    assert check_schedule(shop, first) == ()
+    assert first.makespan >= made.makespan
+
+
+def test_the_same_work_gives_the_same_schedule() -> None:
+    shop = job_shop(8, 8, 3)
+    one, other = (solved(shop, ScheduleLimits(work=0.3)).schedule for _ in range(2))
+    assert one == other
+
+
+def test_workers_may_race() -> None:
+    assert solved(job_shop(5, 5, 1), ScheduleLimits(workers=2)).schedule.proved
+
+
+def test_an_interruption_ends_the_search_with_the_best_so_far() -> None:
+    started = time.monotonic()
+    found = solved(job_shop(15, 15, 1), ScheduleLimits(interrupted=lambda: time.monotonic() > started + 0.5))
+    assert time.monotonic() < started + 20
+    assert found.schedule.lower_bound <= found.schedule.makespan
+
+
+def test_without_work_there_is_the_first_schedule() -> None:
+    found = schedule(job_shop(10, 10, 2), ScheduleLimits(work=0.0))
+    assert isinstance(found, Scheduled | GaveUp)
+
+
+def test_windows_that_contradict_each_other_are_infeasible() -> None:
+    stages = Stage("a", 3), Stage("b", 3)
+    wanted = Window(Moment("a", 3), Moment("b"), 0), Window(Moment("a"), Moment("b"), -9, 2)
+    assert isinstance(schedule(Shop((Job("j", stages),), (), wanted)), Infeasible)
+
+
+def test_a_dwell_window_moves_what_comes_before_it() -> None:
+    """The oven is needed at 10 by another job; the dough, mixed too early, would wait too long."""
+    mix, bake, other = Stage("mix", 2), Stage("bake", 5, ("oven",)), Stage("other", 10, ("oven",))
+    windows = Window(Moment("mix", 2), Moment("bake"), 0, 1), Window(Moment("other"), Moment("bake"), 10)
+    made = solved(
+        Shop((Job("bread", (mix, bake)), Job("o", (other,))), (Resource("oven"),), windows)
+    ).schedule
+    assert made.makespan == 15
+    assert 7 <= made.starts["mix"] <= 8
+
+
+def test_who_is_due_comes_first_whatever_the_makespan() -> None:
+    jobs = (
+        Job("early", (Stage("e", 4, ("m",)),), due=4),
+        Job("late", (Stage("l", 3, ("m",)),), due=5, priority=5),
+    )
+    made = solved(Shop(jobs, (Resource("m"),))).schedule
+    assert made.starts == {"l": 0, "e": 3}
+    assert made.tardiness == 3
+    assert made.proved
+
+
+def test_equal_jobs_are_alike_and_others_are_not() -> None:
+    jobs = tuple(Job(f"j{n}", (Stage(f"a{n}", 2, ("m",)), Stage(f"b{n}", 3))) for n in range(3))
+    windows = tuple(window for job in jobs[:2] for window in in_order(job.stages))
+    groups = alike(Shop(jobs, (Resource("m"),), windows))
+    assert [[job.name for job in group] for group in groups] == [["j0", "j1"]]
+
+
+def test_setups_between_families_are_kept_apart_from_places() -> None:
+    """Set-ups that do not obey the triangle inequality need the sequence, not only pairs."""
+    setups = {("x", "z"): 9, ("x", "y"): 1, ("y", "z"): 1}
+    stages = [Stage(name, 1, ("m",), (), name, name) for name in "xyz"]
+    order = Window(Moment("x"), Moment("y")), Window(Moment("y"), Moment("z"))
+    jobs = tuple(Job(stage.name, (stage,)) for stage in stages)
+    made = solved(Shop(jobs, (Resource("m", 1, setups, "x"),), order)).schedule
+    assert made.makespan == 5
