@@ -3,6 +3,7 @@
 import itertools
 from collections.abc import Iterator, Mapping, Sequence
 
+from engine.stages.validation.datalog import Facts
 from kb.model.domain import Domain
 from kb.model.plan import StepId
 from kb.model.problem import Chain
@@ -42,7 +43,7 @@ class Stages:
         stages = next_stages(self.chains, reached)
         return {i: stages[chain.name] for i, chain in enumerate(self.chains) if chain.name in stages}
 
-    def missing(self, state: frozenset[Atom]) -> list[str]:
+    def missing(self, state: Facts) -> list[str]:
         """The stages that the most advanced reading has not reached, and last fluents that no longer hold."""
         best = max(self.readings, key=sum)
         found = [
