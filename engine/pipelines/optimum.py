@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 from engine.model.outcome import Found
 from engine.model.task import Bits, GroundOperator, Task, progress
-from engine.pipelines import planning
+from engine.pipelines.gate import accepted
 from engine.stages.grounding import ground
 from engine.stages.planning.elimination import eliminate
 from engine.stages.planning.improvement.deorder import deorder
@@ -69,7 +69,7 @@ def proved(problem: Problem, found: Found, interrupted: Interrupted) -> Found:
         return found
     if best.steps is None:
         return replace(found, optimal=True)
-    return replace(found, plan=planning.accepted(problem, _ordered(task, best.steps)), optimal=True)
+    return replace(found, plan=accepted(problem, _ordered(task, best.steps)), optimal=True)
 
 
 def _ordered(task: Task, steps: Sequence[GroundOperator]) -> Plan:

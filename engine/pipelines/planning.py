@@ -8,22 +8,16 @@ from dataclasses import replace
 
 from engine.model.outcome import Found, Outcome, Statistics
 from engine.model.task import Task
+from engine.pipelines.gate import Gate, accepted
 from engine.stages.grounding import ground
 from engine.stages.grounding.limits import require_affordable_statics
 from engine.stages.planning import NO_MACROS, Limits, Macros
 from engine.stages.planning import plan as plan_task
 from engine.stages.validation import validate
 from kb.diagnostics import Diagnostic, InvalidInput, Source
-from kb.model.plan import Plan, in_sequence
+from kb.model.plan import Plan
 from kb.model.problem import Problem
 from kb.terms import Atom
-
-
-class InternalError(Exception):
-    """The engine made a plan that its own checker refuses: a bug. Carries the checker's findings."""
-
-    def __init__(self, diagnostics: list[Diagnostic]) -> None:
-        super().__init__("the checker refuses the plan:\n" + "\n".join(map(str, diagnostics)))
 
 
 def problem_of(target: str, goals: str = "", command: str = "") -> Problem:
@@ -77,20 +71,6 @@ def planned(problem: Problem, limits: Limits = Limits(), macros: Macros = NO_MAC
     return replace(outcome, statistics=statistics), task
 
 
-def accepted(problem: Problem, made: Plan) -> Plan:
-    """The plan, if the checker accepts it; as a sequence, if all that it cannot show is that some steps need no order.
-
-    Such steps may interfere, or reach the stages of a chain in another order than the plan means.
-    """
-    wrong = validate(problem, made)
-    if wrong and all(each.code in ("K503", "K506") for each in wrong):
-        made = in_sequence(made)
-        wrong = validate(problem, made)
-    if wrong:
-        raise InternalError(wrong)
-    return made
-
-
 def check_plan(problem: Problem, made: Plan, name: str = "plan") -> list[Diagnostic]:
     """Everything that the independent checker has against a plan; empty if it is valid. Raises `InvalidInput`."""
     require_affordable_statics(problem)
@@ -99,8 +79,7 @@ def check_plan(problem: Problem, made: Plan, name: str = "plan") -> list[Diagnos
 
 def initial_facts(target: str) -> frozenset[Atom]:
     """What is true at the start of the problem that a target names; nothing for a domain. Raises `InvalidInput`."""
-    from engine.stages.validation.semantics import Semantics
     from kb.loader import find, load
 
     problem = load(find(target)).problem
-    return frozenset() if problem is None else Semantics(problem).initial()
+    return frozenset() if problem is None else Gate().semantics(problem).initial()

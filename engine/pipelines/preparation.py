@@ -186,7 +186,7 @@ def work(job: Job, interrupted: Callable[[], bool] = _stopped) -> Prepared:
             return Prepared(str(job.path), "bad input", reason="this is no problem")
         kept = _kept(job.store, problem) if chooses_tools(problem.domain) else None
         limits = Limits(job.expansions, seed=job.seed, interrupted=interrupted)
-        with Library(job.store) as library, Practice(library, limits, thorough=True) as practice:
+        with Library(job.store) as library, Practice(library, limits) as practice:
             answered = practice.plan(problem)
     except InvalidInput as error:
         return Prepared(str(job.path), "bad input", diagnostics=tuple(error.diagnostics))

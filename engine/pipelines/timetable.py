@@ -1,7 +1,8 @@
 """From a problem to a timetable: plan, schedule, plan again as scheduled, and check. Joins planning and scheduling.
 
 A schedule is always also a valid plan: its steps are put in the order of their starts, freed of orders that they do not
-need, and given to the checker. Where a plan has no structure that could be scheduled, its own order is what remains.
+need, and passed through the gate. Where a plan has no structure that could be scheduled, its own order is what remains, and
+the plan as it was given passes the gate.
 """
 
 import time
@@ -13,10 +14,10 @@ from engine.model.forecast import STAGE, earliest_starts
 from engine.model.outcome import Found, GaveUp, Infeasible, Statistics
 from engine.model.shop import Job, Resource, Schedule, Scheduled, Shop, Stage, Timetable
 from engine.model.task import Bits, GroundOperator, Task, bitset, progress
-from engine.pipelines.planning import problem_of
+from engine.pipelines.gate import Gate
+from engine.pipelines.planning import planned, problem_of
 from engine.stages.grounding import ground
 from engine.stages.planning import Limits
-from engine.stages.planning import plan as plan_task
 from engine.stages.planning.improvement.deorder import deorder
 from engine.stages.planning.variants import plainly
 from engine.stages.scheduling import ScheduleLimits, schedule
@@ -25,8 +26,8 @@ from engine.stages.scheduling.bounds import lower_bound
 from engine.stages.scheduling.lags import Lags
 from engine.stages.scheduling.rebuild import Mislaid, TimedStep, timed_steps
 from engine.stages.scheduling.work import CellWork, Wishes, cell_work
-from engine.stages.validation import validate
-from engine.stages.validation.semantics import Semantics
+from engine.stages.validation.datalog import Facts
+from kb.diagnostics import InvalidInput
 from kb.loader import load_plan
 from kb.loader.plan import is_plan
 from kb.model.plan import Plan, StepId
@@ -49,16 +50,15 @@ def timetable(
 ) -> Timetable | Infeasible | GaveUp:
     """The times of the steps of `plan`, or of one made for the problem. Raises `InvalidInput`."""
     started = time.perf_counter()
-    task = ground(problem)
-    outcome = Found(plan) if plan is not None else plan_task(task, planning)
+    outcome, task = (Found(plan), ground(problem)) if plan is not None else planned(problem, planning)
     if not isinstance(outcome, Found):
         return outcome
-    planned = time.perf_counter()
+    before = time.perf_counter()
     made = timed(problem, task, outcome.plan, limits)
     if not isinstance(made, Timetable):
         return made
     seconds = {
-        "planning": planned - started,
+        "planning": before - started,
         **made.statistics.seconds,
         "in all": time.perf_counter() - started,
     }
@@ -70,32 +70,44 @@ def timed(
 ) -> Timetable | Infeasible | GaveUp:
     """The timetable of a plan: as scheduled, or in its own order if that cannot be given up.
 
-    Where longest stays are asked for, the plan's own order is no answer: then there may be none.
+    Where longest stays are asked for, the plan's own order is no answer: then there may be none. Raises `InvalidInput` if the
+    plan's own order remains and the checker refuses the plan.
     """
-    wishes = wishes_of(problem)
+    gate = Gate()
+    wishes = wishes_of(gate.semantics(problem).statics)
     try:
         steps, goals = operators_of(task, plan)
         subjects = tuple(dict.fromkeys(c.subject for c in problem.chains if c.subject is not None))
         work = cell_work(task, steps, goals, subjects, wishes)
         found = schedule(work.shop, limits)
         if isinstance(found, Scheduled):
-            return _as_plan(problem, task, goals, work, found)
-        return found if _dwells(work.shop) else in_its_order(plan, found.reason)
+            return _as_plan(gate, problem, task, goals, work, found)
+        return found if _dwells(work.shop) else in_its_order(_sound(gate, problem, plan), found.reason)
     except (Unstructured, Mislaid) as error:
         unwatched = "; nobody watches longest stays" if wishes.longest_stay else ""
-        return in_its_order(plan, f"{error}{unwatched}")
+        return in_its_order(_sound(gate, problem, plan), f"{error}{unwatched}")
+
+
+def _sound(gate: Gate, problem: Problem, plan: Plan) -> Plan:
+    """A plan that was given, as it may be given out. Raises `InvalidInput` if it may not."""
+    settled, wrong = gate.settled(problem, plan)
+    if wrong:
+        raise InvalidInput(wrong)
+    return settled
 
 
 def _dwells(shop: Shop) -> bool:
     return any(window.most is not None for window in shop.windows)
 
 
-def _as_plan(problem: Problem, task: Task, goals: Bits, work: CellWork, found: Scheduled) -> Timetable:
+def _as_plan(
+    gate: Gate, problem: Problem, task: Task, goals: Bits, work: CellWork, found: Scheduled
+) -> Timetable:
     """The schedule as a plan that the checker accepts. Raises `Mislaid`."""
     steps = timed_steps(task, work, found.schedule)
     plan = deorder(task, [step.operator for step in steps], goals)
     starts = {made.id: step.start for made, step in zip(plan.steps, steps, strict=True)}
-    if wrong := validate(problem, plan):
+    if wrong := gate.findings(problem, plan):
         raise Mislaid(wrong[0].message)
     _require_order(plan, starts, steps)
     return Timetable(plan, starts, work.shop, found.schedule, statistics=found.statistics)
@@ -137,9 +149,8 @@ def _visible(task: Task, goal: Bits) -> Bits:
     return goal & ~bitset(hidden)
 
 
-def wishes_of(problem: Problem) -> Wishes:
+def wishes_of(statics: Facts) -> Wishes:
     """What static facts of these names say: travel/3, longest_stay/2, release/2, due/2, priority/2."""
-    statics = Semantics(problem).statics
 
     def numbers(name: str) -> dict[Term, int]:
         facts = [atom.arguments for atom in statics.named(name) if len(atom.arguments) == 2]

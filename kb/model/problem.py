@@ -1,7 +1,7 @@
 """The problem: what one task adds to its domain. `replace` gives the same problem from another initial state."""
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from kb.diagnostics import Source
@@ -43,15 +43,3 @@ class Problem:
     def replace(self, initial: tuple[Atom, ...]) -> "Problem":
         """The same problem from an observed state, taken as it is."""
         return dataclasses.replace(self, initial=initial, complete=True)
-
-
-def superseded(chains: Sequence[Chain]) -> frozenset[str]:
-    """The chains after which another one of the same subject comes: what they end with need not last."""
-    behind: dict[str, frozenset[str]] = {}
-    found: set[str] = set()
-    subjects = {chain.name: chain.subject for chain in chains}
-    for chain in chains:
-        behind[chain.name] = frozenset(chain.after).union(*(behind.get(name, ()) for name in chain.after))
-        if chain.subject is not None:
-            found.update(name for name in behind[chain.name] if subjects.get(name) == chain.subject)
-    return frozenset(found)

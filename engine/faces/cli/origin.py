@@ -23,7 +23,7 @@ def planned(
     from engine.pipelines.reuse import Practice
     from kb.store import Library
 
-    with Library(store) as library, Practice(library, limits, thorough=True) as practice:
+    with Library(store) as library, Practice(library, limits) as practice:
         found = practice.plan(problem)
         found = practice.folded(problem, found) if folded else found
     entry = {"origin": found.origin, "macrop": found.macrop, "name": found.name, "reason": found.reason}

@@ -7,6 +7,7 @@ from types import TracebackType
 from engine.model.forecast import makespan
 from engine.model.outcome import Found, Outcome, Statistics
 from engine.pipelines import planning
+from engine.pipelines.gate import Gate
 from engine.pipelines.reuse.composition import Part, Served, compose, kinds_of, worth_composing
 from engine.pipelines.reuse.subsequences import Subsequences
 from engine.stages.grounding.initial import initial_state
@@ -52,15 +53,11 @@ class Answered:
 class Practice:
     """A library at work. Problems of one cell share its statics; situations move on from plan to plan."""
 
-    def __init__(
-        self, library: Library, limits: Limits = Limits(), thorough: bool = False, learns: bool = True
-    ) -> None:
-        """`thorough`: the independent checker looks at what lookup finds, too, not at what is planned alone.
-
-        Without `learns` the library is used and stays as it is.
-        """
-        self.library, self.limits, self.thorough = library, limits, thorough
+    def __init__(self, library: Library, limits: Limits = Limits(), learns: bool = True) -> None:
+        """Without `learns` the library is used and stays as it is."""
+        self.library, self.limits = library, limits
         self.learns = learns and library.writable
+        self._gate = Gate()
         self._worlds = Worlds()
         self._repertoires: list[Repertoire] = []
         self._subsequences: list[Subsequences] = []
@@ -129,11 +126,10 @@ class Practice:
         asked = query(problem, here)
         if asked is None:
             return None
-        found = (
-            Answered(Found(Plan(())), "state", after=here)
-            if asked.served
-            else self._looked_up(problem, asked)
-        )
+        if asked.served:
+            fine = not here.world.violated and self._approved(problem, here, Plan(()))
+            return Answered(Found(Plan(())), "state", after=here) if fine else None
+        found = self._looked_up(problem, asked)
         if found is None and worth_composing(asked):
             found = self._composed_if_it_pays(problem, asked)
         return None if found is None or here.world.violated else found
@@ -210,7 +206,8 @@ class Practice:
         return Answered(outcome, "library", hit.key, str(hit.macrop.name), after=hit.after, parts=parts)
 
     def _approved(self, problem: Problem, here: Situation, plan: Plan) -> bool:
-        return not self.thorough or not planning.check_plan(problem.replace(ordered(here.facts)), plan)
+        """Whether the gate lets a plan out; one that it refuses is looked for elsewhere, at last by the planner."""
+        return not self._gate.findings(problem, plan, here.state)
 
     def _planned(self, problem: Problem, here: Situation, whole: bool = True) -> Answered:
         outcome, seconds = self._searched(problem, here, whole)

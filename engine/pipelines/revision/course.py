@@ -10,10 +10,10 @@ from functools import cached_property
 from engine.model.forecast import STAGE, stage_atom
 from engine.model.replay import Instances, instances, reached_goals, replayed
 from engine.model.task import Bits, GroundOperator, Task, indices
+from engine.pipelines.gate import Gate
 from engine.stages.grounding import ground
 from engine.stages.macros.lifted.world import World
 from engine.stages.macros.lookup.query import Situation
-from engine.stages.validation.semantics import Semantics
 from kb.model.plan import Plan
 from kb.model.problem import Problem
 from kb.terms import Atom, Function
@@ -21,18 +21,20 @@ from kb.terms import Atom, Function
 
 @dataclass(frozen=True)
 class Course:
-    """A problem, the plan that is being executed for it, and the task and world that they live in."""
+    """A problem, the plan that is being executed for it, the task and world that they live in, and the gate for repairs."""
 
     problem: Problem
     plan: Plan
     task: Task
     start: Situation
+    gate: Gate
 
     @classmethod
     def of(cls, problem: Problem, plan: Plan) -> "Course":
         """Ground the problem once, so that revising need not. Raises `InvalidInput`."""
-        start = Situation.of(World(problem), Semantics(problem).initial())
-        return cls(problem, plan, ground(problem), start)
+        gate = Gate()
+        start = Situation.of(World(problem), gate.semantics(problem).initial())
+        return cls(problem, plan, ground(problem), start, gate)
 
     @cached_property
     def index(self) -> Mapping[Atom, int]:

@@ -5,7 +5,7 @@ from collections.abc import Iterable, Sequence
 from engine.pipelines.revision.course import Course
 from engine.stages.macros.lookup.checking import changes_of
 from engine.stages.macros.lookup.query import Situation
-from engine.stages.validation.semantics import Denial, Semantics
+from engine.stages.validation.semantics import Denial
 from kb.asp import AspError, ground_term
 from kb.diagnostics import Diagnostic, InvalidInput, Source, nearest
 from kb.model.domain import Domain, Kind
@@ -28,7 +28,7 @@ def observed(
     """The state where some atoms hold and others do not, with everything that follows by deductive operators."""
     denials = tuple(Denial(atom, (), (), deduced=False) for atom in gone)
     state = here.state
-    change = Semantics(course.problem).deduce(holds, denials, state)
+    change = course.gate.semantics(course.problem).deduce(holds, denials, state)
     return ordered((state - change.ends) | change.adds)
 
 

@@ -16,8 +16,7 @@ from engine.model.task import Bits, GroundOperator, progress
 from engine.pipelines import planning
 from engine.pipelines.revision.course import Course
 from engine.pipelines.revision.remaining import remaining, stages_reached
-from engine.stages.macros.lookup.checking import changes_of, check
-from engine.stages.macros.lookup.query import Situation, query
+from engine.stages.macros.lookup.checking import changes_of
 from engine.stages.planning import Limits
 from engine.stages.planning import plan as plan_task
 from engine.stages.planning.elimination import eliminate
@@ -119,9 +118,9 @@ class _Repair:
     limits: Limits
 
     def plan(self) -> tuple[Plan | None, str]:
-        """The cheapest repaired plan that passes the check, and how it was made."""
+        """The cheapest repaired plan that passes the gate, and how it was made."""
         here = self.course.bits(self.problem.initial, self.reached)
-        if self.course.reached_goals(here) is not None and self._checked(Plan(())):
+        if self.course.reached_goals(here) is not None and self._passed(Plan(())) is not None:
             return Plan(()), "done"
         tail = self._tail()
         if tail is None:
@@ -179,19 +178,17 @@ class _Repair:
         return self._made(here, [*gap, *tail], goals) if gap is not None else None
 
     def _made(self, here: Bits, steps: Sequence[GroundOperator], goals: Bits) -> Plan | None:
-        """A plan of the steps that are needed, if it passes the check."""
+        """A plan of the steps that are needed, if it passes the gate."""
         task = dataclasses.replace(self.course.task, initial=here)
         kept = eliminate(here, plainly(task, steps), goals)
         made = deorder(task, kept, goals)
         shifted = Plan(made.steps, tuple(self._shifted(link) for link in made.links))
-        return shifted if self._checked(shifted) else None
+        return self._passed(shifted)
 
-    def _checked(self, plan: Plan) -> bool:
-        here = Situation.of(self.course.start.world, self.problem.initial)
-        asked = query(self.problem, here)
-        if asked is None:
-            return not planning.check_plan(self.problem, plan)
-        return isinstance(check(plan, asked), Situation)
+    def _passed(self, plan: Plan) -> Plan | None:
+        """The plan as the gate lets it out; None if the checker refuses it, and something else must be found."""
+        settled, wrong = self.course.gate.settled(self.problem, plan)
+        return None if wrong else settled
 
     def _shifted(self, link: CausalLink) -> CausalLink:
         """A link whose stage is counted from what was reached already."""

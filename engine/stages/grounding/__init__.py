@@ -107,7 +107,7 @@ class _Grounding:
             range(DERIVED, DERIVED + len(universe.derived)),
             derivations(self.rules, self.vocabulary, universe),
         )
-        workflow = Workflow(self.problem.chains, universe, len(universe.atoms), self.vocabulary.events)
+        workflow = Workflow(self.problem, universe, len(universe.atoms), self.vocabulary.events)
         goals = self._goals(universe, supports, len(universe.atoms) + len(workflow.atoms))
         numbering = Numbering(len(universe.atoms) + len(workflow.atoms) + len(goals.atoms))
         effects = deduction(self.domain, self.vocabulary, universe)

@@ -12,15 +12,16 @@ from dataclasses import dataclass
 from engine.model.forecast import stage_atom
 from engine.model.task import Bits, ConditionalEffect, bitset, indices
 from engine.stages.grounding.universe import Universe
-from kb.model.problem import Chain, superseded
-from kb.terms import Atom, is_ground, match
+from kb.model.problem import Chain, Problem
+from kb.model.workflow import lasting, reaches
+from kb.terms import Atom, is_ground
 
 
 def _matching(stage: Atom, universe: Universe) -> list[int]:
     """The atoms that reach a fluent stage; `_` in it stands for anything."""
     if is_ground(stage):
         return [universe.index[stage]] if stage in universe.index else []
-    return [number for atom, number in universe.index.items() if match(stage, atom, {}) is not None]
+    return [number for atom, number in universe.index.items() if reaches(atom, stage)]
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,7 +41,7 @@ class Advance:
 class Workflow:
     """The chains of a problem over numbered atoms; the counters follow the universe's atoms, from `first` on."""
 
-    def __init__(self, chains: Sequence[Chain], universe: Universe, first: int, events: set[str]) -> None:
+    def __init__(self, problem: Problem, universe: Universe, first: int, events: set[str]) -> None:
         self.events = events
         self.atoms: list[Atom] = []
         self.initial = self.goal = 0
@@ -48,8 +49,8 @@ class Workflow:
         self._event_stages: dict[Atom, list[Advance]] = {}
         self._fluent_stages: dict[int, list[Advance]] = {}
         self._finished: dict[str, Bits] = {}
-        self._passing = superseded(chains)
-        for chain in chains:
+        self._lasting = lasting(problem.chains, problem.domain)
+        for chain in problem.chains:
             self._add(chain, universe, first)
         self.reaching = bitset(list(self._fluent_stages))  # what reaches some fluent stage
 
@@ -74,7 +75,7 @@ class Workflow:
                 reaching = _matching(stage, universe)
                 for atom in reaching:
                     self._fluent_stages.setdefault(atom, []).append(advance)
-                if reached + 1 == len(chain.stages) and chain.name not in self._passing and is_ground(stage):
+                if reached + 1 == len(chain.stages) and chain.name in self._lasting:
                     self.goal |= bitset(reaching)
 
     def advances(

@@ -1,7 +1,9 @@
 """The checker: does a partially ordered plan do what it claims, in every order and overlap that it allows?
 
 It executes one linearisation against the domain itself, verifies every causal link, and shows that unordered steps
-cannot disturb each other, so that all other linearisations do the same. It shares no code with grounding or search.
+cannot disturb each other, so that all other linearisations do the same. It shares no code with grounding or search: what
+both take from `kb` is how terms are written and matched, what the static rules derive, and what a workflow means
+(`kb.model.workflow`).
 """
 
 from collections.abc import Iterator
@@ -9,7 +11,7 @@ from functools import cached_property
 
 from engine.stages.validation.datalog import Facts, holds
 from engine.stages.validation.interference import Executed, Interference, is_stage, signed
-from engine.stages.validation.semantics import Change, Semantics, State
+from engine.stages.validation.semantics import Change, Semantics
 from engine.stages.validation.workflow import Stages
 from kb.diagnostics import Diagnostic, Source
 from kb.model.conditions import And, Condition, Literal, literals
@@ -20,16 +22,21 @@ from kb.terms import Atom, Substitution, substitute, substitute_atom
 
 def validate(problem: Problem, plan: Plan, name: str = "plan") -> list[Diagnostic]:
     """Everything that is wrong with a plan, in the order of its steps; empty if it is valid."""
-    return _Check(problem, plan, Source(name)).run()
+    return findings(Semantics(problem), plan, name)
+
+
+def findings(semantics: Semantics, plan: Plan, name: str = "plan") -> list[Diagnostic]:
+    """`validate` for the problem of a semantics, whose static facts may have been evaluated already."""
+    return _Check(semantics, plan, Source(name)).run()
 
 
 class _Check:
-    def __init__(self, problem: Problem, plan: Plan, where: Source) -> None:
-        self.problem, self.plan, self.where = problem, plan, where
-        self.semantics = Semantics(problem)
+    def __init__(self, semantics: Semantics, plan: Plan, where: Source) -> None:
+        self.problem, self.plan, self.where = semantics.problem, plan, where
+        self.semantics = semantics
         self.found: list[Diagnostic] = []
         self.executed: dict[StepId, Executed] = {}
-        self.final: State = frozenset()
+        self.final = Facts()
 
     def run(self) -> list[Diagnostic]:
         if not self._well_formed():
@@ -67,9 +74,9 @@ class _Check:
         return not self.found
 
     def _executes(self) -> bool:
-        state = self.semantics.initial()
+        self.start = self.semantics.initial()
+        state = self.semantics.layer(self.start)
         stages = Stages(self.problem.domain, self.problem.chains)
-        self.start = state
         for step in self.plan.steps:
             change = self._execute(step, state)
             if change is None:
@@ -80,11 +87,11 @@ class _Check:
                     "K506", f"step {step.id} {step.operator}: {unexpected} is not the next stage of any chain"
                 )
                 return False
-            state = (state - change.ends) | change.adds
+            state = state.after(change.ends, change.adds)
         self.final, self.stages = state, stages
         return True
 
-    def _execute(self, step: Step, state: State) -> Change | None:
+    def _execute(self, step: Step, state: Facts) -> Change | None:
         bound = self.semantics.binding(step.operator)
         if isinstance(bound, str):
             self._report("K501", f"step {step.id} {step.operator}: {bound}")

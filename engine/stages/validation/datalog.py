@@ -1,8 +1,7 @@
 """Bodies solved over sets of facts, plainly: the checker's own reading of conditions, sharing nothing with the search."""
 
 import operator
-from collections import defaultdict
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Set
 from functools import cached_property
 from typing import Any
 
@@ -44,24 +43,36 @@ RELATIONS: dict[str, Callable[[Any, Any], bool]] = {
 class Facts:
     """Ground atoms, over a layer of facts that never change; by predicate from when some predicate's are asked for."""
 
-    def __init__(self, atoms: Iterable[Atom], below: "Facts | None" = None) -> None:
+    def __init__(self, atoms: Iterable[Atom] = (), below: "Facts | None" = None) -> None:
         self.below = below
         self._atoms = set(atoms)
 
     @cached_property
-    def _by_name(self) -> dict[str, set[Atom]]:
-        index: dict[str, set[Atom]] = defaultdict(set)
+    def _by_name(self) -> dict[str, list[Atom]]:
+        index: dict[str, list[Atom]] = {}
         for atom in self._atoms:
-            index[atom.name].add(atom)
+            index.setdefault(atom.name, []).append(atom)
         return index
 
     def add(self, atom: Atom) -> bool:
         """Add one; whether it is new."""
         if atom in self:
             return False
-        self._by_name[atom.name].add(atom)
+        self._by_name.setdefault(atom.name, []).append(atom)
         self._atoms.add(atom)
         return True
+
+    def after(self, ends: Set[Atom], adds: Set[Atom]) -> "Facts":
+        """The facts when some end and then others are added; predicates that are not touched are shared."""
+        found = Facts((), self.below)
+        found._atoms = (self._atoms - ends) | adds
+        found._by_name = self._by_name.copy()
+        for name in {atom.name for atom in (*ends, *adds)}:
+            gone = [atom for atom in ends if atom.name == name]
+            kept = [atom for atom in self._by_name.get(name, ()) if atom not in gone]
+            new = (atom for atom in adds if atom.name == name and (atom in ends or atom not in self._atoms))
+            found._by_name[name] = [*kept, *new]
+        return found
 
     def __contains__(self, atom: Atom) -> bool:
         return atom in self._atoms or (self.below is not None and atom in self.below)

@@ -3,6 +3,7 @@
 Deliberately naive: deduction follows rules atom by atom, derived predicates are closed by fixpoint in every state.
 """
 
+import copy
 from collections import defaultdict
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
@@ -72,6 +73,23 @@ class Semantics:
 
     problem: Problem
     _where: dict[Body, Body] = field(default_factory=dict)
+    _start: State | None = None
+
+    def about(self, problem: Problem, state: State | None = None) -> "Semantics | None":
+        """The same for another problem of the same domain, objects and static facts, which are evaluated once; else None.
+
+        `state` stands for the initial state of the problem.
+        """
+        own = self.problem
+        same = problem.domain is own.domain and all(
+            one is other or one == other
+            for one, other in ((problem.statics, own.statics), (problem.objects, own.objects))
+        )
+        if not same:
+            return None
+        shared = copy.copy(self)
+        shared.problem, shared.statics, shared._start = problem, self.statics, state
+        return shared
 
     def __post_init__(self) -> None:
         domain = self.problem.domain
@@ -108,12 +126,16 @@ class Semantics:
         """The body with aggregates replaced by what clingo found."""
         return self._where.get(body, body) if self.statics else body
 
-    def facts(self, state: Iterable[Atom]) -> Facts:
+    def facts(self, state: Iterable[Atom] | Facts) -> Facts:
         """A state with its derived atoms, over the statics."""
-        facts = Facts(state, self.statics)
+        facts = Facts((), self.layer(state))
         for rules in self.strata:
             _close(rules, facts, facts)
         return facts
+
+    def layer(self, state: Iterable[Atom] | Facts) -> Facts:
+        """A state as facts over the statics; `Facts.after` gives the next one for less than making it anew."""
+        return state if isinstance(state, Facts) else Facts(state, self.statics)
 
     def bounds(self, certain: Iterable[Atom], possible: Iterable[Atom]) -> tuple[Facts, Facts]:
         """What is true in every state between two sets of atoms, and what can be, derived atoms included."""
@@ -153,6 +175,8 @@ class Semantics:
 
     def initial(self) -> State:
         """The initial state (Meaning 6)."""
+        if self._start is not None:
+            return self._start
         if self.problem.complete:
             return frozenset(self.problem.initial)
         given = frozenset(self.problem.initial)
@@ -189,8 +213,8 @@ class Semantics:
             return f"its constraints do not hold: {', '.join(map(str, operator.body))}"
         return operator, bindings
 
-    def change(self, operator: Operator, bindings: Bindings, facts: Facts, state: State) -> Change:
-        """What a step does in a state."""
+    def change(self, operator: Operator, bindings: Bindings, facts: Facts, state: State | Facts) -> Change:
+        """What a step does in a state; `facts` are the state with its derived atoms."""
         added: list[Atom] = []
         explicit: list[Atom] = []
         events: list[Atom] = []
@@ -216,9 +240,9 @@ class Semantics:
             choices = [{**each, parameter.variable: value} for each in choices for value in values]
         yield from (each for each in choices if holds(effect.condition, facts, each))
 
-    def deduce(self, added: Iterable[Atom], explicit: tuple[Denial, ...], state: State) -> Change:
+    def deduce(self, added: Iterable[Atom], explicit: tuple[Denial, ...], state: State | Facts) -> Change:
         """The least fixpoint of adds and denials from `added`; the end of an atom counts only if `state` has it."""
-        current = Facts(state)
+        current = self.layer(state)
         adds: dict[Atom, None] = {}
         denials: list[Denial] = []
         ended: dict[Atom, None] = {}

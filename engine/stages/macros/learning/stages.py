@@ -2,27 +2,25 @@
 
 from engine.stages.macros.learning.proof import Proof
 from engine.stages.macros.lifted.schema import NotGeneral
-from engine.stages.macros.lifted.world import Change
 from kb.model.domain import Kind
 from kb.model.macro import MacroChain
 from kb.model.plan import GOAL, Step
-from kb.model.problem import Chain, Problem, superseded
-from kb.terms import Atom, Function, Term, Text, Variable, is_ground, match
+from kb.model.problem import Problem
+from kb.model.workflow import advanced, lasting
+from kb.terms import Atom, Function, Term, Text, Variable, match
 
 
 def lifted_chains(problem: Problem, proof: Proof) -> tuple[MacroChain, ...]:
     """The chains of a problem with variables, every stage equal to the event or consequence that reached it."""
     names = {chain.name: _named(chain.name, proof) for chain in problem.chains}
     subjects: dict[Term, Variable] = {}
-    passing = superseded(problem.chains)
+    lasts = lasting(problem.chains, problem.domain)
     reached = _reached(problem, proof)
     made = []
     for chain in problem.chains:
         pairs = zip(chain.stages, reached[chain.name], strict=True)
         stages = tuple(_stage(stage, step, atom, proof) for stage, (step, atom) in pairs)
-        last = chain.stages[-1]
-        fluent = proof.world.schemas.kinds.get(last.name) is Kind.FLUENT
-        if fluent and is_ground(last) and chain.name not in passing:
+        if chain.name in lasts:
             proof.need(stages[-1], True, GOAL)
         subject = None
         if chain.subject is not None:
@@ -63,30 +61,13 @@ def _reached(problem: Problem, proof: Proof) -> dict[str, list[tuple[Step, Atom]
     found: dict[str, list[tuple[Step, Atom]]] = {chain.name: [] for chain in problem.chains}
     for step in proof.plan.steps:
         change = proof.changes[step.id]
-        events = list(change.events)
-        ready = [chain for chain in problem.chains if _may_advance(chain, found, problem)]
-        for chain in ready:
-            atom = _reaching(chain.stages[len(found[chain.name])], change, events)
-            if atom is not None:
-                found[chain.name].append((step, atom))
-                if atom in events:
-                    events.remove(atom)
-        if events:
-            raise NotGeneral(f"{events[0]} is not the next stage of any chain")
+        counts = {name: len(steps) for name, steps in found.items()}
+        moved, unexpected = advanced(problem.chains, counts, change.events, sorted(change.adds, key=str))
+        if unexpected:
+            raise NotGeneral(f"{unexpected[0]} is not the next stage of any chain")
+        for name, atom in moved.items():
+            found[name].append((step, atom))
     missing = next((c.name for c in problem.chains if len(found[c.name]) < len(c.stages)), None)
     if missing is not None:
         raise NotGeneral(f"the workflow of {missing} is not finished")
     return found
-
-
-def _may_advance(chain: Chain, found: dict[str, list[tuple[Step, Atom]]], problem: Problem) -> bool:
-    done = len(found[chain.name])
-    if done == len(chain.stages):
-        return False
-    lengths = {each.name: len(each.stages) for each in problem.chains}
-    return done > 0 or all(len(found[name]) == lengths[name] for name in chain.after)
-
-
-def _reaching(stage: Atom, change: Change, events: list[Atom]) -> Atom | None:
-    candidates = [*events, *sorted(change.adds, key=str)]
-    return next((atom for atom in candidates if match(stage, atom, {}) is not None), None)

@@ -70,6 +70,10 @@ class Facts:
         for extent in self._extents.values():
             yield from extent.atoms
 
+    def atoms(self) -> frozenset[Atom]:
+        """All of them."""
+        return frozenset().union(*(extent.atoms for extent in self._extents.values()))
+
     def after(self, ends: Collection[Atom], adds: Collection[Atom]) -> "Facts":
         """The facts when some end and others are added; those added stay."""
         changed = Facts()

@@ -16,9 +16,8 @@ from engine.stages.macros.lifted.schema import NotGeneral, OperatorSchema
 from engine.stages.macros.lifted.world import Change, World, holds, with_derived
 from engine.stages.macros.lookup.query import Query, Situation, is_met
 from kb.model.conditions import Body, Literal
-from kb.model.domain import Kind
 from kb.model.plan import Plan, Step, StepId
-from kb.model.problem import Chain, superseded
+from kb.model.workflow import advanced, lasting
 from kb.terms import Atom, is_ground, match, substitute_atom
 
 
@@ -129,37 +128,19 @@ def executed(plan: Plan, start: Situation) -> Situation:
 
 def _unfinished(plan: Plan, asked: Query, run: Execution, end: Situation) -> str:
     """Which chain of the workflow is not worked through, as soon as possible and in order; or nothing."""
-    done = {chain.name: 0 for chain in asked.chains}
+    reached = dict.fromkeys((chain.name for chain in asked.chains), 0)
     for step in plan.steps:
         change = run.changes[step.id]
-        events = list(change.events)
-        for chain in [each for each in asked.chains if _may_advance(each, done, asked.chains)]:
-            stage = chain.stages[done[chain.name]]
-            event = next((e for e in events if match(stage, e, {}) is not None), None)
-            if event is not None:
-                events.remove(event)
-            if event is not None or any(match(stage, atom, {}) is not None for atom in change.adds):
-                done[chain.name] += 1
-        if events:
-            return f"{events[0]} is not the next stage of any chain"
-    open_ = next((chain.name for chain in asked.chains if done[chain.name] < len(chain.stages)), None)
-    return f"the workflow of {open_} is not finished" if open_ is not None else _not_lasting(asked, end)
-
-
-def _may_advance(chain: Chain, done: dict[str, int], chains: tuple[Chain, ...]) -> bool:
-    lengths = {each.name: len(each.stages) for each in chains}
-    begun = done[chain.name] > 0 or all(done[name] == lengths[name] for name in chain.after)
-    return begun and done[chain.name] < len(chain.stages)
-
-
-def _not_lasting(asked: Query, end: Situation) -> str:
-    passing = superseded(asked.chains)
-    for chain in asked.chains:
-        last = chain.stages[-1]
-        fluent = asked.world.schemas.kinds.get(last.name) is Kind.FLUENT
-        if fluent and is_ground(last) and chain.name not in passing and last not in end.facts:
-            return f"{last} does not last"
-    return ""
+        moved, unexpected = advanced(asked.chains, reached, change.events, change.adds)
+        if unexpected:
+            return f"{unexpected[0]} is not the next stage of any chain"
+        for name in moved:
+            reached[name] += 1
+    open_ = next((each.name for each in asked.chains if reached[each.name] < len(each.stages)), None)
+    if open_ is not None:
+        return f"the workflow of {open_} is not finished"
+    wanted = lasting(asked.chains, asked.world.domain).values()
+    return next((f"{last} does not last" for last in wanted if last not in end.facts), "")
 
 
 def _disturbed(plan: Plan, run: Execution) -> str:

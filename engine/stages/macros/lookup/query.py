@@ -30,7 +30,7 @@ class Situation:
     @property
     def state(self) -> frozenset[Atom]:
         """The true atoms."""
-        return frozenset(self.facts)
+        return self.facts.atoms()
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,6 +1,7 @@
 """Lookup first, planning else, learning after: whatever a library answers passes the independent checker."""
 
 import dataclasses
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -8,13 +9,16 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from engine.model.outcome import Found
+from engine.pipelines.gate import Gate
 from engine.pipelines.reuse import Answered, Practice
+from engine.stages.macros.lookup import lookup
 from engine.stages.macros.lookup.query import Situation
 from engine.stages.planning import Limits
 from engine.stages.validation import validate
 from kb.diagnostics import InvalidInput
 from kb.loader import load, with_goals
 from kb.model.conditions import TRUE
+from kb.model.plan import Plan
 from kb.model.problem import Problem
 from kb.store import Library
 from kb.terms import Function, Number, ordered
@@ -143,12 +147,39 @@ def test_what_is_infeasible_is_not_learned(points: Problem, tmp_path: Path) -> N
         assert library.all() == []
 
 
-def test_the_thorough_way_finds_the_same(points: Problem, tmp_path: Path) -> None:
-    with Library(str(tmp_path / "library.db")) as library, Practice(library, thorough=True) as practice:
-        first = practice.plan(asked(points, "measured(_, _, meas(m2))"))
+def test_what_lookup_finds_and_the_checker_refuses_is_planned(
+    points: Problem, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Whatever goes wrong inside lookup, a plan that is none does not leave by the library."""
+    with Library(str(tmp_path / "library.db")) as library, Practice(library) as practice:
+        assert practice.plan(asked(points, "measured(_, _, meas(m2))")).origin == "planner"
+        monkeypatch.setattr(lookup, "instantiate", broken(lookup.instantiate))
+        monkeypatch.setattr(lookup, "check", lambda _plan, query: query.situation)
         again = practice.plan(asked(points, "measured(_, _, meas(m3))"))
-        assert (first.origin, again.origin) == ("planner", "library")
-        assert len(plan_of(first).plan.steps) == len(plan_of(again).plan.steps)
+        assert again.origin == "planner"
+        assert validate(asked(points, "measured(_, _, meas(m3))"), plan_of(again).plan) == []
+
+
+def broken(made: Callable[..., Plan]) -> Callable[..., Plan]:
+    """Every instance without its first step."""
+    return lambda *given: Plan(
+        tuple(dataclasses.replace(step, after=()) for step in made(*given).steps[1:]), ()
+    )
+
+
+def test_what_the_library_gives_passes_the_checker(
+    points: Problem, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    passed: list[Plan] = []
+    checked = Gate.findings
+    monkeypatch.setattr(
+        Gate, "findings", lambda self, *given: (passed.append(given[1]), checked(self, *given))[1]
+    )
+    with Library(str(tmp_path / "library.db")) as library, Practice(library) as practice:
+        practice.plan(asked(points, "measured(_, _, meas(m2))"))
+        again = practice.plan(asked(points, "measured(_, _, meas(m3))"))
+        assert again.origin == "library"
+        assert plan_of(again).plan in passed
 
 
 def test_what_no_plan_is_made_for_is_not_looked_up_either(probes: Problem, tmp_path: Path) -> None:

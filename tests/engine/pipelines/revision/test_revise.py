@@ -1,7 +1,10 @@
 """A revised plan is valid from what is observed; it keeps what serves and says what it does not."""
 
 import random
+import sys
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 from disturbances import DOMAINS, PLANS, course, moment
@@ -62,6 +65,7 @@ def test_after_any_disturbance_the_revised_plan_is_valid(
         assert found.added == ()
 
 
+repairs = sys.modules[revise.__module__]  # the package gives its function the module's name
 SMALL = [bundled("bulkhead/one_point"), bundled("bulkhead/both_tools"), bundled("themse/lid_on_stand")]
 
 
@@ -87,6 +91,32 @@ def test_asked_for_both_the_cheaper_is_taken(path: Path, cut: float, acts: int, 
     found = revise(made, now.done, now.observed, both=True)
     if found.way != "done" and found.repair_cost is not None and found.replanning_cost is not None:
         assert plan_of(found).cost == min(found.repair_cost, found.replanning_cost)
+
+
+def test_a_repair_that_the_checker_refuses_is_replanned(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whatever goes wrong inside repair, a plan that is none does not leave by revision."""
+    whole = repairs.deorder
+    monkeypatch.setattr(repairs, "deorder", lambda *given: Plan(whole(*given).steps[:-1]))
+    made = course(bundled("themse/one"))
+    found = revise(made, (), observed(made, made.start, [atom("position(flap, open)")], []))
+    assert found.way == "replanned"
+    assert validate(found.problem, plan_of(found)) == []
+
+
+def test_a_repair_whose_orders_cannot_be_shown_is_given_as_a_sequence(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    whole = repairs.deorder
+
+    def loose(*given: Any) -> Plan:
+        return Plan(tuple(replace(step, after=()) for step in whole(*given).steps))
+
+    monkeypatch.setattr(repairs, "deorder", loose)
+    made = course(bundled("bulkhead/one_point"))
+    found = revise(made, (), made.start.state)  # type: ignore[arg-type]
+    assert found.way == "continued"
+    assert [step.after for step in plan_of(found).steps] == [(), *((n,) for n in range(1, 5))]
+    assert validate(found.problem, plan_of(found)) == []
 
 
 def test_a_flap_that_somebody_closed_is_opened_again() -> None:

@@ -13,6 +13,7 @@ from engine.pipelines import planning
 from engine.pipelines.timetable import timetable
 from engine.stages.scheduling import check_schedule
 from engine.stages.validation import validate
+from kb.diagnostics import InvalidInput
 from kb.loader import bundled, load_problem
 from kb.model.plan import Plan, Step, StepId, in_sequence
 from kb.model.problem import Problem
@@ -150,6 +151,13 @@ def test_release_and_due_times_are_kept_in_mind(laboratory: Path) -> None:
     first = min(made.starts, key=lambda name: made.starts[name])
     assert first.startswith("probe_1")
     assert made.tardiness == 0
+
+
+def test_a_given_plan_that_is_none_gets_no_timetable_in_its_own_order() -> None:
+    problem = planning.problem_of("themse/one")
+    plan = timed(problem).plan
+    with pytest.raises(InvalidInput, match="K501"):
+        timetable(problem, Plan(tuple(replace(step, after=()) for step in plan.steps[1:])))
 
 
 def test_what_a_plan_does_to_no_purpose_is_left_out() -> None:

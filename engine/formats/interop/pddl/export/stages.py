@@ -4,9 +4,10 @@ from collections.abc import Iterator
 
 from engine.formats.interop.pddl.export.world import CHAIN, NUMERAL, Fresh, NotLiftable, World
 from kb.model.conditions import And, Condition, Literal, Parameter
-from kb.model.domain import Effect, Kind, Operator
-from kb.model.problem import Chain, superseded
-from kb.terms import Atom, Function, Number, Term, Text, is_ground, match
+from kb.model.domain import Effect, Operator
+from kb.model.problem import Chain
+from kb.model.workflow import lasting, reaches
+from kb.terms import Atom, Function, Number, Term, Text, is_ground
 
 REACHED, BEGIN = "_reached", "_begin"
 Happening = tuple[Condition, tuple[Parameter, ...], tuple[Effect, ...]]
@@ -41,7 +42,7 @@ class Stages:
     def _matching(self, stage: Atom) -> list[Atom]:
         if is_ground(stage):
             return [stage]
-        return [atom for atom in self.world.task.atoms if match(stage, atom, {}) is not None]
+        return [atom for atom in self.world.task.atoms if reaches(atom, stage)]
 
     def initial(self) -> Iterator[Atom]:
         """The chains that wait for no other stand at their beginning."""
@@ -64,13 +65,11 @@ class Stages:
 
     def goals(self) -> Iterator[Condition]:
         """Every chain is finished; a fluent that ends one still holds, unless a later chain of its subject goes on."""
-        passing = superseded(self.chains)
+        lasts = lasting(self.chains, self.world.domain)
         for chain in self.chains:
             yield Literal(reached(chain, len(chain.stages)))
-            last = chain.stages[-1]
-            lasting = self.world.kinds.get(last.name) is Kind.FLUENT and is_ground(last)
-            if lasting and chain.name not in passing:
-                yield Literal(last)
+            if chain.name in lasts:
+                yield Literal(lasts[chain.name])
 
     def happening(self, number: int, event: Atom) -> Happening:
         """That an event is the next stage of some chain: the condition, its parameters, and how the chain moves on."""

@@ -1,0 +1,67 @@
+"""When a chain may advance, what reaches a stage, what must last; and that planner and checker mean the same."""
+
+from dataclasses import replace
+
+from engine.model.outcome import Found, Infeasible
+from engine.pipelines import planning
+from engine.stages.validation import validate
+from kb.model.conditions import TRUE
+from kb.model.domain import Domain, Effect, Kind, Operator, Predicate
+from kb.model.plan import Plan, Step, StepId
+from kb.model.problem import Chain, Problem
+from kb.model.workflow import advanced, finished, lasting, may_advance, next_stages, reaches
+from kb.terms import ANYTHING, Function
+
+BAKED, COOLED, SHUT = Function("baked"), Function("cooled"), Function("shut")
+FIRST = Chain("first", (BAKED, COOLED), subject=Function("tray"))
+SECOND = Chain("second", (SHUT,), after=("first",), subject=Function("tray"))
+CHAINS = (FIRST, SECOND)
+
+
+def domain(*operators: Operator) -> Domain:
+    events = {name: Predicate(name, (), Kind.EVENT) for name in ("baked", "cooled")}
+    return Domain(
+        "oven", predicates={**events, "shut": Predicate("shut", (), Kind.FLUENT)}, operators=operators
+    )
+
+
+def test_a_chain_waits_until_those_before_it_are_finished() -> None:
+    assert list(next_stages(CHAINS, {"first": 1, "second": 0})) == ["first"]
+    assert list(next_stages(CHAINS, {"first": 2, "second": 0})) == ["second"]
+    assert finished(CHAINS, {"first": 2, "second": 0}) == {"first"}
+
+
+def test_a_chain_that_has_begun_waits_for_none_and_a_finished_one_stays_finished() -> None:
+    assert may_advance(replace(SECOND, stages=(SHUT, SHUT)), 1, ())
+    assert not may_advance(FIRST, 2, ("first", "second"))
+
+
+def test_an_open_place_in_a_stage_stands_for_anything() -> None:
+    assert reaches(Function("at", (Function("tray"), SHUT)), Function("at", (Function("tray"), ANYTHING)))
+    assert not reaches(BAKED, COOLED)
+
+
+def test_an_event_serves_one_chain_and_an_atom_all_that_wait_for_it() -> None:
+    twins = [Chain("one", (BAKED,)), Chain("other", (BAKED,)), Chain("third", (SHUT,))]
+    none = dict.fromkeys(("one", "other", "third"), 0)
+    assert advanced(twins, none, (BAKED,), (SHUT,)) == ({"one": BAKED, "third": SHUT}, ())
+    assert advanced(twins[:2], none, (), (BAKED,)) == ({"one": BAKED, "other": BAKED}, ())
+    assert advanced(twins[:1], none, (COOLED,), ()) == ({}, (COOLED,))
+
+
+def test_the_last_fluent_of_a_subject_lasts_and_no_event_does() -> None:
+    assert lasting(CHAINS, domain()) == {"second": SHUT}
+    again = Chain("third", (BAKED,), after=("second",), subject=Function("tray"))
+    assert lasting((*CHAINS, again), domain()) == {}
+
+
+def test_a_step_moves_a_chain_by_one_stage_whoever_follows_it() -> None:
+    """Two events of one step come at one moment, so they are no two stages of one chain: planner and checker agree."""
+    both = Operator("bake_and_cool", (), TRUE, (Effect(BAKED), Effect(COOLED)))
+    problem = Problem("cake", domain(both), chains=(FIRST,), complete=True)
+    plan = Plan((Step(StepId(1), Function("bake_and_cool")),))
+    assert isinstance(planning.plan(problem), Infeasible)
+    assert [each.code for each in validate(problem, plan)] == ["K506"]
+    apart = replace(problem, chains=(replace(FIRST, stages=(BAKED,)), Chain("own", (COOLED,))))
+    assert isinstance(planning.plan(apart), Found)
+    assert validate(apart, plan) == []
