@@ -99,6 +99,9 @@ class Source:
         return [shown, f"{'   ' if self.cut else ''}{margin}^"]
 
 
+NOWHERE = Source("")
+
+
 def printable(text: str) -> str:
     """The text with a mark for each character that would command the terminal, or turn the order of a line around."""
     return re.sub(

@@ -1,58 +1,49 @@
 """Reads an ASP file statement by statement: what each defines and uses, and what domain files may not contain."""
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from math import prod
 
-from clingo import Control, SymbolType, ast
+from clingo import Control, ast
 
 from kb.asp import AspError, Messages
 from kb.asp.suspicion import suspicion
+from kb.asp.tree import ALONE, Reading, signature, strange
+from kb.diagnostics import Source
+from kb.model.statement import Constant, Statement
 
-Signature = tuple[str, int]
 MAX_LENGTH = 2**19  # characters of one file
-MAX_ALTERNATIVES = 10_000
-MAX_RANGE = 1_000_000
+Place = Callable[[int, int], Source]
+"""Where a line and a column of a text are, both counted from 1."""
 
 
 @dataclass(frozen=True, slots=True)
-class Statement:
-    """A rule, constraint or constant. `head` is None for the last two; `body` are texts; `uses` are what the body reads."""
+class Parsed:
+    """A statement, and clingo's syntax tree of it for those who compile it."""
 
-    text: str
-    head: str | None
-    signature: Signature | None
-    body: tuple[str, ...]
-    uses: tuple[
-        tuple[Signature, bool], ...
-    ]  # predicate, and whether it stands under negation or in an aggregate
-    line: int
-    column: int
-    constraint: bool = False
-    constants: tuple[
-        tuple[Signature, int, str], ...
-    ] = ()  # predicate, argument number, constant standing there
-    defines: str = ""  # the constant that `#const` gives a value
+    statement: Statement
+    tree: ast.AST
 
 
 @dataclass(frozen=True, slots=True)
 class Refused:
     """A statement that domain files may not contain, and why."""
 
-    line: int
-    column: int
+    where: Source
     message: str
     hint: str = ""
     code: str = "K202"
 
 
-def statements(text: str) -> Iterator[Statement | Refused]:
-    """The statements of an ASP file in order. Raises `AspError` for what is not ASP."""
+def statements(text: str, place: Place, pools: bool = False) -> Iterator[Parsed | Refused]:
+    """The statements of an ASP file in order. Raises `AspError` for what is not ASP.
+
+    Rules with pools are written out, or, with `pools`, kept as they stand.
+    """
     if (found := suspicion(text, MAX_LENGTH)) is not None:
         line = text.count("\n", 0, found.offset) + 1
         column = found.offset - text.rfind("\n", 0, found.offset)
-        yield Refused(line, column, found.message, found.hint, found.code)
+        yield Refused(place(line, column), found.message, found.hint, found.code)
         return
     messages, nodes = Messages(), list[ast.AST]()
     try:
@@ -60,7 +51,9 @@ def statements(text: str) -> Iterator[Statement | Refused]:
     except RuntimeError as error:
         raise AspError(messages.heard or [(0, 0, str(error))]) from None
     for node in nodes:
-        yield from _statement(node)
+        if node.ast_type not in _SILENT and str(node) != "#program base.":
+            begin = node.location.begin
+            yield from _statement(node, place(begin.line, begin.column), pools)
 
 
 _SILENT = {ast.ASTType.Comment} if hasattr(ast.ASTType, "Comment") else set()
@@ -72,162 +65,83 @@ _REFUSED = {
     ast.ASTType.Program: ("#program is not part of the language", "remove it: all rules belong together"),
     ast.ASTType.Defined: ("#defined is not part of the language", "declare the predicate in domain.yaml"),
 }
-_ALONE = "facts, rules, constraints and #const alone"
 
 
-def _statement(node: ast.AST) -> Iterator[Statement | Refused]:
-    begin = node.location.begin
-    if node.ast_type in _SILENT or str(node) == "#program base.":
-        return
+def _statement(node: ast.AST, where: Source, pools: bool) -> Iterator[Parsed | Refused]:
     if node.ast_type == ast.ASTType.Definition:
-        yield Statement(str(node), None, None, (), (), begin.line, begin.column, defines=node.name)
+        yield Parsed(Statement(str(node), where, constant=node.name), node)
     elif node.ast_type != ast.ASTType.Rule:
-        message, hint = _REFUSED.get(
-            node.ast_type, (f"{node.ast_type.name} statements are not part of the language", _ALONE)
+        other = f"{node.ast_type.name} statements are not part of the language", ALONE
+        yield Refused(where, *_REFUSED.get(node.ast_type, other))
+    elif (fact := plain_fact(str(node), where)) is not None:
+        yield Parsed(fact, node)
+    else:
+        yield from _rules(node, where, pools)
+
+
+def _rules(node: ast.AST, where: Source, pools: bool) -> Iterator[Parsed | Refused]:
+    """The rules of a statement: one, or more where it has pools."""
+    reading = Reading()
+    made = rule(node, where, reading)
+    if why := strange(node, reading):
+        yield Refused(where, *why)
+    elif reading.pools and not pools:
+        yield from (rule(each, where, Reading()) for each in node.unpool())
+    else:
+        yield made
+
+
+def rule(node: ast.AST, where: Source, reading: Reading) -> Parsed | Refused:
+    """A rule without pools; `reading` takes in what stands in it."""
+    head, body = node.head, list(node.body)
+    reading.head(head)
+    counts = reading.counts
+    for part in body:
+        reading.read(part)
+    defines, said = None, ""
+    kind = head.atom.ast_type if head.ast_type == ast.ASTType.Literal and not head.sign else None
+    if kind == ast.ASTType.SymbolicAtom and head.atom.symbol.ast_type == ast.ASTType.Function:
+        defines, said = signature(head.atom), str(head)
+    elif kind != ast.ASTType.BooleanConstant or head.atom.value:
+        return Refused(
+            where, "a rule's head must be one atom", "choices and disjunctions have no single answer"
         )
-        yield Refused(begin.line, begin.column, message, hint)
-    else:
-        yield from _rules(node, str(node), begin.line, begin.column)
+    made = Statement(
+        str(node),
+        where,
+        defines,
+        said,
+        tuple(map(str, body)),
+        tuple(reading.uses),
+        tuple(reading.constants),
+        tuple(reading.variables),
+        tuple(reading.names),
+        counts,
+    )
+    return Parsed(made, node)
 
 
-def _rules(node: ast.AST, text: str, line: int, column: int) -> Iterator[Statement | Refused]:
-    """The rules of a statement. The syntax tree is slow to walk, so that the text says whether there is need to."""
-    if fact := _FACT.fullmatch(text):
-        signature = (fact[1], len(fact[2].split(",")) if fact[2] else 0)
-        yield Statement(text, text[:-1], signature, (), (), line, column, constants=tuple(_constants(text)))
-    elif not _has_pool(text) and not _WORTH_A_LOOK.search(text):
-        yield _rule(node)
-    elif strange := _strange(node):
-        yield Refused(line, column, *strange)
-    else:
-        yield from (_rule(rule) for rule in node.unpool())
+def plain_fact(text: str, where: Source) -> Statement | None:
+    """The fact that clingo prints as `text`, if its arguments are constants and natural numbers, else None.
+
+    This is a short way for the facts that files hold by the hundred: reading their trees takes several times as long.
+    """
+    if (fact := _FACT.fullmatch(text)) is None:
+        return None
+    arguments = fact[2].split(",") if fact[2] else []
+    defines = (fact[1], len(arguments))
+    constants = [(number, each) for number, each in enumerate(arguments) if not each[0].isdigit()]
+    return Statement(
+        text,
+        where,
+        defines,
+        text[:-1],
+        constants=tuple(Constant(defines, number, each) for number, each in constants),
+        names=(fact[1], *(each for _, each in constants)),
+    )
 
 
 _FACT = re.compile(r"([a-z][A-Za-z0-9_]*)(?:\(([a-z0-9][A-Za-z0-9_]*(?:,[a-z0-9][A-Za-z0-9_]*)*)\))?\.")
-_WORTH_A_LOOK = re.compile(r'[@&"-]|\.\.')
-
-
-def _has_pool(text: str) -> bool:
-    """Whether a `;` stands within brackets."""
-    if ";" not in text:
-        return False
-    while (shorter := re.sub(r"\([^();]*\)", "", text)) != text:
-        text = shorter
-    return "(" in text
-
-
-def _strange(rule: ast.AST) -> tuple[str, str, str] | None:
-    """What a rule may not contain, wherever in it: runaway pools and ranges, external functions, classical negation."""
-    if _alternatives(rule) > MAX_ALTERNATIVES:
-        return f"pools make more than {MAX_ALTERNATIVES} rules of this one", "use variables", "K007"
-    for part in _parts(rule):
-        if part.ast_type == ast.ASTType.Function and part.external:
-            return "external functions are not part of the language", "express it as rules", "K202"
-        if part.ast_type == ast.ASTType.SymbolicAtom and part.symbol.ast_type == ast.ASTType.UnaryOperation:
-            return "classical negation is not part of the language", "write `not`", "K202"
-        if part.ast_type == ast.ASTType.TheoryAtom:
-            return "theory atoms are not part of the language", _ALONE, "K202"
-        if part.ast_type == ast.ASTType.Interval and _span(part) > MAX_RANGE:
-            return (
-                f"a range of more than {MAX_RANGE} numbers",
-                "count less, or bind the number by a fact",
-                "K007",
-            )
-    return None
-
-
-def _span(interval: ast.AST) -> int:
-    """How many numbers a range has; 0 when its ends are not plain numbers."""
-    ends = []
-    for end in (interval.left, interval.right):
-        if end.ast_type != ast.ASTType.SymbolicTerm or end.symbol.type != SymbolType.Number:
-            return 0
-        ends.append(end.symbol.number)
-    return int(ends[1] - ends[0] + 1)
-
-
-def _alternatives(node: ast.AST) -> int:
-    """An upper bound on the rules that pools make of one."""
-    inside = [_alternatives(child) for child in _children(node)]
-    return sum(inside) if node.ast_type == ast.ASTType.Pool else prod(inside)
-
-
-def _parts(node: ast.AST) -> Iterator[ast.AST]:
-    yield node
-    for child in _children(node):
-        yield from _parts(child)
-
-
-def _children(node: ast.AST) -> Iterator[ast.AST]:
-    for key in node.child_keys:
-        child = getattr(node, key)
-        for part in child if isinstance(child, (ast.ASTSequence, list)) else [child]:
-            if isinstance(part, ast.AST):
-                yield part
-
-
-def _rule(rule: ast.AST) -> Statement | Refused:
-    begin, head = rule.location.begin, rule.head
-    uses = tuple(use for part in rule.body for use in _uses(part, False))
-    body = tuple(map(str, rule.body))
-    plain = head.ast_type == ast.ASTType.Literal and head.sign == ast.Sign.NoSign
-    if plain and head.atom.ast_type == ast.ASTType.SymbolicAtom:
-        return Statement(
-            str(rule),
-            str(head),
-            _signature(head.atom.symbol),
-            body,
-            uses,
-            begin.line,
-            begin.column,
-            constants=tuple(_constants(str(rule))),
-        )
-    if plain and head.atom.ast_type == ast.ASTType.BooleanConstant and not head.atom.value:
-        return Statement(str(rule), None, None, body, uses, begin.line, begin.column, constraint=True)
-    return Refused(
-        begin.line,
-        begin.column,
-        "a rule's head must be one atom",
-        "choices and disjunctions have no single answer",
-    )
-
-
-def _constants(text: str) -> Iterator[tuple[Signature, int, str]]:
-    """Which constant stands where as an argument of which predicate or function without compound arguments."""
-    for found in _FLAT.finditer(text) if '"' not in text else ():
-        arguments = [argument.strip() for argument in found[2].split(",")]
-        for number, argument in enumerate(arguments):
-            if _CONSTANT.fullmatch(argument):
-                yield (found[1], len(arguments)), number, argument
-
-
-_FLAT = re.compile(r"([a-z][A-Za-z0-9_]*)\(([^()]+)\)")
-_CONSTANT = re.compile(r"[a-z][A-Za-z0-9_]*")
-
-
-def _signature(symbol: ast.AST) -> Signature:
-    if symbol.ast_type == ast.ASTType.Function:
-        return (symbol.name, len(symbol.arguments))
-    return (str(symbol), 0)
-
-
-def _uses(node: ast.AST, negated: bool) -> Iterator[tuple[Signature, bool]]:
-    """Predicates read by a part of a body; everything inside an aggregate counts as negated (it needs a lower stratum)."""
-    if node.ast_type == ast.ASTType.SymbolicAtom:
-        yield _signature(node.symbol), negated
-        return
-    if node.ast_type == ast.ASTType.Comparison:
-        return
-    if node.ast_type == ast.ASTType.Literal:
-        yield from _uses(node.atom, negated or node.sign != ast.Sign.NoSign)
-        return
-    inside = negated or node.ast_type in (
-        ast.ASTType.BodyAggregate,
-        ast.ASTType.Aggregate,
-        ast.ASTType.ConditionalLiteral,
-    )
-    for child in _children(node):
-        yield from _uses(child, inside)
 
 
 def unsafe(rules: Sequence[Statement]) -> Iterator[tuple[Statement, str]]:
@@ -239,7 +153,7 @@ def unsafe(rules: Sequence[Statement]) -> Iterator[tuple[Statement, str]]:
     control = Control(["--warn=none"], logger=lambda _, text: heard.append(text), message_limit=1000)
     try:
         control.add(
-            "base", [], "\n".join(f"{_headless(each)}{', '.join((*each.body, NEVER))}." for each in rules)
+            "base", [], "\n".join(f"{each.head} :- {'; '.join((*each.body, NEVER))}." for each in rules)
         )
         control.ground([("base", [])])
     except RuntimeError:
@@ -252,7 +166,3 @@ def unsafe(rules: Sequence[Statement]) -> Iterator[tuple[Statement, str]]:
 
 
 NEVER = "_never"
-
-
-def _headless(statement: Statement) -> str:
-    return f"{statement.head or ''} :- "

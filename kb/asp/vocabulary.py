@@ -16,17 +16,9 @@ def static_program(problem: Problem) -> str:
     lines = list(_types(domain))
     lines += [f"{type_}({name})." for name, type_ in {**domain.objects, **problem.objects}.items()]
     lines += [f"{fact}." for fact in problem.statics]
-    for number, part in enumerate(domain.asp):
-        lines.append(
-            part.text.replace("#false", f"{VIOLATED}({number})", 1)
-            if _is_constraint(part.text)
-            else part.text
-        )
+    for number, each in enumerate(domain.asp):
+        lines.append(each.under(f"{VIOLATED}({number})") if each.is_constraint else each.text)
     return "\n".join(lines)
-
-
-def _is_constraint(text: str) -> bool:
-    return text.startswith("#false")
 
 
 def _types(domain: Domain) -> Iterator[str]:

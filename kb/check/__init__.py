@@ -2,8 +2,9 @@
 
 from collections.abc import Collection, Iterator
 
+from kb.commands.phrases import spoken_of
 from kb.diagnostics import Diagnostic
-from kb.model.conditions import Literal, literals
+from kb.model.conditions import Aggregate, Condition, conditions, literals
 from kb.model.domain import Domain, Effect, Kind, Operator
 from kb.model.problem import Problem
 from kb.terms import Atom, is_ground
@@ -25,13 +26,21 @@ def unreachable(domain: Domain, reached: Collection[str]) -> list[Diagnostic]:
 
 
 def _unused(domain: Domain, problems: Collection[Problem]) -> Iterator[Diagnostic]:
-    used = {*_read(domain), *_changed(domain)} | {f.name for p in problems for f in (*p.statics, *p.initial)}
-    used |= {literal.atom.name for problem in problems for literal in literals(problem.goal)}
-    text = "\n".join([*(part.text for part in domain.asp), *(p.goal + p.stage for p in domain.phrases)])
+    used = {*_read(domain), *_changed(domain), *_counted(domain), *_named(problems)}
+    used |= {literal.atom.name for literal in spoken_of(domain)}
+    stated = {use for each in domain.asp for use in (each.defines, *(use for use, _ in each.uses))}
     for predicate in domain.predicates.values():
-        if predicate.name not in used and f"{predicate.name}(" not in text:
+        if predicate.name not in used and (predicate.name, len(predicate.arguments)) not in stated:
             hint = "remove it, or use it"
             yield Diagnostic(predicate.where, "K309", f"nothing uses '{predicate.name}'", hint, warning=True)
+
+
+def _named(problems: Collection[Problem]) -> Iterator[str]:
+    """Predicates that problems name in facts, goals and workflows."""
+    for problem in problems:
+        stages = (stage for chain in problem.chains for stage in chain.stages)
+        yield from (atom.name for atom in (*problem.statics, *problem.initial, *stages))
+        yield from (literal.atom.name for literal in literals(problem.goal))
 
 
 def _never_added(domain: Domain, problems: Collection[Problem]) -> Iterator[Diagnostic]:
@@ -65,18 +74,27 @@ def _not_held(domain: Domain) -> Iterator[Diagnostic]:
 
 
 def _read(domain: Domain) -> Iterator[str]:
-    """Predicates that conditions, constraints and rules name."""
+    """Predicates that conditions, constraints and rules name, but for what they count."""
+    yield from (literal.atom.name for each in _conditions(domain) for literal in literals(each))
+
+
+def _counted(domain: Domain) -> Iterator[str]:
+    """Predicates that aggregates count."""
+    parts = (part for each in _conditions(domain) for part in conditions(each))
+    yield from (name for part in parts if isinstance(part, Aggregate) for name, _ in part.uses)
+
+
+def _conditions(domain: Domain) -> Iterator[Condition]:
+    """Every condition, and every part of a body."""
     for operator in domain.operators:
-        conditions = [
-            operator.precondition,
-            *(effect.condition for effect in operator.effects),
-            *operator.body,
-        ]
-        yield from (literal.atom.name for condition in conditions for literal in literals(condition))
-    bodies = [d.body for d in domain.deductive_operators] + [rule.body for rule in domain.rules]
-    bodies += [c.body for d in domain.deductive_operators for c in d.consequences]
-    bodies += [default.body for default in domain.defaults]
-    yield from (part.atom.name for body in bodies for part in body if isinstance(part, Literal))
+        yield operator.precondition
+        yield from (effect.condition for effect in operator.effects)
+        yield from operator.body
+    for deductive in domain.deductive_operators:
+        yield from deductive.body
+        yield from (part for consequence in deductive.consequences for part in consequence.body)
+    yield from (part for rule in domain.rules for part in rule.body)
+    yield from (part for default in domain.defaults for part in default.body)
 
 
 def _changed(domain: Domain) -> Iterator[str]:

@@ -49,6 +49,11 @@ def _parsed(phrase: Phrase, field: str, domain: Domain) -> Parsed:
     return parsed
 
 
+def spoken_of(domain: Domain) -> Iterator[Literal]:
+    """The literals that the phrases of a domain stand for; its phrases have been checked."""
+    return (literal for meaning in meanings(domain) for literal in meaning.conditions)
+
+
 def slots_of(pattern: Pattern) -> tuple[Slot, ...]:
     """The slots of a pattern, each variable once, in order of occurrence."""
     found: dict[str, Slot] = {}

@@ -10,6 +10,7 @@ from kb.loader.operators import read_operators
 from kb.loader.reader import Findings, Reader, require, validate_shape
 from kb.loader.rules import read_rules
 from kb.loader.tree import read_file
+from kb.model.computed import with_named_values
 from kb.model.domain import Domain, Phrase
 
 
@@ -40,7 +41,7 @@ def read_domain(path: Path, findings: Findings) -> tuple[Domain, Names]:
     )
     for found in check_phrases(domain, reader.place_under("commands")):
         findings.note(found)
-    return domain, names
+    return with_named_values(domain), names
 
 
 def _words(reader: Reader) -> dict[str, tuple[str, ...]]:

@@ -6,8 +6,6 @@ Only positive occurrences narrow a variable: `not part_of(Place, drawer)` holds 
 import dataclasses
 from collections.abc import Collection, Iterable
 
-from kb.asp import AspError
-from kb.asp.statements import Refused, statements
 from kb.diagnostics import nearest, unknown_name
 from kb.loader.names import Names, miscounted
 from kb.loader.reader import Expression
@@ -153,8 +151,8 @@ class Typing:
             case Comparison(left, _, right):
                 self._compared(left, expression)
                 self._compared(right, expression)
-            case Aggregate(text):
-                check_aggregate(text, expression, self.names)
+            case Aggregate():
+                check_aggregate(condition, expression, self.names)
 
     def _universal(
         self,
@@ -272,24 +270,14 @@ def guard_and_claim(part: Condition) -> tuple[Condition, ...]:
             return (part,)
 
 
-def check_aggregate(text: str, expression: Expression, names: Names) -> None:
+def check_aggregate(aggregate: Aggregate, expression: Expression, names: Names) -> None:
     """An aggregate stays text for clingo, which would take an unknown name for an empty predicate."""
     where = expression.node.where
-    try:
-        read = list(statements(f":- {text}."))
-    except AspError as error:
-        names.findings.add(where, "K107", f"in '{text}': {error}", "write it as in ASP: #count { X : p(X) }")
-        return
-    for statement in read:
-        if isinstance(statement, Refused):
-            names.findings.add(where, statement.code, statement.message, statement.hint)
-            continue
-        for (name, arity), _ in statement.uses:
-            predicate = names.predicates.get(name)
-            if predicate is None and not (names.known_type(name) and arity == 1):
-                names.findings.add(
-                    where, "K101", f"unknown predicate '{name}'", nearest(name, names.predicates)
-                )
-            elif predicate and predicate.kind is not Kind.STATIC:
-                hint = "aggregates count statics alone"
-                names.findings.add(where, "K108", f"'{name}' changes, and stands in an aggregate", hint)
+    for name, arity in aggregate.uses:
+        predicate = names.predicates.get(name)
+        if predicate is None and not (names.known_type(name) and arity == 1):
+            hint = nearest(name, names.predicates)
+            names.findings.add(where, "K101", f"unknown predicate '{name}'", hint)
+        elif predicate and predicate.kind is not Kind.STATIC:
+            hint = "aggregates count statics alone"
+            names.findings.add(where, "K108", f"'{name}' changes, and stands in an aggregate", hint)

@@ -5,8 +5,11 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
-from kb.diagnostics import Diagnostic, InvalidInput, Source
+from kb.asp import AspError
+from kb.asp.statements import Refused, statements
+from kb.diagnostics import NOWHERE, Diagnostic, InvalidInput, Source
 from kb.loader.tree import File, Node, read_tree
+from kb.model.statement import Statement
 from kb.schema import Deviation, deviations
 from kb.syntax import ExpressionError, Parsed, parse
 from kb.terms import Function, Variable
@@ -78,7 +81,7 @@ class Reader:
         if not isinstance(node.value, str) or not node.value.strip():
             return None
         try:
-            parsed = parse(start, node.value, self.time_unit)
+            parsed = parse(start, node.value, self.time_unit, _read_aggregate)
         except ExpressionError as error:
             self.findings.add(node.place(error.offset), error.code, error.message, error.hint)
             return None
@@ -173,6 +176,18 @@ class Reader:
             return []
         width = len(range_[2]) if range_[2].startswith("0") else 0
         return [f"{range_[1]}{number:0{width}d}" for number in range(first, last + 1)]
+
+
+def _read_aggregate(text: str, offset: int) -> Statement:
+    """What an aggregate of an expression reads, as the constraint that forbids it. Raises `ExpressionError`."""
+    try:
+        (read,) = statements(f":- {text}.", lambda _line, _column: NOWHERE, pools=True)
+    except AspError as error:
+        hint = "write it as in ASP: #count { X : p(X) }"
+        raise ExpressionError(offset, f"in '{text}': {error}", hint) from None
+    if isinstance(read, Refused):
+        raise ExpressionError(offset, read.message, read.hint, read.code)
+    return read.statement
 
 
 def validate_shape(reader: Reader, kind: str) -> bool:

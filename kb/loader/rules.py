@@ -1,25 +1,25 @@
-"""The ASP files of a domain: statics for clingo as they stand, and rules that read fluents, parsed."""
+"""The ASP files of a domain: statements over statics, for clingo as they stand, and rules that read fluents, compiled."""
 
-import re
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from pathlib import Path
 
 from kb.asp import AspError
-from kb.asp.statements import Refused, Signature, Statement, statements, unsafe
+from kb.asp.compiled import NotCompilable, compiled
+from kb.asp.statements import Parsed, Refused, statements, unsafe
 from kb.diagnostics import Source, nearest
 from kb.files import File, is_file, read_file
 from kb.graphs import components
 from kb.loader.names import Names, count_of
 from kb.loader.reader import Reader
 from kb.loader.tree import Node
-from kb.model.domain import BUILT_IN_TYPES, NUMERIC_TYPES, OBJECT, AspText, Kind, Rule
-from kb.syntax import ExpressionError, parse, without_texts
+from kb.model.domain import BUILT_IN_TYPES, NUMERIC_TYPES, OBJECT, Kind, Rule
+from kb.model.statement import Sign, Signature, Statement
 
-Read = list[tuple[Statement, Source]]
+Read = list[Parsed]
 
 
-def read_rules(reader: Reader, names: Names, folder: Path) -> tuple[list[AspText], list[Rule]]:
+def read_rules(reader: Reader, names: Names, folder: Path) -> tuple[list[Statement], list[Rule]]:
     """What the files under `include:` say; derived predicates over statics alone become static ones."""
     read: Read = []
     included = ((node.value, node) for node in reader.items("include") if isinstance(node.value, str))
@@ -56,12 +56,11 @@ def _included(reader: Reader, name: str, node: Node, folder: Path) -> Path | Non
 def _statements(file: File, names: Names) -> Read:
     found: Read = []
     try:
-        for statement in statements(file.text):
-            where = file.line(statement.line, statement.column)
-            if isinstance(statement, Refused):
-                names.findings.add(where, statement.code, statement.message, statement.hint)
+        for each in statements(file.text, file.line):
+            if isinstance(each, Refused):
+                names.findings.add(each.where, each.code, each.message, each.hint)
             else:
-                found.append((statement, where))
+                found.append(each)
     except AspError as error:
         for line, column, message in error.messages:
             hint = "each statement ends in '.', variables begin with a capital letter"
@@ -74,10 +73,10 @@ def _depending_on_fluents(read: Read, names: Names) -> set[Signature]:
         (p.name, len(p.arguments)) for p in names.predicates.values() if p.kind in (Kind.FLUENT, Kind.EVENT)
     }
     readers: dict[Signature, set[Signature]] = {}
-    for statement, _ in read:
-        if statement.signature:
+    for statement in _values(read):
+        if statement.defines:
             for use, _ in statement.uses:
-                readers.setdefault(use, set()).add(statement.signature)
+                readers.setdefault(use, set()).add(statement.defines)
     waiting = list(changing)
     while waiting:
         more = readers.get(waiting.pop(), set()) - changing
@@ -88,31 +87,28 @@ def _depending_on_fluents(read: Read, names: Names) -> set[Signature]:
 
 def _check(read: Read, names: Names) -> None:
     known = _known(read, names)
-    constants = {statement.defines for statement, _ in read if statement.defines}
-    for statement, where in read:
-        if statement.defines:
-            _check_constant(statement.defines, where, names)
-        else:
-            _check_reserved(statement, where, names)
+    constants = {statement.constant for statement in _values(read) if statement.constant}
+    for statement in _values(read):
+        if statement.constant:
+            _check_constant(statement.constant, statement.where, names)
+        _check_reserved(statement, names)
         for use, _ in statement.uses:
             if use not in known and use[0] not in names.broken and not use[0].startswith("_"):
-                _unknown(use, known, where, names)
-        if statement.signature:
-            _check_head(statement.signature, where, names)
-        _check_arguments(statement, where, names, constants)
-    places = {id(statement): where for statement, where in read}
-    rules = [statement for statement, _ in read if statement.signature or statement.constraint]
-    for statement, said in unsafe(rules):
+                _unknown(use, known, statement.where, names)
+        if statement.defines:
+            _check_head(statement.defines, statement.where, names)
+        _check_arguments(statement, names, constants)
+    for statement, said in unsafe([statement for statement in _values(read) if not statement.constant]):
         message = f"unsafe: nothing binds {said}" if said else "clingo refuses this rule"
         hint = "use each variable in an atom of the body that is not negated"
-        names.findings.add(places[id(statement)], "K105" if said else "K201", message, hint)
+        names.findings.add(statement.where, "K105" if said else "K201", message, hint)
     _check_strata(read, names)
 
 
 def _known(read: Read, names: Names) -> set[Signature]:
     declared = {(p.name, len(p.arguments)) for p in names.predicates.values()}
     types = {(name, 1) for name in (*names.types, OBJECT)}
-    return declared | types | {statement.signature for statement, _ in read if statement.signature}
+    return declared | types | {statement.defines for statement in _values(read) if statement.defines}
 
 
 def _unknown(use: Signature, known: Iterable[Signature], where: Source, names: Names) -> None:
@@ -126,14 +122,11 @@ def _unknown(use: Signature, known: Iterable[Signature], where: Source, names: N
         names.findings.add(where, "K101", f"unknown predicate '{name}'", hint)
 
 
-def _check_reserved(statement: Statement, where: Source, names: Names) -> None:
+def _check_reserved(statement: Statement, names: Names) -> None:
     """Predicates, functions and constants whose names belong to the engine."""
-    for name in dict.fromkeys(_RESERVED.findall(without_texts(statement.text))):
+    for name in dict.fromkeys(name for name in statement.names if name.startswith("_")):
         hint = "names that begin with '_' belong to the engine"
-        names.findings.add(where, "K112", f"'{name}' is reserved", hint)
-
-
-_RESERVED = re.compile(r"(?<![A-Za-z0-9_'])_+[a-z][A-Za-z0-9_']*")
+        names.findings.add(statement.where, "K112", f"'{name}' is reserved", hint)
 
 
 def _check_constant(name: str, where: Source, names: Names) -> None:
@@ -163,43 +156,40 @@ def _counted(type_: str, names: Names) -> bool:
     return any(argument in NUMERIC_TYPES for function in built for argument in function.arguments)
 
 
-def _check_arguments(statement: Statement, where: Source, names: Names, constants: set[str]) -> None:
+def _check_arguments(statement: Statement, names: Names, constants: set[str]) -> None:
     """Constants in declared predicates: an unknown one may be declared by a problem, one of a wrong type may not."""
     for (name, arity), number, constant in statement.constants:
         predicate = names.predicates.get(name)
-        if predicate is None or len(predicate.arguments) != arity or name in names.functions:
-            continue
-        if constant in constants or constant == "not":
+        if predicate is None or len(predicate.arguments) != arity or constant in constants:
             continue
         expected, actual = predicate.arguments[number], names.objects.get(constant)
         if actual is None:
             hint = nearest(constant, names.objects)
             if hint:
                 message = f"no object is called '{constant}'"
-                names.findings.add(where, "K101", message, hint, warning=True)
+                names.findings.add(statement.where, "K101", message, hint, warning=True)
         elif not names.is_subtype(actual, expected):
             message = f"{constant} is of type {actual}, but {name} takes {expected} here"
-            names.findings.add(where, "K103", message, names.examples(expected))
+            names.findings.add(statement.where, "K103", message, names.examples(expected))
 
 
-def _sorted(read: Read, fluent: set[Signature], names: Names) -> tuple[list[AspText], list[Rule]]:
-    asp: list[AspText] = []
+def _sorted(read: Read, fluent: set[Signature], names: Names) -> tuple[list[Statement], list[Rule]]:
+    asp: list[Statement] = []
     rules: list[Rule] = []
-    for statement, where in read:
-        reads_fluents = statement.signature in fluent or any(use in fluent for use, _ in statement.uses)
-        if not reads_fluents:
-            asp.append(AspText(statement.text, where))
-        elif statement.constraint or statement.signature is None:
+    for each in read:
+        statement = each.statement
+        if statement.defines not in fluent and not any(use in fluent for use, _ in statement.uses):
+            asp.append(statement)
+        elif statement.defines is None:
             hint = "deny it with a deductive operator, or make it a precondition"
-            names.findings.add(where, "K202", "a constraint cannot read fluents", hint)
+            names.findings.add(statement.where, "K202", "a constraint cannot read fluents", hint)
         else:
-            rules.extend(_rule(statement, statement.signature, where, names))
+            rules.extend(_rule(each, statement.defines[0], statement.where, names))
     _warn_of_undefined(read, names)
     return asp, rules
 
 
-def _rule(statement: Statement, signature: Signature, where: Source, names: Names) -> Iterator[Rule]:
-    name, _ = signature
+def _rule(parsed: Parsed, name: str, where: Source, names: Names) -> Iterator[Rule]:
     predicate = names.predicates.get(name)
     if predicate is None:
         hint = f"declare `{name}` with its types under `derived:`"
@@ -209,18 +199,16 @@ def _rule(statement: Statement, signature: Signature, where: Source, names: Name
         names.findings.add(where, "K108", f"'{name}' is static, but this rule reads fluents", hint)
     elif predicate.kind is Kind.DERIVED:
         try:
-            head = parse("atom", statement.head or "").value
-            body = parse("body", ", ".join(statement.body)).value if statement.body else ()
-            yield Rule(head, body, where)
-        except ExpressionError as error:
+            yield Rule(*compiled(parsed.tree), where)
+        except NotCompilable as error:
             hint = "over fluents: atoms, comparisons and `not` alone"
-            message = f"this rule reads fluents and cannot be compiled: {error.message}"
+            message = f"this rule reads fluents and cannot be compiled, because of '{error}'"
             names.findings.add(where, "K202", message, hint)
 
 
 def _warn_of_undefined(read: Read, names: Names) -> None:
     """Derived predicates without a rule are false for ever."""
-    defined = {statement.signature for statement, _ in read}
+    defined = {statement.defines for statement in _values(read)}
     for name in names.derived:
         predicate = names.predicates.get(name)
         if predicate and (name, len(predicate.arguments)) not in defined:
@@ -230,13 +218,18 @@ def _warn_of_undefined(read: Read, names: Names) -> None:
 
 def _check_strata(read: Read, names: Names) -> None:
     graph: dict[Signature, list[Signature]] = {}
-    for statement, _ in read:
-        if statement.signature:
-            graph.setdefault(statement.signature, []).extend(use for use, _ in statement.uses)
+    for statement in _values(read):
+        if statement.defines:
+            graph.setdefault(statement.defines, []).extend(use for use, _ in statement.uses)
     component = {sig: index for index, part in enumerate(components(graph)) for sig in part}
-    for statement, where in read:
-        for use, negated in statement.uses:
-            if negated and statement.signature and component.get(statement.signature) == component.get(use):
-                message = f"'{statement.signature[0]}' depends on its own negation"
+    for statement in _values(read):
+        for use, sign in statement.uses:
+            lower = sign is not Sign.POSITIVE
+            if lower and statement.defines and component.get(statement.defines) == component.get(use):
+                message = f"'{statement.defines[0]}' depends on its own negation"
                 hint = "negate only what does not lead back to it"
-                names.findings.add(where, "K201", message, hint)
+                names.findings.add(statement.where, "K201", message, hint)
+
+
+def _values(read: Read) -> Iterator[Statement]:
+    return (each.statement for each in read)

@@ -4,7 +4,6 @@ Language reference, Meaning 2. What binds a variable: a type that has an extensi
 an event that a workflow names, or an equation whose other side is bound.
 """
 
-import re
 from collections import Counter
 from collections.abc import Collection, Iterable, Iterator
 
@@ -21,7 +20,6 @@ from kb.model.conditions import (
     free_variables,
     part_variables,
 )
-from kb.syntax import without_texts
 from kb.terms import ANYTHING, Function, Operation, Term, Variable, variables
 
 
@@ -49,10 +47,8 @@ def closed(bound: Collection[Variable], parts: Iterable[Condition]) -> set[Varia
         match part:
             case Literal(atom, True):
                 found.update(binding(atom))
-            case Aggregate(text, outer):
-                found.update(
-                    variable for variable in outer if re.match(rf"{variable} = #|.*}} = {variable}$", text)
-                )
+            case Aggregate(binds=Variable() as counted):
+                found.add(counted)
     equations = [part for part in parts if isinstance(part, Comparison) and part.relation == "="]
     while more := {variable for each in equations for variable in _solved(each, found)} - found:
         found |= more
@@ -93,9 +89,8 @@ def _standing(value: object) -> Iterator[Variable]:
             yield from variables(value)
         case Literal() | Comparison():
             yield from _of_part(value)
-        case Aggregate(text):
-            names = re.findall(r"(?<![A-Za-z0-9_'])_*[A-Z][A-Za-z0-9_']*", without_texts(text))
-            yield from map(Variable, names)
+        case Aggregate(standing=standing):
+            yield from standing
         case None:
             return
         case _:

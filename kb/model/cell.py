@@ -8,8 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import Enum
 
-from kb.diagnostics import Source
-from kb.model.domain import NOWHERE
+from kb.diagnostics import NOWHERE, Source
 from kb.terms import Atom, Term
 
 Vector = tuple[float, float, float]

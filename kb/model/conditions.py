@@ -1,8 +1,9 @@
 """Conditions: what must hold for an operator, an effect or a rule. One formula language for the domain language and PDDL."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
+from kb.model.statement import Signature
 from kb.terms import ANYTHING, Atom, Substitution, Term, Variable, substitute, substitute_atom, variables
 
 
@@ -42,10 +43,17 @@ class Comparison:
 
 @dataclass(frozen=True, slots=True)
 class Aggregate:
-    """An ASP aggregate over statics, kept as text: only clingo evaluates it. `outer` are the variables seen outside its braces."""
+    """An ASP aggregate over statics, kept as text: only clingo evaluates it. `outer` are the variables seen outside its braces.
+
+    `binds` is the one of these that it gives its value; `standing` are all variables, inside and outside, as often as they stand;
+    `uses` are the predicates that it counts.
+    """
 
     text: str
     outer: tuple[Variable, ...] = ()
+    binds: Variable | None = field(default=None, compare=False)
+    standing: tuple[Variable, ...] = field(default=(), compare=False)
+    uses: tuple[Signature, ...] = field(default=(), compare=False)
 
     def __str__(self) -> str:
         return self.text
@@ -164,7 +172,7 @@ def part_variables(part: BodyPart) -> Iterator[Variable]:
         case Comparison(left, _, right):
             yield from variables(left)
             yield from variables(right)
-        case Aggregate(_, outer):
+        case Aggregate(outer=outer):
             yield from outer
 
 

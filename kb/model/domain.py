@@ -4,11 +4,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import Enum
 
-from kb.diagnostics import Source
+from kb.diagnostics import NOWHERE, Source
 from kb.model.conditions import TRUE, Body, Condition, Literal, Parameter
+from kb.model.statement import Statement
 from kb.terms import Atom, Function, Term, Variable
 
-NOWHERE = Source("")
 OBJECT = "object"
 NUMERIC_TYPES = ("int", "time")
 BUILT_IN_TYPES = (OBJECT, *NUMERIC_TYPES, "text")
@@ -132,7 +132,7 @@ class Default:
 
 @dataclass(frozen=True, slots=True)
 class Rule:
-    """`head :- body`, a rule whose body depends on fluents; rules over statics alone stay text for clingo."""
+    """`head :- body`, a rule whose body depends on fluents; rules over statics alone are statements for clingo."""
 
     head: Atom
     body: Body
@@ -150,14 +150,6 @@ class Phrase:
 
 
 @dataclass(frozen=True, slots=True)
-class AspText:
-    """ASP over statics, passed to clingo as it stands (`where` is its first line)."""
-
-    text: str
-    where: Source = field(default=NOWHERE, compare=False)
-
-
-@dataclass(frozen=True, slots=True)
 class Domain:
     """One kind of cell. Mappings keep the order of declaration."""
 
@@ -169,7 +161,7 @@ class Domain:
     operators: tuple[Operator, ...] = ()
     deductive_operators: tuple[DeductiveOperator, ...] = ()
     defaults: tuple[Default, ...] = ()
-    asp: tuple[AspText, ...] = ()
+    asp: tuple[Statement, ...] = ()  # over statics alone
     rules: tuple[Rule, ...] = ()
     time_unit: str = "s"
     words: Mapping[str, tuple[str, ...]] = field(default_factory=dict)

@@ -7,8 +7,7 @@ import itertools
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
-from kb.diagnostics import Source
-from kb.model.domain import NOWHERE
+from kb.diagnostics import NOWHERE, Source
 from kb.terms import Atom, Function, Term
 
 

@@ -4,9 +4,9 @@ import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from kb.diagnostics import Source
+from kb.diagnostics import NOWHERE, Source
 from kb.model.conditions import TRUE, Condition
-from kb.model.domain import NOWHERE, Domain
+from kb.model.domain import Domain
 from kb.terms import Atom, Term
 
 

@@ -2,7 +2,7 @@
 
 import functools
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from fractions import Fraction
 from importlib import resources
@@ -31,6 +31,7 @@ from kb.model.conditions import (
     Parameter,
     free_variables,
 )
+from kb.model.statement import Statement
 from kb.terms import Function, Number, Operation, Term, Text, Variable, variables
 
 STARTS = ["header", "trigger", "conditions", "body", "clauses", "atoms", "atom", "term", "terms", "signature"]
@@ -47,6 +48,10 @@ class ExpressionError(Exception):
     def __init__(self, offset: int, message: str, hint: str = "", code: str = "K107") -> None:
         super().__init__(message)
         self.offset, self.message, self.hint, self.code = offset, message, hint, code
+
+
+ReadAggregate = Callable[[str, int], Statement]
+"""An aggregate's text and where it begins, read by others as the constraint that forbids it; raises `ExpressionError`."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,9 +78,10 @@ _SPELLINGS = {"s": "sec|secs|seconds?", "min": "mins|minutes?", "h": "hours?"}
 class _Reader(Transformer[Token, Any]):
     """Builds terms and conditions bottom-up and notes where each function and variable stands."""
 
-    def __init__(self, time_unit: str) -> None:
+    def __init__(self, time_unit: str, read_aggregate: ReadAggregate | None) -> None:
         super().__init__()
         self.unit = SECONDS[time_unit]
+        self.read_aggregate = read_aggregate
         self.places: dict[Function | Variable, int] = {}
 
     def _place(self, function: Function, token: Token) -> Function:
@@ -143,8 +149,15 @@ class _Reader(Transformer[Token, Any]):
     def aggregate(self, *children: Any) -> Aggregate:
         sign = "not " if children[0] == "not" else ""
         parts = children[1:] if sign else children
-        outer = tuple(v for part in parts if not isinstance(part, Token) for v in variables(part))
-        return Aggregate(sign + " ".join(map(str, parts)), outer)
+        (value,) = (part for part in parts if not isinstance(part, Token))
+        text, outer = sign + " ".join(map(str, parts)), tuple(variables(value))
+        bound = isinstance(value, Variable) and not sign and parts[1] in ("=", "==")
+        if self.read_aggregate is None:
+            return Aggregate(text, outer, value if bound else None, outer)
+        start = min(part.start_pos or 0 for part in parts if isinstance(part, Token))
+        read = self.read_aggregate(text, start)
+        standing = tuple(map(Variable, read.variables))
+        return Aggregate(text, outer, value if bound else None, standing, tuple(use for use, _ in read.uses))
 
     def universal(self, literal: Literal, guard: Condition) -> ForAll:
         local = tuple(Parameter(variable, "") for variable in free_variables(guard))
@@ -183,11 +196,14 @@ def _grammar() -> Lark:
     return Lark(text, parser="lalr", start=STARTS, maybe_placeholders=True)
 
 
-def parse(start: str, text: str, time_unit: str = "s") -> Parsed:
-    """Read `text` as one of `STARTS`; durations become numbers in `time_unit`. Raises `ExpressionError`."""
+def parse(start: str, text: str, time_unit: str = "s", read_aggregate: ReadAggregate | None = None) -> Parsed:
+    """Read `text` as one of `STARTS`; durations become numbers in `time_unit`. Raises `ExpressionError`.
+
+    What stands inside an aggregate is ASP; it is unknown where nobody reads it.
+    """
     _check_size(text)
     _check_brackets(text)
-    reader = _Reader(time_unit)
+    reader = _Reader(time_unit, read_aggregate)
     try:
         value = reader.transform(_grammar().parse(text, start))
     except VisitError as error:

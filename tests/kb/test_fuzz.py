@@ -15,11 +15,16 @@ from hypothesis import strategies as st
 from kb.asp import AspError, ground_term
 from kb.asp.statements import statements
 from kb.diagnostics import InvalidInput
+from kb.files import File
 from kb.loader import load
 from kb.syntax import STARTS, ExpressionError, parse
 
 TOP = Path(__file__).parents[2]
-CELLS = [TOP / "domains" / "themse", TOP / "domains" / "bulkhead", TOP / "engine" / "starter" / "cell"]
+CELLS = [
+    TOP / "domains" / "themse",
+    TOP / "domains" / "bulkhead",
+    TOP / "engine" / "authoring" / "starter" / "cell",
+]
 CELLS += sorted(path.parent for path in (TOP / "tests" / "domains").glob("*/domain.yaml"))
 FILES = [path for cell in CELLS for path in sorted(cell.rglob("*")) if path.suffix in (".yaml", ".lp")]
 FILES = [path for path in FILES if "golden" not in path.parts]
@@ -279,7 +284,7 @@ def garbled_expressions_are_answered(data: st.DataObject, _: Path) -> None:
         with suppress(AspError):
             ground_term(text)
         with suppress(AspError):
-            list(statements(text))
+            list(statements(text, File.of("rules.lp", text).line))
 
 
 CLAIMS = [

@@ -129,7 +129,7 @@ def _choices(problem: Problem) -> Iterator[str]:
         )
         guards = ", ".join(_guards(predicate))
         condition = f" : {guards}" if guards else ""
-        if predicate.kind is Kind.STATIC and extensional(problem.domain, predicate.name):
+        if predicate.kind is Kind.STATIC and extensional(problem.domain, predicate):
             yield f"{{ _assumed({STATIC}({atom})){condition} }}."
             yield f"{atom} :- _assumed({STATIC}({atom}))."
         elif predicate.kind is Kind.FLUENT and predicate.name not in wanted:
@@ -141,14 +141,10 @@ def _names(condition: Condition) -> set[str]:
     return {literal.atom.name for literal in literals(condition)}
 
 
-def extensional(domain: Domain, name: str) -> bool:
+def extensional(domain: Domain, predicate: Predicate) -> bool:
     """Whether a static predicate is given by facts, not defined by rules."""
-    heads = [
-        part.text
-        for part in domain.asp
-        if part.text.startswith(f"{name}(") or part.text.startswith(f"{name} ")
-    ]
-    return not any(":-" in text for text in heads)
+    signature = (predicate.name, len(predicate.arguments))
+    return not any(each.defines == signature and each.body for each in domain.asp)
 
 
 def _guards(predicate: Predicate) -> Iterator[str]:

@@ -36,9 +36,9 @@ from kb.asp import Grounder
 from kb.asp.vocabulary import VIOLATED, static_program
 from kb.diagnostics import Diagnostic, InvalidInput, Source
 from kb.model.conditions import goal_parts
-from kb.model.domain import AspText
 from kb.model.normalise import Normaliser
 from kb.model.problem import Problem
+from kb.model.statement import Statement
 from kb.terms import Atom, Function, Number
 
 
@@ -163,8 +163,8 @@ class _Grounding:
         for operator in made.overflowing.values():
             yield _too_many(f"the condition of {operator.header}", operator.where)
 
-    def _violation(self, constraint: AspText) -> Diagnostic:
-        said = constraint.text.removeprefix("#false").strip()
+    def _violation(self, constraint: Statement) -> Diagnostic:
+        said = constraint.under("").strip()
         hint = f"a fact of {self.problem.name} or of its domain breaks it"
         return Diagnostic(constraint.where, "K204", f"the problem {self.problem.name} violates {said}", hint)
 

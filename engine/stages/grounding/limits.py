@@ -1,6 +1,5 @@
 """Runaway grounding: what may have too many instances is tried under limits before it is grounded for good."""
 
-import re
 from collections import Counter
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -117,13 +116,10 @@ def _joined(deductive: DeductiveOperator, consequence: Consequence) -> list[list
 def _rules(problem: Problem) -> Iterator[Suspect]:
     domain = problem.domain
     everything = sum(1 for _ in (*domain.objects, *problem.objects)) + len(problem.statics)
-    for part in domain.asp:
-        head, _, _ = part.text.partition(":-")
-        counts = re.search(r"\.\.|[-+*/\\]", head) is not None
-        names = set(re.findall(r"\b_*[A-Z]\w*", part.text))
-        yield Suspect(
-            part.text, part.where, float("inf") if counts and names else float(everything) ** len(names)
-        )
+    for each in domain.asp:
+        names = set(each.variables)
+        bound = float("inf") if each.counts and names else float(everything) ** len(names)
+        yield Suspect(each.text, each.where, bound)
 
 
 def extents(problem: Problem) -> Mapping[str, float]:

@@ -1,10 +1,12 @@
-"""Bodies solved over sets of facts, plainly: the checker's own reading of conditions, sharing nothing with the search."""
+"""Bodies solved over sets of facts, plainly: the checker's own reading of conditions.
 
-import operator
-from collections.abc import Callable, Iterable, Iterator, Mapping, Set
+It shares with the search what a term is worth and which term comes first (`kb.arithmetic`), and no way of solving.
+"""
+
+from collections.abc import Iterable, Iterator, Mapping, Set
 from functools import cached_property
-from typing import Any
 
+from kb.arithmetic import compare, evaluate
 from kb.model.conditions import (
     Aggregate,
     And,
@@ -35,9 +37,6 @@ from kb.terms import (
 )
 
 Bindings = Mapping[Variable, Term]
-RELATIONS: dict[str, Callable[[Any, Any], bool]] = {
-    "=": operator.eq, "!=": operator.ne, "<": operator.lt, "<=": operator.le, ">": operator.gt, ">=": operator.ge,
-}  # fmt: skip
 
 
 class Facts:
@@ -92,46 +91,6 @@ class Facts:
         return type_ == OBJECT or Function(type_, (term,)) in self
 
 
-def evaluate(term: Term) -> Term | None:
-    """A ground term with its arithmetic done; None where it has no value."""
-    if not isinstance(term, Operation):
-        return term
-    left, right = evaluate(term.left), evaluate(term.right)
-    if not isinstance(left, Number) or not isinstance(right, Number):
-        return None
-    match term.operator:
-        case "+":
-            return Number(left.value + right.value)
-        case "-":
-            return Number(left.value - right.value)
-        case "*":
-            return Number(left.value * right.value)
-        case _ if right.value == 0:
-            return None
-        case "/":
-            quotient = abs(left.value) // abs(right.value)  # clingo rounds towards zero
-            return Number(quotient if (left.value < 0) == (right.value < 0) else -quotient)
-        case _:
-            quotient = abs(left.value) // abs(right.value)
-            signed = quotient if (left.value < 0) == (right.value < 0) else -quotient
-            return Number(left.value - signed * right.value)
-
-
-def _order(term: Term) -> tuple[object, ...]:
-    """clingo's order of terms: numbers, then constants, texts and compound terms by arity, name and arguments."""
-    match term:
-        case Number(value):
-            return (0, value)
-        case Function(name, ()):
-            return (1, name)
-        case Text(value):
-            return (2, value)
-        case Function(name, arguments):
-            return (3, len(arguments), name, tuple(map(_order, arguments)))
-        case _:
-            raise ValueError(f"{term} is not ground")
-
-
 def solve(
     body: Body, facts: Facts, bindings: Bindings, below: Facts | None = None
 ) -> Iterator[dict[Variable, Term]]:
@@ -156,12 +115,18 @@ def _next(body: Body, bindings: Bindings) -> tuple[BodyPart, Body]:
 def _is_test(part: BodyPart, bindings: Bindings) -> bool:
     match part:
         case Comparison(left, relation, right):
-            sides = is_ground(substitute(left, bindings)), is_ground(substitute(right, bindings))
-            return all(sides) or (relation == "=" and any(sides))
+            sides = substitute(left, bindings), substitute(right, bindings)
+            ground = [is_ground(side) for side in sides]
+            return all(ground) or (relation == "=" and any(ground) and not any(map(_is_open, sides)))
         case Literal(atom):
             return is_ground(substitute_atom(atom, bindings))
         case Aggregate():
             return False
+
+
+def _is_open(side: Term) -> bool:
+    """Whether a side of a comparison is to be computed and cannot be yet."""
+    return isinstance(side, Operation) and not is_ground(side)
 
 
 def _part(part: BodyPart, facts: Facts, bindings: Bindings, below: Facts) -> Iterator[Bindings]:
@@ -192,15 +157,14 @@ def _literal(
 
 
 def _comparison(part: Comparison, bindings: Bindings) -> Iterator[Bindings]:
-    left, right = evaluate(substitute(part.left, bindings)), evaluate(substitute(part.right, bindings))
-    if left is None or right is None:
-        return
+    left, right = substitute(part.left, bindings), substitute(part.right, bindings)
     if part.relation == "=" and not (is_ground(left) and is_ground(right)):
         pattern, ground = (left, right) if is_ground(right) else (right, left)
-        extended = match(pattern, ground, bindings)
+        value = evaluate(ground)
+        extended = match(pattern, value, bindings) if value is not None else None
         if extended is not None:
             yield extended
-    elif RELATIONS[part.relation](_order(left), _order(right)):
+    elif compare(left, part.relation, right):
         yield bindings
 
 

@@ -37,6 +37,68 @@ def test_a_predicate_that_nothing_uses_is_pointed_at(cell: Path) -> None:
     assert codes(cell) == ["K309"]
 
 
+def declared(cell: Path, *predicates: str) -> None:
+    """Declare static predicates beside those of the cell."""
+    lines = "".join(f"\n  {each}: {{}}" for each in predicates)
+    edit(cell / "domain.yaml", "  small(item): {}", f"  small(item): {{}}{lines}")
+
+
+def ruled(cell: Path, *rules: str) -> None:
+    with (cell / "rules.lp").open("a") as file:
+        file.write("".join(f"{rule}\n" for rule in rules))
+
+
+def unused(cell: Path) -> list[str]:
+    """The predicates that nothing uses, as `check` says."""
+    found = checking.check(str(cell)).diagnostics
+    assert {each.code for each in found} <= {"K309"}
+    return [each.message.removeprefix("nothing uses ").strip("'") for each in found]
+
+
+def test_a_predicate_without_arguments_is_used_by_a_rule(cell: Path) -> None:
+    declared(cell, "open_day", "shut_day")
+    ruled(cell, "open_day.", ":- open_day, not shut_day.", "shut_day.")
+    assert unused(cell) == []
+
+
+def test_a_name_at_the_end_of_another_is_no_use(cell: Path) -> None:
+    declared(cell, "ide(item)", "beside(item)")
+    ruled(cell, "beside(I) :- item(I).")
+    assert unused(cell) == ["ide"]
+
+
+def test_a_name_in_a_text_a_comment_or_a_term_is_no_use(cell: Path) -> None:
+    declared(cell, "told(item)", "said(item)", "noted(item, text)")
+    ruled(cell, "% told(bolt)", 'noted(I, "said(bolt)") :- item(I).')
+    assert unused(cell) == ["told", "said"]
+
+
+@pytest.mark.parametrize(
+    "part", ["not ide(I)", "#count { J : ide(J) } > 1", "1 { ide(J) : item(J) }", "ide(J) : item(J)"]
+)
+def test_whatever_a_body_does_with_a_predicate_uses_it(cell: Path, part: str) -> None:
+    declared(cell, "ide(item)", "beside(item)")
+    ruled(cell, f"beside(I) :- item(I); {part}.")
+    assert unused(cell) == []
+
+
+def test_what_an_operator_counts_is_used(cell: Path) -> None:
+    declared(cell, "ide(item)")
+    edit(
+        cell / "domain.yaml",
+        "where: belongs(Item, Bin)",
+        'where: "belongs(Item, Bin), #count { I : ide(I) } < 1"',
+    )
+    assert unused(cell) == []
+
+
+def test_a_phrase_uses_what_it_names_whole(cell: Path) -> None:
+    edit(cell / "domain.yaml", "  free: {}", "  free: {}\n  ide(item): {}\n  beside(item): {}")
+    with (cell / "domain.yaml").open("a") as file:
+        file.write('    - say: "lay down {I:item}"\n      goal: beside(I)\n')
+    assert unused(cell) == ["ide"]
+
+
 def test_a_condition_that_nothing_makes_true_is_pointed_at(cell: Path) -> None:
     edit(cell / "domain.yaml", "  free: {}", "  free: {}\n  polished(item): {}")
     edit(cell / "domain.yaml", "at(Item, table), free", "at(Item, table), free, polished(Item)")

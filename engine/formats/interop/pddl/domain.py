@@ -110,7 +110,7 @@ class DomainReader:
             {each.name: each for each in (*self._signatures(), *_invented(rules))},
             operators,
             rules=rules,
-            asp=tuple(self.scope.unions.values()),
+            asp=tuple(each for union in self.scope.unions.values() for each in union),
             path=self.document.file.path,
         )
 

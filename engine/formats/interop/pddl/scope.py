@@ -7,7 +7,9 @@ from engine.formats.interop.pddl.expressions import Document, Expression, Group,
 from engine.formats.interop.pddl.names import Names
 from kb.diagnostics import nearest
 from kb.model.conditions import Parameter
-from kb.model.domain import OBJECT, AspText, Type
+from kb.model.domain import OBJECT, Type
+from kb.model.statement import Statement, derivation
+from kb.terms import Function, Variable
 
 
 @dataclass
@@ -16,7 +18,7 @@ class Scope:
 
     names: Names = field(default_factory=Names)
     types: dict[str, Type] = field(default_factory=dict)  # by ASP name
-    unions: dict[str, AspText] = field(default_factory=dict)  # types made of several
+    unions: dict[str, tuple[Statement, ...]] = field(default_factory=dict)  # types made of several
     objects: dict[str, str] = field(default_factory=dict)  # PDDL name: ASP name of its type
     predicates: dict[str, tuple[str, ...]] = field(default_factory=dict)  # PDDL name: ASP names of types
     functions: dict[str, tuple[str, ...]] = field(default_factory=dict)
@@ -41,7 +43,7 @@ class Scope:
         return self.is_subtype(one, other) or self.is_subtype(other, one)
 
     def _parts(self, union: str) -> list[str]:
-        return union.removeprefix("either__").split("__or__")
+        return [use.predicate[0] for each in self.unions[union] for use in each.uses]
 
     def type_of(self, document: Document, at: Expression) -> str:
         """The ASP name of a type as written; `(either a b)` becomes a type of its own."""
@@ -64,7 +66,8 @@ class Scope:
             return OBJECT if OBJECT in parts else parts[0]
         name = f"either__{'__or__'.join(parts)}"
         self.types.setdefault(name, Type(name))
-        self.unions.setdefault(name, AspText(" ".join(f"{name}(X) :- {part}(X)." for part in parts)))
+        value = (Variable("X"),)
+        self.unions[name] = tuple(derivation(Function(name, value), [Function(p, value)]) for p in parts)
         return name
 
     def parameters(self, document: Document, parts: Sequence[Expression]) -> tuple[Parameter, ...]:

@@ -2,8 +2,8 @@
 
 from collections.abc import Iterable, Mapping
 
-from engine.stages.macros.lifted.bodies import compare
 from engine.stages.macros.lifted.schema import NotGeneral
+from kb.arithmetic import compare
 from kb.model.conditions import Body, BodyPart, Comparison, substitute_part
 from kb.terms import Function, Operation, Term, Variable, is_ground, unify
 

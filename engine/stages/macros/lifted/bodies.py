@@ -3,62 +3,11 @@
 from collections.abc import Iterator, Mapping
 
 from engine.stages.macros.lifted.facts import Facts
+from kb.arithmetic import compare, evaluate
 from kb.model.conditions import Aggregate, Body, BodyPart, Comparison, Literal, substitute_part
-from kb.terms import Function, Number, Operation, Term, Text, Variable, is_ground, match
+from kb.terms import Operation, Term, Variable, is_ground, match
 
 Bindings = Mapping[Variable, Term]
-
-
-def evaluate(term: Term) -> Term | None:
-    """A ground term with its arithmetic done as clingo does it; None where it has no value."""
-    if not isinstance(term, Operation):
-        return term
-    left, right = evaluate(term.left), evaluate(term.right)
-    if not isinstance(left, Number) or not isinstance(right, Number):
-        return None
-    return _calculate(term.operator, left.value, right.value)
-
-
-def _calculate(operator: str, left: int, right: int) -> Term | None:
-    if operator == "+":
-        return Number(left + right)
-    if operator == "-":
-        return Number(left - right)
-    if operator == "*":
-        return Number(left * right)
-    if right == 0:
-        return None
-    quotient = abs(left) // abs(right)
-    quotient = quotient if (left < 0) == (right < 0) else -quotient
-    return Number(quotient if operator == "/" else left - quotient * right)
-
-
-def _order(term: Term) -> tuple[object, ...]:
-    """clingo's order of terms: numbers, constants, texts, then compound terms by arity, name and arguments."""
-    match term:
-        case Number(value):
-            return (0, value)
-        case Function(name, ()):
-            return (1, name)
-        case Text(value):
-            return (2, value)
-        case Function(name, arguments):
-            return (3, len(arguments), name, tuple(map(_order, arguments)))
-        case _:
-            raise ValueError(f"{term} is not ground")
-
-
-def compare(left: Term, relation: str, right: Term) -> bool:
-    """Whether a ground comparison is true; false where arithmetic has no value."""
-    one, other = evaluate(left), evaluate(right)
-    if one is None or other is None:
-        return False
-    if relation in ("=", "!="):
-        return (one == other) == (relation == "=")
-    low, high = _order(one), _order(other)
-    if relation in ("<", "<="):
-        return low < high or (relation == "<=" and low == high)
-    return low > high or (relation == ">=" and low == high)
 
 
 def solve(body: Body, facts: Facts, bindings: Bindings) -> Iterator[dict[Variable, Term]]:
@@ -111,7 +60,7 @@ def _cost(part: BodyPart, facts: Facts) -> float:
     """How many bindings a part with open variables may yield."""
     match part:
         case Comparison(left, relation, right):
-            return 0 if relation == "=" and (is_ground(left) or is_ground(right)) else float("inf")
+            return 0 if relation == "=" and _binds(left, right) else float("inf")
         case Literal(atom, positive):
             return len(facts.matching(atom)) if positive else 1e9
         case _:
@@ -133,11 +82,16 @@ def _extensions(part: BodyPart, facts: Facts) -> Iterator[Bindings]:
             return
 
 
+def _binds(left: Term, right: Term) -> bool:
+    """Whether an equation gives the variables of one side values: the other has one, and nothing open is to be computed."""
+    one, other = is_ground(left), is_ground(right)
+    return (one or other) and not isinstance(right if one else left, Operation)
+
+
 def _comparison(part: Comparison) -> Iterator[Bindings]:
-    left_ground, right_ground = is_ground(part.left), is_ground(part.right)
-    if part.relation != "=" or not (left_ground or right_ground):
+    if part.relation != "=" or not _binds(part.left, part.right):
         return
-    pattern, ground = (part.right, part.left) if left_ground else (part.left, part.right)
+    pattern, ground = (part.right, part.left) if is_ground(part.left) else (part.left, part.right)
     value = evaluate(ground)
     extended = match(pattern, value, {}) if value is not None else None
     if extended is not None:

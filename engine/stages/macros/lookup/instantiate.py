@@ -2,8 +2,8 @@
 
 from collections.abc import Mapping
 
-from engine.stages.macros.lifted.bodies import evaluate
 from engine.stages.macros.lifted.schema import NotGeneral
+from kb.arithmetic import evaluate
 from kb.model.macro import Macrop, MacroStep
 from kb.model.plan import CausalLink, Plan, Step
 from kb.terms import Number, Term, Variable, is_ground, substitute, substitute_atom

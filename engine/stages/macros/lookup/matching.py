@@ -8,10 +8,11 @@ out once for all MACROPs that ask the same of it, and the goals with the fewest 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
-from engine.stages.macros.lifted.bodies import Bindings, compare, satisfiable, solve
+from engine.stages.macros.lifted.bodies import Bindings, satisfiable, solve
 from engine.stages.macros.lifted.facts import Facts
 from engine.stages.macros.lookup.program import Item, Program, Wanted
 from engine.stages.macros.lookup.query import Query
+from kb.arithmetic import compare
 from kb.model.conditions import Comparison, Literal, Parameter
 from kb.model.macro import MacroChain
 from kb.model.problem import Chain

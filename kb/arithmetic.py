@@ -1,0 +1,96 @@
+"""What ground terms are worth and how they are ordered: clingo's arithmetic and clingo's order of terms.
+
+Search and checker both use this definition, as both speak of the same domain language. It covers the operations of that
+language (`+ - * / \\`); ranges, powers and absolute values stand in ASP texts alone, which clingo evaluates.
+"""
+
+from collections.abc import Callable
+
+from kb.terms import Atom, Function, Number, Operation, Term, Text
+
+BITS = 32  # of clingo's integers; what does not fit wraps around
+
+
+def evaluate(term: Term) -> Term | None:
+    """A ground term with all arithmetic in it done; None where it has no value: division by zero, `bolt + 1`."""
+    match term:
+        case Operation(operator, left, right):
+            return _calculated(operator, evaluate(left), evaluate(right))
+        case Function(_, arguments) if arguments:
+            return evaluate_atom(term)
+        case _:
+            return term
+
+
+def evaluate_atom(atom: Atom) -> Atom | None:
+    """`evaluate` for an atom, which stays one."""
+    values = [evaluate(argument) for argument in atom.arguments]
+    found = tuple([value for value in values if value is not None])
+    return Function(atom.name, found) if len(found) == len(values) else None
+
+
+def compare(left: Term, relation: str, right: Term) -> bool:
+    """Whether a ground comparison is true; false where a side has no value."""
+    one, other = evaluate(left), evaluate(right)
+    if one is None or other is None:
+        return False
+    return _HOLDS[relation](_compared(order_key(one), order_key(other)))
+
+
+def order_key(term: Term) -> tuple[object, ...]:
+    """A sort key for clingo's order of values: numbers, constants, texts, then compound terms by arity, name, arguments."""
+    match term:
+        case Number(value):
+            return (0, value)
+        case Function(name, ()):
+            return (1, name)
+        case Text(value):
+            return (2, value)
+        case Function(name, arguments):
+            return (3, len(arguments), name, tuple(map(order_key, arguments)))
+        case _:
+            raise ValueError(f"{term} is no value")
+
+
+_HOLDS: dict[str, Callable[[int], bool]] = {
+    "=": lambda sign: sign == 0,
+    "!=": lambda sign: sign != 0,
+    "<": lambda sign: sign < 0,
+    "<=": lambda sign: sign <= 0,
+    ">": lambda sign: sign > 0,
+    ">=": lambda sign: sign >= 0,
+}
+
+
+def _compared(low: tuple[object, ...], high: tuple[object, ...]) -> int:
+    """-1, 0 or 1 as the first comes before, with or after the second."""
+    return (low > high) - (low < high)
+
+
+def _calculated(operator: str, left: Term | None, right: Term | None) -> Number | None:
+    if not isinstance(left, Number) or not isinstance(right, Number):
+        return None
+    if operator in ("/", "\\"):
+        return _divided(operator, left.value, right.value)
+    return Number(_wrapped(_EXACT[operator](left.value, right.value)))
+
+
+_EXACT: dict[str, Callable[[int, int], int]] = {
+    "+": lambda left, right: left + right,
+    "-": lambda left, right: left - right,
+    "*": lambda left, right: left * right,
+}
+
+
+def _divided(operator: str, left: int, right: int) -> Number | None:
+    """The quotient, rounded towards zero, or what it leaves, which has the sign of the dividend."""
+    if right == 0:
+        return None
+    quotient = abs(left) // abs(right)
+    quotient = quotient if (left < 0) == (right < 0) else -quotient
+    return Number(_wrapped(quotient if operator == "/" else left - quotient * right))
+
+
+def _wrapped(value: int) -> int:
+    half = 1 << (BITS - 1)
+    return (value + half) % (2 * half) - half

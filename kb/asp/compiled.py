@@ -1,0 +1,78 @@
+"""Rules of clingo's syntax tree as values of the model: what the planner itself reads, not clingo."""
+
+from clingo import SymbolType, ast
+
+from kb.model.conditions import Body, BodyPart, Comparison, Literal
+from kb.terms import Atom, Function, Number, Operation, Term, Text, Variable
+
+
+class NotCompilable(Exception):
+    """The model has no value for a part of a rule; the message is its text."""
+
+
+def compiled(rule: ast.AST) -> tuple[Atom, Body]:
+    """Head and body of a rule without pools whose head is an atom. Raises `NotCompilable`."""
+    return _atom(rule.head.atom), tuple(map(_part, rule.body))
+
+
+def _part(node: ast.AST) -> BodyPart:
+    if node.ast_type != ast.ASTType.Literal:
+        raise NotCompilable(str(node))
+    match node.atom.ast_type, node.sign:
+        case ast.ASTType.SymbolicAtom, ast.Sign.NoSign | ast.Sign.Negation:
+            return Literal(_atom(node.atom), node.sign == ast.Sign.NoSign)
+        case ast.ASTType.Comparison, ast.Sign.NoSign if len(node.atom.guards) == 1:
+            guard = node.atom.guards[0]
+            return Comparison(_term(node.atom.term), _RELATIONS[guard.comparison], _term(guard.term))
+        case _:
+            raise NotCompilable(str(node))
+
+
+def _atom(node: ast.AST) -> Atom:
+    return Function(node.symbol.name, tuple(map(_term, node.symbol.arguments)))
+
+
+def _term(node: ast.AST) -> Term:
+    match node.ast_type:
+        case ast.ASTType.Variable:
+            return Variable(node.name)
+        case ast.ASTType.SymbolicTerm:
+            return _symbol(node)
+        case ast.ASTType.Function if node.name and not node.external:
+            return Function(node.name, tuple(map(_term, node.arguments)))
+        case ast.ASTType.BinaryOperation if node.operator_type in _OPERATORS:
+            return Operation(_OPERATORS[node.operator_type], _term(node.left), _term(node.right))
+        case ast.ASTType.UnaryOperation if node.operator_type == ast.UnaryOperator.Minus:
+            inside = _term(node.argument)
+            if isinstance(inside, Number):
+                return Number(-inside.value)
+    raise NotCompilable(str(node))
+
+
+def _symbol(node: ast.AST) -> Term:
+    symbol = node.symbol
+    match symbol.type:
+        case SymbolType.Number:
+            return Number(symbol.number)
+        case SymbolType.String:
+            return Text(symbol.string)
+        case SymbolType.Function if not symbol.arguments:
+            return Function(symbol.name)
+    raise NotCompilable(str(node))
+
+
+_OPERATORS = {
+    ast.BinaryOperator.Plus: "+",
+    ast.BinaryOperator.Minus: "-",
+    ast.BinaryOperator.Multiplication: "*",
+    ast.BinaryOperator.Division: "/",
+    ast.BinaryOperator.Modulo: "\\",
+}
+_RELATIONS = {
+    ast.ComparisonOperator.Equal: "=",
+    ast.ComparisonOperator.NotEqual: "!=",
+    ast.ComparisonOperator.LessThan: "<",
+    ast.ComparisonOperator.LessEqual: "<=",
+    ast.ComparisonOperator.GreaterThan: ">",
+    ast.ComparisonOperator.GreaterEqual: ">=",
+}

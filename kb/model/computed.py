@@ -1,0 +1,74 @@
+"""Values that are computed inside an atom or a term get a name: `p(N + 1)` is `p(V), V = N + 1`.
+
+So arithmetic stands at the sides of comparisons alone, and whoever solves a body matches atoms as they stand.
+"""
+
+import itertools
+from dataclasses import replace
+
+from kb.model.conditions import Body, BodyPart, Comparison, Literal
+from kb.model.domain import Domain, Rule
+from kb.terms import Atom, Function, Operation, Term, Variable
+
+
+def with_named_values(domain: Domain) -> Domain:
+    """The domain, no body or rule of which computes inside an atom; nothing else changes."""
+    named = _Naming()
+    return replace(
+        domain,
+        operators=tuple(replace(each, body=named.body(each.body)) for each in domain.operators),
+        deductive_operators=tuple(
+            replace(
+                each,
+                body=named.body(each.body),
+                consequences=tuple(replace(c, body=named.body(c.body)) for c in each.consequences),
+            )
+            for each in domain.deductive_operators
+        ),
+        defaults=tuple(replace(each, body=named.body(each.body)) for each in domain.defaults),
+        rules=tuple(map(named.rule, domain.rules)),
+    )
+
+
+class _Naming:
+    """Names computed values, each with a variable that stands nowhere else."""
+
+    def __init__(self) -> None:
+        self._counter = itertools.count(1)
+        self._equations: list[Comparison] = []
+
+    def body(self, body: Body) -> Body:
+        """The body with computed values named at its end."""
+        parts = tuple(map(self._part, body))
+        found, self._equations = tuple(self._equations), []
+        return (*parts, *found)
+
+    def rule(self, rule: Rule) -> Rule:
+        """The rule with computed values of its head and its body named."""
+        return replace(rule, head=self._atom(rule.head), body=self.body(rule.body))
+
+    def _part(self, part: BodyPart) -> BodyPart:
+        match part:
+            case Literal(atom, positive):
+                return Literal(self._atom(atom), positive)
+            case Comparison(left, relation, right):
+                return Comparison(self._side(left), relation, self._side(right))
+            case _:
+                return part
+
+    def _side(self, term: Term) -> Term:
+        return term if isinstance(term, Operation) else self._term(term)
+
+    def _atom(self, atom: Atom) -> Atom:
+        return Function(atom.name, tuple(map(self._term, atom.arguments)))
+
+    def _term(self, term: Term) -> Term:
+        match term:
+            case Operation():
+                value = Variable(f"_Value__{next(self._counter)}")
+                self._equations.append(Comparison(value, "=", term))
+                return value
+            case Function(_, arguments) if arguments:
+                return self._atom(term)
+            case _:
+                return term
