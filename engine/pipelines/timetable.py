@@ -138,16 +138,16 @@ def _visible(task: Task, goal: Bits) -> Bits:
 
 
 def wishes_of(problem: Problem) -> Wishes:
-    """What static facts of these names say: travel/3, longest_stay/2, release/2, due/2, priority/2."""
-    statics = Semantics(problem).statics
+    """What the static facts say that are about time by convention."""
+    statics, words = Semantics(problem).statics, problem.domain.conventions
 
     def numbers(name: str) -> dict[Term, int]:
         facts = [atom.arguments for atom in statics.named(name) if len(atom.arguments) == 2]
         return {first: last.value for first, last in facts if isinstance(last, Number)}
 
-    trips = [atom.arguments for atom in statics.named("travel") if len(atom.arguments) == 3]
+    trips = [atom.arguments for atom in statics.named(words.travel) if len(atom.arguments) == 3]
     travel = {(a, b): lasts.value for a, b, lasts in trips if isinstance(lasts, Number)}
-    return Wishes(travel, *map(numbers, ("longest_stay", "release", "due", "priority")))
+    return Wishes(travel, *map(numbers, (words.longest_stay, words.release, words.due, words.priority)))
 
 
 def in_its_order(plan: Plan, note: str) -> Timetable:
