@@ -2,6 +2,7 @@
 
 from collections.abc import Collection, Iterator
 
+from kb.check.conventions import near_misses, read_by_engine
 from kb.diagnostics import Diagnostic
 from kb.model.conditions import Literal, literals
 from kb.model.domain import Domain, Effect, Kind, Operator
@@ -11,7 +12,10 @@ from kb.terms import Atom, is_ground
 
 def check_domain(domain: Domain, problems: Collection[Problem] = ()) -> list[Diagnostic]:
     """Warnings about a domain, seen together with its problems."""
-    return [*_unused(domain, problems), *_never_added(domain, problems), *_not_held(domain)]
+    near = near_misses(domain)
+    told = {each.where for each in near}
+    unused = (each for each in _unused(domain, problems) if each.where not in told)
+    return [*unused, *_never_added(domain, problems), *_not_held(domain), *near]
 
 
 def unreachable(domain: Domain, reached: Collection[str]) -> list[Diagnostic]:
@@ -25,7 +29,9 @@ def unreachable(domain: Domain, reached: Collection[str]) -> list[Diagnostic]:
 
 
 def _unused(domain: Domain, problems: Collection[Problem]) -> Iterator[Diagnostic]:
-    used = {*_read(domain), *_changed(domain)} | {f.name for p in problems for f in (*p.statics, *p.initial)}
+    used = {*_read(domain), *_changed(domain), *read_by_engine(domain)} | {
+        f.name for p in problems for f in (*p.statics, *p.initial)
+    }
     used |= {literal.atom.name for problem in problems for literal in literals(problem.goal)}
     text = "\n".join([*(part.text for part in domain.asp), *(p.goal + p.stage for p in domain.phrases)])
     for predicate in domain.predicates.values():
