@@ -40,6 +40,7 @@ CODES = {
     "K307": "grounding exceeds its limit",
     "K309": "declared, but nothing uses it",
     "K310": "a condition that nothing makes true",
+    "K311": "almost what the engine reads by convention",
     "K401": "unknown domain, problem or file",
     "K402": "not a plan in the documented format",
     "K403": "refused here",

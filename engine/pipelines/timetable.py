@@ -30,6 +30,7 @@ from engine.stages.validation.datalog import Facts
 from kb.diagnostics import InvalidInput
 from kb.loader import load_plan
 from kb.loader.plan import is_plan
+from kb.model.conventions import Conventions
 from kb.model.plan import Plan, StepId
 from kb.model.problem import Problem
 from kb.terms import Function, Number, Term
@@ -74,7 +75,7 @@ def timed(
     plan's own order remains and the checker refuses the plan.
     """
     gate = Gate()
-    wishes = wishes_of(gate.semantics(problem).statics)
+    wishes = wishes_of(gate.semantics(problem).statics, problem.domain.conventions)
     try:
         steps, goals = operators_of(task, plan)
         subjects = tuple(dict.fromkeys(c.subject for c in problem.chains if c.subject is not None))
@@ -149,16 +150,16 @@ def _visible(task: Task, goal: Bits) -> Bits:
     return goal & ~bitset(hidden)
 
 
-def wishes_of(statics: Facts) -> Wishes:
-    """What static facts of these names say: travel/3, longest_stay/2, release/2, due/2, priority/2."""
+def wishes_of(statics: Facts, words: Conventions) -> Wishes:
+    """What the static facts say that are about time by convention."""
 
     def numbers(name: str) -> dict[Term, int]:
         facts = [atom.arguments for atom in statics.named(name) if len(atom.arguments) == 2]
         return {first: last.value for first, last in facts if isinstance(last, Number)}
 
-    trips = [atom.arguments for atom in statics.named("travel") if len(atom.arguments) == 3]
+    trips = [atom.arguments for atom in statics.named(words.travel) if len(atom.arguments) == 3]
     travel = {(a, b): lasts.value for a, b, lasts in trips if isinstance(lasts, Number)}
-    return Wishes(travel, *map(numbers, ("longest_stay", "release", "due", "priority")))
+    return Wishes(travel, *map(numbers, (words.longest_stay, words.release, words.due, words.priority)))
 
 
 def in_its_order(plan: Plan, note: str) -> Timetable:

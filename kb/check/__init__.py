@@ -2,6 +2,7 @@
 
 from collections.abc import Collection, Iterator
 
+from kb.check.conventions import near_misses, read_by_engine
 from kb.commands.phrases import spoken_of
 from kb.diagnostics import Diagnostic
 from kb.model.conditions import Aggregate, Condition, conditions, literals
@@ -12,7 +13,10 @@ from kb.terms import Atom, is_ground
 
 def check_domain(domain: Domain, problems: Collection[Problem] = ()) -> list[Diagnostic]:
     """Warnings about a domain, seen together with its problems."""
-    return [*_unused(domain, problems), *_never_added(domain, problems), *_not_held(domain)]
+    near = near_misses(domain)
+    told = {each.where for each in near}
+    unused = (each for each in _unused(domain, problems) if each.where not in told)
+    return [*unused, *_never_added(domain, problems), *_not_held(domain), *near]
 
 
 def unreachable(domain: Domain, reached: Collection[str]) -> list[Diagnostic]:
@@ -26,7 +30,7 @@ def unreachable(domain: Domain, reached: Collection[str]) -> list[Diagnostic]:
 
 
 def _unused(domain: Domain, problems: Collection[Problem]) -> Iterator[Diagnostic]:
-    used = {*_read(domain), *_changed(domain), *_counted(domain), *_named(problems)}
+    used = {*_read(domain), *_changed(domain), *_counted(domain), *_named(problems), *read_by_engine(domain)}
     used |= {literal.atom.name for literal in spoken_of(domain)}
     stated = {use for each in domain.asp for use in (each.defines, *(use for use, _ in each.uses))}
     for predicate in domain.predicates.values():

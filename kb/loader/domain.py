@@ -3,6 +3,7 @@
 from pathlib import Path
 
 from kb.commands import check_phrases
+from kb.loader.conventions import read_conventions
 from kb.loader.declarations import read_declarations
 from kb.loader.deduction import read_deductive_operators, read_defaults
 from kb.loader.names import Names
@@ -38,6 +39,7 @@ def read_domain(path: Path, findings: Findings) -> tuple[Domain, Names]:
         words=_words(reader),
         phrases=tuple(_phrases(reader)),
         path=str(path),
+        renamed=read_conventions(reader, names),
     )
     for found in check_phrases(domain, reader.place_under("commands")):
         findings.note(found)

@@ -3,11 +3,15 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import Enum
+from typing import TYPE_CHECKING
 
 from kb.diagnostics import NOWHERE, Source
 from kb.model.conditions import TRUE, Body, Condition, Literal, Parameter
 from kb.model.statement import Statement
 from kb.terms import Atom, Function, Term, Variable
+
+if TYPE_CHECKING:
+    from kb.model.conventions import Conventions
 
 OBJECT = "object"
 NUMERIC_TYPES = ("int", "time")
@@ -167,6 +171,14 @@ class Domain:
     words: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     phrases: tuple[Phrase, ...] = ()
     path: str = ""
+    renamed: Mapping[str, str] = field(default_factory=dict)  # conventions: what this domain calls them
+
+    @property
+    def conventions(self) -> "Conventions":
+        """What this domain calls the things that the engine knows by name."""
+        from kb.model.conventions import Conventions  # of use for measurements and schedules alone
+
+        return Conventions(**self.renamed)
 
     def is_subtype(self, name: str, ancestor: str) -> bool:
         """Whether `name` is `ancestor` or below it; `object` is above every type but numbers and texts."""

@@ -3,7 +3,9 @@
 from typing import Literal
 
 from pydantic import Field
+from pydantic.config import JsonDict
 
+from kb.model.conventions import CONVENTIONS
 from kb.schema.shapes import Expression, Names, Strict, VariableTypes, WholeNumber
 
 
@@ -98,6 +100,12 @@ class CommandsEntry(Strict):
     phrases: list[PhraseEntry] = Field(default_factory=list, description="what sentences mean")
 
 
+_ROLES: JsonDict = {
+    role: {"type": "string", "description": f"what this domain calls {each.written()}: {each.meaning}"}
+    for role, each in CONVENTIONS.items()
+}
+
+
 class DomainFile(Strict):
     """A `domain.yaml`: one kind of cell."""
 
@@ -135,6 +143,11 @@ class DomainFile(Strict):
     )
     deductive_operators: list[DeductiveEntry] = Field(
         default_factory=list, description="what a new fact implies and denies, in place of delete lists"
+    )
+    conventions: dict[str, str] = Field(
+        default_factory=dict,
+        description="names that the engine knows: what this domain calls them, where it is another name",
+        json_schema_extra={"properties": _ROLES, "additionalProperties": False},
     )
     commands: CommandsEntry = Field(
         default_factory=lambda: CommandsEntry(), description="words and phrases that people use"

@@ -1,43 +1,44 @@
 """Edits of the measurements in a problem file, line by line, so that comments and all other lines stay as they are.
 
-Measurements stand one a line in a block list under `objects: measurement:`, as `import qif` writes them; facts and goals
-about them one a line. Other layouts are refused.
+Measurements stand one a line in a block list under their type under `objects:`, as `import qif` writes them; facts and
+goals about them one a line. Other layouts are refused.
 """
 
 import re
 from collections.abc import Sequence
 
-from engine.formats.interop.measurements import facts
+from engine.formats.interop.measurements import facts, goal
 from engine.model.measurement import MeasurementPoint
 from kb.diagnostics import Diagnostic, InvalidInput, Source
+from kb.model.conventions import Conventions
 
 ITEM = re.compile(r"^(\s*)- ")
 
 
-def added(lines: Sequence[str], point: MeasurementPoint, path: str) -> list[str]:
+def added(lines: Sequence[str], point: MeasurementPoint, path: str, words: Conventions) -> list[str]:
     """The lines with one more measurement, its facts and a goal."""
     found = [*lines]
-    _insert(found, ("objects:", "measurement:"), [point.name], path)
-    _insert(found, ("statics:",), facts(point), path)
-    _insert(found, ("goals:",), [f"measured(_, _, meas({point.name}))"], path)
+    _insert(found, ("objects:", f"{words.measurement}:"), [point.name], path)
+    _insert(found, ("statics:",), facts(point, words), path)
+    _insert(found, ("goals:",), [goal(point.name, words)], path)
     return found
 
 
-def removed(lines: Sequence[str], name: str, path: str) -> list[str]:
+def removed(lines: Sequence[str], name: str, path: str, words: Conventions) -> list[str]:
     """The lines without a measurement and everything that is said of it."""
-    listed = _section(lines, ("objects:", "measurement:"), path)
+    listed = _section(lines, ("objects:", f"{words.measurement}:"), path)
     if not any(lines[index].strip() == f"- {name}" for index in listed):
-        raise _refused(path, f"'{name}' does not stand in a line of its own under `measurement:`")
+        raise _refused(path, f"'{name}' does not stand in a line of its own under `{words.measurement}:`")
     word = re.compile(rf"(?<![\w]){re.escape(name)}(?![\w])")
     return [line for line in lines if not (ITEM.match(line) and word.search(_without_texts(line)))]
 
 
-def replaced(lines: Sequence[str], point: MeasurementPoint, path: str) -> list[str]:
+def replaced(lines: Sequence[str], point: MeasurementPoint, path: str, words: Conventions) -> list[str]:
     """The lines with other facts about a measurement that is there; its goal and what else is said of it stay."""
-    told = {re.escape(fact.partition("(")[0]) for fact in (*facts(point), "tolerance(", "bore(")}
+    told = {words.needs, words.position, words.normal, words.tolerance, words.bore}
     own = re.compile(rf"^\s*- (?:{'|'.join(sorted(told))})\({re.escape(point.name)},")
     found = [line for line in lines if not own.match(line)]
-    _insert(found, ("statics:",), facts(point), path)
+    _insert(found, ("statics:",), facts(point, words), path)
     return found
 
 

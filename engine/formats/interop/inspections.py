@@ -6,7 +6,7 @@ from engine.formats.interop import editing
 from engine.formats.interop.measurements import all_facts, names, problem_text, read_table
 from engine.formats.interop.qif import inspection_of
 from engine.model.measurement import Inspection, MeasurementPoint
-from engine.pipelines.inspection import MEASUREMENT, Partition, partition
+from engine.pipelines.inspection import Partition, partition
 from kb.asp import ground_term
 from kb.diagnostics import Diagnostic, InvalidInput, Source
 from kb.files import read_file
@@ -22,17 +22,19 @@ def import_file(path: Path, domain: str, unit: str = "mm") -> tuple[Inspection, 
     The goals are the measurements that some tool can make. Raises `InvalidInput`.
     """
     inspection = read_table(path, unit) if path.suffix.lower() == ".csv" else inspection_of(path)
-    parts = partition(_problem(inspection, load(find(domain)).domain))
+    cell = load(find(domain)).domain
+    parts = partition(_problem(inspection, cell))
     possible = (name for names in parts.groups.values() for name in names)
-    return inspection, parts, problem_text(inspection, domain, sorted(possible))
+    return inspection, parts, problem_text(inspection, domain, cell.conventions, sorted(possible))
 
 
 def _problem(inspection: Inspection, domain: Domain) -> Problem:
-    facts = (ground_term(fact) for fact in all_facts(inspection))
+    words = domain.conventions
+    facts = (ground_term(fact) for fact in all_facts(inspection, words))
     return Problem(
         inspection.name,
         domain,
-        dict.fromkeys(names(inspection), MEASUREMENT),
+        dict.fromkeys(names(inspection), words.measurement),
         tuple(fact for fact in facts if isinstance(fact, Function)),
     )
 
@@ -44,15 +46,15 @@ def rewrite(path: Path, how: str, what: MeasurementPoint | str) -> None:
     """
     name = what if isinstance(what, str) else what.name
     problem = load(path).problem
-    there = problem is not None and problem.objects.get(name) == MEASUREMENT
+    there = problem is not None and problem.objects.get(name) == problem.domain.conventions.measurement
     if problem is None or there == (how == "added"):
         said = "is there already" if there else "is no measurement of this problem"
         raise InvalidInput([Diagnostic(Source(str(path)), "K401", f"'{name}' {said}")])
-    lines = read_file(path).text.splitlines()
+    lines, words = read_file(path).text.splitlines(), problem.domain.conventions
     if isinstance(what, str):
-        lines = editing.removed(lines, what, str(path))
+        lines = editing.removed(lines, what, str(path), words)
     else:
-        lines = (editing.added if how == "added" else editing.replaced)(lines, what, str(path))
+        lines = (editing.added if how == "added" else editing.replaced)(lines, what, str(path), words)
     trial = path.with_name(f".{path.stem}.trial{path.suffix}")
     try:
         trial.write_text("\n".join(lines) + "\n", "utf-8")

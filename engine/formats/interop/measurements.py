@@ -1,4 +1,4 @@
-"""Measurements as text: tables in, problem files of the bulkhead domain out, and edits of such files.
+"""Measurements as text: tables in, problem files out, in the words of a domain that chooses tools.
 
 Positions are written in micrometres, normals in thousandths, as whole numbers.
 """
@@ -13,6 +13,7 @@ from pathlib import Path
 from engine.model.measurement import Inspection, MeasurementPoint, Triple
 from kb.diagnostics import Diagnostic, InvalidInput, Source
 from kb.files import read_file
+from kb.model.conventions import Conventions
 
 NEEDED = ("name", "x", "y", "z", "nx", "ny", "nz")
 OPTIONAL = ("kind", "tolerance", "bore", "feature")
@@ -87,19 +88,24 @@ def _is_number(text: str) -> bool:
     return True
 
 
-def facts(point: MeasurementPoint) -> list[str]:
+def facts(point: MeasurementPoint, words: Conventions) -> list[str]:
     """What a problem says of a point."""
     name = point.name
     found = [
-        f"needs({name}, {point.kind})",
-        f"position({name}, {_whole(point.position, 1e6)})",
-        f"normal({name}, {_whole(point.normal, 1e3)})",
+        f"{words.needs}({name}, {words.kind(point.kind)})",
+        f"{words.position}({name}, {_whole(point.position, 1e6)})",
+        f"{words.normal}({name}, {_whole(point.normal, 1e3)})",
     ]
     if point.tolerance_m is not None:
-        found.append(f"tolerance({name}, {round(point.tolerance_m * 1e6)})")
+        found.append(f"{words.tolerance}({name}, {round(point.tolerance_m * 1e6)})")
     if point.bore_m is not None:
-        found.append(f"bore({name}, {round(point.bore_m * 1e6)})")
+        found.append(f"{words.bore}({name}, {round(point.bore_m * 1e6)})")
     return found
+
+
+def goal(name: str, words: Conventions) -> str:
+    """That a measurement is done, by whatever tool."""
+    return f"{words.measured}(_, _, {words.place(name)})"
 
 
 def _whole(v: Triple, scale: float) -> str:
@@ -111,27 +117,30 @@ def names(inspection: Inspection) -> list[str]:
     return [*(point.name for point in inspection.points), *(each.feature for each in inspection.excluded)]
 
 
-def all_facts(inspection: Inspection) -> Iterator[str]:
+def all_facts(inspection: Inspection, words: Conventions) -> Iterator[str]:
     """What a problem says of all points and excluded features."""
     for point in inspection.points:
-        yield from facts(point)
+        yield from facts(point, words)
     for each in inspection.excluded:
-        yield f"needs({each.feature}, profile)"
-        yield f'impossible({each.feature}, "{each.reason}")'
+        yield f"{words.needs}({each.feature}, {words.profile})"
+        yield f'{words.impossible}({each.feature}, "{each.reason}")'
 
 
-def problem_text(inspection: Inspection, domain: str, wanted: Iterable[str]) -> str:
-    """A problem file: every point with its facts, excluded features with their reason, and a goal for each wanted name."""
-    return "\n".join(_lines(inspection, domain, wanted)) + "\n"
+def problem_text(inspection: Inspection, domain: str, words: Conventions, wanted: Iterable[str]) -> str:
+    """A problem file: every point with its facts, excluded features with their reason, and a goal for each wanted name.
+
+    `domain` is how the file refers to its domain, `words` is what that calls things.
+    """
+    return "\n".join(_lines(inspection, domain, words, wanted)) + "\n"
 
 
-def _lines(inspection: Inspection, domain: str, wanted: Iterable[str]) -> Iterator[str]:
+def _lines(inspection: Inspection, domain: str, words: Conventions, wanted: Iterable[str]) -> Iterator[str]:
     name = re.sub(r"[^A-Za-z0-9_]", "_", inspection.name)
     counts = f"{len(inspection.points)} points; {len(inspection.excluded)} features without any"
     yield f"# {inspection.features} features, {counts}; micrometres"
-    yield from (f"problem: {name}", f"domain: {domain}", "objects:", "  measurement:")
+    yield from (f"problem: {name}", f"domain: {domain}", "objects:", f"  {words.measurement}:")
     yield from (f"    - {each}" for each in names(inspection))
     yield "statics:"
-    yield from (f"  - {fact}" for fact in all_facts(inspection))
-    goals = [f"  - measured(_, _, meas({each}))" for each in wanted]
+    yield from (f"  - {fact}" for fact in all_facts(inspection, words))
+    goals = [f"  - {goal(each, words)}" for each in wanted]
     yield from ("goals:", *goals) if goals else ("goals: []",)

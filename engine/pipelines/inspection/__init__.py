@@ -1,7 +1,7 @@
 """From measurements to tours: rules part the measurements by tool, the sequencer orders them.
 
-A domain of this kind derives `chosen(Tool, Measurement)`, and `refused(Tool, Measurement, Why)` for what a tool that
-would fit cannot do; `position(Measurement, X, Y, Z)` is given in micrometres, `change(Tool, Other, Way)` as a way.
+What a domain of this kind declares stands in `kb.model.conventions`: above all which tool is `chosen` for a measurement
+and which are `refused`, the `position` of each in micrometres, and what a `change` of tools costs as a way.
 """
 
 from collections.abc import Collection, Mapping
@@ -13,11 +13,11 @@ from engine.model.tour import TourProblem, Visit
 from kb.asp import Grounder
 from kb.asp.vocabulary import static_program
 from kb.diagnostics import Diagnostic, InvalidInput, Source
+from kb.model.conventions import CONVENTIONS, Conventions
 from kb.model.domain import Domain
 from kb.model.problem import Problem
 from kb.terms import Number, Term, Text
 
-MEASUREMENT = "measurement"
 NO_TOOL = "no tool takes a measurement of this kind"
 NO_POSITION = "its position is not known"
 
@@ -33,7 +33,7 @@ class Partition:
 
 def chooses_tools(domain: Domain) -> bool:
     """Whether the rules of a domain say which tool takes which measurement."""
-    return "chosen" in domain.predicates
+    return domain.conventions.chosen in domain.predicates
 
 
 def partition(problem: Problem, placed: Collection[str] | None = None) -> Partition:
@@ -41,20 +41,16 @@ def partition(problem: Problem, placed: Collection[str] | None = None) -> Partit
 
     Where a measurement is says its `position`, or `placed` names those of which it is known otherwise.
     """
-    if not chooses_tools(problem.domain):
-        hint = "declare the statics chosen(tool, measurement) and refused(tool, measurement, text), as bulkhead does"
-        raise InvalidInput([Diagnostic(Source(problem.path), "K401", "the domain chooses no tools", hint)])
-    grounder = _grounded(problem)
-    objects = {**problem.domain.objects, **problem.objects}
-    measurements = [name for name, type_ in objects.items() if type_ == MEASUREMENT]
-    chosen = {
-        str(name): str(tool) for tool, name in sorted(grounder.atoms("chosen", 2), key=str, reverse=True)
-    }
-    reasons = _reasons(grounder)
-    measured = {str(fact.arguments[-1]) for fact in problem.initial if fact.name == "measured"}
-    done = tuple(name for name in measurements if f"meas({name})" in measured)
+    _require_choice(problem)
+    words, grounder, measurements = problem.domain.conventions, _grounded(problem), measurements_of(problem)
+    choices = sorted(grounder.atoms(words.chosen, 2), key=str, reverse=True)
+    chosen = {str(name): str(tool) for tool, name in choices}
+    reasons = _reasons(grounder, words)
+    measured = {str(fact.arguments[-1]) for fact in problem.initial if fact.name == words.measured}
+    done = tuple(name for name in measurements if words.place(name) in measured)
     left = [name for name in measurements if name not in set(done)]
-    located = {str(name) for name, *_ in grounder.atoms("position", 4)} if placed is None else set(placed)
+    given = (str(name) for name, *_ in grounder.atoms(words.position, 4))
+    located = set(given if placed is None else placed)
     tools = sorted({chosen[name] for name in left if name in chosen})
     groups = {tool: tuple(n for n in left if chosen.get(n) == tool and n in located) for tool in tools}
     impossible = {
@@ -65,17 +61,34 @@ def partition(problem: Problem, placed: Collection[str] | None = None) -> Partit
     return Partition({tool: names for tool, names in groups.items() if names}, done, impossible)
 
 
+def measurements_of(problem: Problem) -> list[str]:
+    """The objects of a problem that are measurements, in the order in which they are listed."""
+    objects, type_ = {**problem.domain.objects, **problem.objects}, problem.domain.conventions.measurement
+    return [name for name, own in objects.items() if own == type_]
+
+
+def _require_choice(problem: Problem) -> None:
+    if chooses_tools(problem.domain):
+        return
+    words = problem.domain.conventions
+    chosen, refused = CONVENTIONS["chosen"], CONVENTIONS["refused"]
+    statics = f"{chosen.written(words.chosen)} and {refused.written(words.refused)}"
+    hint = f"declare the statics {statics}, as bulkhead does"
+    raise InvalidInput([Diagnostic(Source(problem.path), "K401", "the domain chooses no tools", hint)])
+
+
 def _grounded(problem: Problem) -> Grounder:
     grounder = Grounder()
     grounder.ground(static_program(problem))
     return grounder
 
 
-def _reasons(grounder: Grounder) -> dict[str, list[str]]:
+def _reasons(grounder: Grounder, words: Conventions) -> dict[str, list[str]]:
     """For each measurement why it cannot be made: what its file says, else what each tool that would fit says."""
-    found = {str(name): [_plain(why)] for name, why in grounder.atoms("impossible", 2)}
+    found = {str(name): [_plain(why)] for name, why in grounder.atoms(words.impossible, 2)}
     told: dict[str, list[str]] = {}
-    for name, tool, why in sorted((str(m), str(t), _plain(w)) for t, m, w in grounder.atoms("refused", 3)):
+    refused = ((str(m), str(t), _plain(w)) for t, m, w in grounder.atoms(words.refused, 3))
+    for name, tool, why in sorted(refused):
         told.setdefault(name, []).append(f"{tool} is {why}")
     return told | found
 
@@ -86,22 +99,21 @@ def _plain(term: Term) -> str:
 
 def tour_problem(problem: Problem, parts: Partition) -> TourProblem:
     """All measurements that a tool takes, by straight lines in micrometres, changes of tools as the domain says."""
-    grounder = _grounded(problem)
-    where = _positions(grounder)
-    changes = {(str(a), str(b)): int(_number(way)) for a, b, way in grounder.atoms("change", 3)}
+    words, grounder = problem.domain.conventions, _grounded(problem)
+    where = _positions(grounder, words)
+    changes = {(str(a), str(b)): int(_number(way)) for a, b, way in grounder.atoms(words.change, 3)}
     visits = (Visit(name, where[name], tool) for tool, names in parts.groups.items() for name in names)
     return straight(problem.name, tuple(visits), changes)
 
 
 def positions(problem: Problem) -> dict[str, tuple[float, ...]]:
     """Where the measurements are whose position is given, whatever tool takes them: metres."""
-    return _positions(_grounded(problem))
+    return _positions(_grounded(problem), problem.domain.conventions)
 
 
-def _positions(grounder: Grounder) -> dict[str, tuple[float, ...]]:
-    return {
-        str(name): tuple(_number(each) * 1e-6 for each in at) for name, *at in grounder.atoms("position", 4)
-    }
+def _positions(grounder: Grounder, words: Conventions) -> dict[str, tuple[float, ...]]:
+    given = grounder.atoms(words.position, 4)
+    return {str(name): tuple(_number(each) * 1e-6 for each in at) for name, *at in given}
 
 
 def straight(

@@ -8,8 +8,6 @@ from kb.model.domain import Operator
 from kb.model.problem import Problem
 from kb.terms import Function, Term, Variable
 
-UNAVAILABLE = "unavailable"
-
 
 def parted(problem: Problem, lost: Collection[str]) -> Partition:
     """The partition without what is lost. Raises `InvalidInput`.
@@ -17,11 +15,11 @@ def parted(problem: Problem, lost: Collection[str]) -> Partition:
     Where the domain declares `unavailable(tool)`, its rules may choose another tool; what they still give to a tool that
     cannot be used is impossible.
     """
-    gone = unusable(problem, lost)
-    if UNAVAILABLE in problem.domain.predicates:
-        (kind,) = problem.domain.predicates[UNAVAILABLE].arguments
-        tools = sorted(gone & _of_type(problem, kind))
-        facts = (Function(UNAVAILABLE, (Function(tool),)) for tool in tools)
+    gone, unavailable = unusable(problem, lost), problem.domain.conventions.unavailable
+    declared = problem.domain.predicates.get(unavailable)
+    if declared is not None and len(declared.arguments) == 1:
+        tools = sorted(gone & _of_type(problem, declared.arguments[0]))
+        facts = (Function(unavailable, (Function(tool),)) for tool in tools)
         problem = replace(problem, statics=(*problem.statics, *facts))
     parts = partition(problem)
     refused = {
@@ -35,10 +33,11 @@ def unusable(problem: Problem, lost: Collection[str]) -> frozenset[str]:
     """What is lost, and every object that measures only together with some other resource that is lost."""
     if not lost:
         return frozenset()
+    measured = problem.domain.conventions.measured
     choices = [
         [_candidates(operator, each, problem) for each in operator.resources]
         for operator in problem.domain.operators
-        if any(effect.adds and effect.atom.name == "measured" for effect in operator.effects)
+        if any(effect.adds and effect.atom.name == measured for effect in operator.effects)
     ]
     names = {name for sets in choices for each in sets for name in each}
     able = {name for name in names if any(_possible(name, sets, lost) for sets in choices)}

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from engine.pipelines.inspection import MEASUREMENT, positions
+from engine.pipelines.inspection import measurements_of, positions
 from engine.stages.geometry import transforms
 from engine.stages.geometry.world.model import World
 from kb.loader import CELL_FILE
@@ -14,8 +14,6 @@ from kb.model.cell import WORLD
 from kb.model.problem import Problem
 from kb.terms import Function, Number
 
-POSITION = "position"
-
 
 def with_places(problem: Problem) -> Problem:
     """The problem with a `position` for each measurement that has none of its own but a place in the cell.
@@ -23,16 +21,15 @@ def with_places(problem: Problem) -> Problem:
     Positions are those of the places in the world, in micrometres. Raises `InvalidInput` for a bad cell.
     """
     path = Path(problem.domain.path).with_name(CELL_FILE) if problem.domain.path else None
-    objects = {**problem.domain.objects, **problem.objects}
-    names = [name for name, type_ in objects.items() if type_ == MEASUREMENT]
-    if path is None or not path.is_file() or not names or POSITION not in problem.domain.predicates:
+    words, names = problem.domain.conventions, measurements_of(problem)
+    if path is None or not path.is_file() or not names or words.position not in problem.domain.predicates:
         return problem
     places, known = load_cell(path), positions(problem)
     world = World.of(places)
     facts = tuple(
-        Function(POSITION, (Function(name), *map(Number, _micrometres(world, f"meas({name})"))))
+        Function(words.position, (Function(name), *map(Number, _micrometres(world, words.place(name)))))
         for name in names
-        if name not in known and f"meas({name})" in places.places
+        if name not in known and words.place(name) in places.places
     )
     return replace(problem, statics=(*problem.statics, *facts)) if facts else problem
 

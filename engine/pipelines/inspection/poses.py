@@ -47,9 +47,8 @@ def posed_tours(
 
     A measurement that the arm does not reach is impossible, with the reason. Raises `InvalidInput`.
     """
-    places = {
-        name: cell.places[f"meas({name})"] for name in problem.objects if f"meas({name})" in cell.places
-    }
+    named = {name: problem.domain.conventions.place(name) for name in problem.objects}
+    places = {name: cell.places[place] for name, place in named.items() if place in cell.places}
     parts = partition(problem, places)
     world = World.of(cell)
     ask = Reachability(world, backend)

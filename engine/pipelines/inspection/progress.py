@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
 from engine.model.tour import Longs, Tour, TourProblem, Visit, cost_of
-from engine.pipelines.inspection import MEASUREMENT, Partition, positions, straight, tour_problem
+from engine.pipelines.inspection import Partition, measurements_of, positions, straight, tour_problem
 from engine.pipelines.inspection.losses import parted
 from engine.stages.sequencing import Limits, sequence
 from kb.diagnostics import Diagnostic, InvalidInput, Source, unknown_name
@@ -86,7 +86,7 @@ def _empty(plan: SequencePlan) -> bool:
 
 def _known(problem: Problem, plan: SequencePlan, news: News) -> None:
     """Refuse names that mean nothing."""
-    measurements = _measurements(problem) | {each.name for each in (*plan.done, *plan.rest)}
+    measurements = {*measurements_of(problem)} | {each.name for each in (*plan.done, *plan.rest)}
     others = resources(problem)
     for option, names, known in (
         ("done", news.done, measurements),
@@ -103,15 +103,10 @@ def _known(problem: Problem, plan: SequencePlan, news: News) -> None:
             raise InvalidInput(wrong)
 
 
-def _measurements(problem: Problem) -> set[str]:
-    objects = {**problem.domain.objects, **problem.objects}
-    return {name for name, type_ in objects.items() if type_ == MEASUREMENT}
-
-
 def resources(problem: Problem) -> set[str]:
     """What can be lost: the objects that are no measurements, and the resources of operators."""
     named = {str(each) for operator in problem.domain.operators for each in operator.resources}
-    return {*problem.domain.objects, *problem.objects, *named} - _measurements(problem)
+    return {*problem.domain.objects, *problem.objects, *named}.difference(measurements_of(problem))
 
 
 def _kind(option: str) -> str:

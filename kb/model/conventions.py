@@ -1,0 +1,162 @@
+"""The names of a domain by which the engine knows what to measure, and when: those written here, and no others.
+
+A domain declares those that it needs, and may call each by another name (`conventions` in `domain.yaml`).
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, fields
+from enum import Enum
+
+NUMBERS = ("int", "time")
+
+
+class Sort(Enum):
+    """What a name is the name of."""
+
+    TYPE = "type"
+    CONSTANT = "constant"
+    FUNCTION = "function"
+    STATIC = "static"
+    FLUENT = "fluent"
+
+
+@dataclass(frozen=True, slots=True)
+class Convention:
+    """What the engine reads or writes under the name `role`, where the domain does not rename it.
+
+    `arguments` are types: `int`, `time` and `text` are those of the language, the others say what is meant. `used_by`
+    are verbs of the command line.
+    """
+
+    role: str
+    sort: Sort
+    arguments: tuple[str, ...]
+    used_by: tuple[str, ...]
+    meaning: str
+
+    @property
+    def is_about_time(self) -> bool:
+        """Whether schedules read it; all others are about measurements."""
+        return "schedule" in self.used_by
+
+    def written(self, name: str = "") -> str:
+        """How it is declared, under its own name or under another one."""
+        brackets = f"({', '.join(self.arguments)})" if self.arguments else ""
+        return f"{name or self.role}{brackets}"
+
+    def deviation(self, sort: str, arguments: Sequence[str]) -> tuple[str, str] | None:
+        """The code of what a declaration has otherwise, and what it does; None if it is as the engine reads it."""
+        if sort != self.sort.value:
+            return "K108", f"is {WITH_ARTICLE[sort]}, not {WITH_ARTICLE[self.sort.value]}"
+        if (given := len(arguments)) != (wanted := len(self.arguments)):
+            return "K102", f"has {given} argument{'' if given == 1 else 's'}, not {wanted}"
+        for number, pair in enumerate(zip(self.arguments, arguments, strict=True), 1):
+            if pair[0] in NUMBERS and pair[1] not in NUMBERS:
+                return "K103", f"has no number as argument {number}"
+        return None
+
+
+WITH_ARTICLE = {
+    "type": "a type",
+    "constant": "a constant",
+    "function": "a function",
+    "static": "a static predicate",
+    "fluent": "a fluent",
+    "derived": "a predicate derived from fluents",
+    "event": "an event",
+}
+
+
+def _named(sort: Sort, role: str, arguments: str, used_by: str, meaning: str) -> str:
+    """A field that is called by its role where nothing else is given; its metadata tell what it is."""
+    convention = Convention(role, sort, _listed(arguments), _listed(used_by), meaning)
+    made: str = field(default=role, metadata={"convention": convention})
+    return made
+
+
+def _listed(text: str) -> tuple[str, ...]:
+    return tuple(text.split(", ")) if text else ()
+
+
+def _static(role: str, arguments: str, used_by: str, meaning: str) -> str:
+    return _named(Sort.STATIC, role, arguments, used_by, meaning)
+
+
+EVERYWHERE = "sequence, measurement, import"
+WRITTEN = "measurement, import"
+TOURS = "sequence"
+TIMES = "schedule"
+POINT = "measurement, int, int, int"
+
+
+@dataclass(frozen=True, slots=True)
+class Conventions:
+    """What a domain calls each convention."""
+
+    measurement: str = _named(
+        Sort.TYPE, "measurement", "", EVERYWHERE, "what is measured: each object of this type is one visit"
+    )
+    meas: str = _named(
+        Sort.FUNCTION, "meas", "measurement", EVERYWHERE, "the place of a measurement, also in `cell.yaml`"
+    )
+    profile: str = _named(Sort.CONSTANT, "profile", "", WRITTEN, "a kind of measurement: where a surface is")
+    thickness: str = _named(
+        Sort.CONSTANT, "thickness", "", WRITTEN, "a kind of measurement: how thick a wall is"
+    )
+    needs: str = _static("needs", "measurement, kind", WRITTEN, "of what kind a measurement is")
+    position: str = _static("position", POINT, EVERYWHERE, "where a measurement is: x, y, z in micrometres")
+    normal: str = _static(
+        "normal",
+        POINT,
+        WRITTEN,
+        "the direction away from the material at a measurement: x, y, z in thousandths",
+    )
+    tolerance: str = _static(
+        "tolerance",
+        "measurement, int",
+        WRITTEN,
+        "how wide the tolerance zone of a measurement is, in micrometres",
+    )
+    bore: str = _static(
+        "bore", "measurement, int", WRITTEN, "how wide the hole is that a measurement lies in, in micrometres"
+    )
+    impossible: str = _static(
+        "impossible", "measurement, text", EVERYWHERE, "why no tool can take a measurement"
+    )
+    chosen: str = _static("chosen", "tool, measurement", EVERYWHERE, "which tool takes a measurement")
+    refused: str = _static(
+        "refused", "tool, measurement, text", EVERYWHERE, "why a tool for its kind cannot take a measurement"
+    )
+    unavailable: str = _static("unavailable", "tool", TOURS, "a tool was lost; the engine adds these facts")
+    change: str = _static(
+        "change", "tool, tool, int", TOURS, "what a change of tools costs, as a way in micrometres"
+    )
+    measured: str = _named(
+        Sort.FLUENT,
+        "measured",
+        "tool, arm, place",
+        EVERYWHERE,
+        "a measurement is done; operators that add it are those that measure",
+    )
+    travel: str = _static(
+        "travel", "place, place, time", TIMES, "how long the arm travels empty from one place to another"
+    )
+    longest_stay: str = _static("longest_stay", "place, time", TIMES, "how long anything may stay in a place")
+    release: str = _static("release", "object, time", TIMES, "when the job of an object may start")
+    due: str = _static("due", "object, time", TIMES, "when the job of an object should have ended")
+    priority: str = _static(
+        "priority", "object, int", TIMES, "what each unit of time costs by which the job of an object is late"
+    )
+
+    def kind(self, word: str) -> str:
+        """What the domain calls a kind of measurement; kinds of its own are called as they are."""
+        return {"profile": self.profile, "thickness": self.thickness}.get(word, word)
+
+    def place(self, measurement: str) -> str:
+        """The place of a measurement, as the term is written."""
+        return f"{self.meas}({measurement})"
+
+
+CONVENTIONS: Mapping[str, Convention] = {
+    each.name: each.metadata["convention"] for each in fields(Conventions)
+}
