@@ -6,9 +6,11 @@ from typing import Any
 
 import pytest
 
+from engine.faces.cli.verbs import VERBS
 from engine.model.outcome import Found
 from engine.pipelines import checking, planning
 from kb.loader import load
+from kb.model.conventions import CONVENTIONS
 from kb.schema import json_schema
 
 PAGE = (Path(__file__).parents[2] / "docs" / "language.md").read_text("utf-8")
@@ -74,6 +76,19 @@ def test_an_example_of_a_problem_is_sound_and_grounds(fragment: str, tmp_path: P
     target = cell(tmp_path, problem=merged(base, fragment))
     assert load(target).warnings == ()
     assert not [each for each in checking.check(str(target)).diagnostics if not each.warning]
+
+
+def test_the_page_lists_the_conventions_as_the_engine_has_them() -> None:
+    section = PAGE.partition("\n## Conventions\n")[2].partition("\n## ")[0]
+    told = [
+        f"| `{each.written()}` | {each.sort.value} | {each.meaning} | {', '.join(f'`{verb}`' for verb in each.used_by)} |"
+        for each in CONVENTIONS.values()
+    ]
+    assert re.findall(r"^\| `.*", section, re.MULTILINE) == told
+
+
+def test_conventions_are_used_by_verbs_that_there_are() -> None:
+    assert {verb for each in CONVENTIONS.values() for verb in each.used_by} <= set(VERBS)
 
 
 def keys(schema: Any) -> set[str]:

@@ -10,3 +10,11 @@ def test_the_light_modules_load_nothing_heavy() -> None:
     code = f"import sys, {light}; print([name for name in {heavy} if name in sys.modules])"
     ran = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert ran.stdout.strip() == "[]"
+
+
+def test_a_domain_loads_its_conventions_when_it_is_asked_for_them() -> None:
+    """Tasks in PDDL ask for none."""
+    code = "import sys, kb.model.domain as d; print('kb.model.conventions' in sys.modules)"
+    code += "; d.Domain('cell').conventions; print('kb.model.conventions' in sys.modules)"
+    ran = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert ran.stdout.split() == ["False", "True"]
