@@ -14,9 +14,10 @@ from kb.files import EXCERPT, File
 from kb.loader import load, with_goals
 from kb.loader.problem import _fact
 from kb.loader.tree import Node, read_tree
-from kb.model.conditions import And, Exists, ForAll, Literal, Not, Or
+from kb.model.conditions import Aggregate, And, Exists, ForAll, Literal, Not, Or
 from kb.model.domain import Domain, Kind
 from kb.syntax import ExpressionError, parse
+from kb.terms import Variable
 
 BASE = """domain: store
 include: [rules.lp]
@@ -251,3 +252,48 @@ def test_alternatives_and_universal_conditions_are_parsed() -> None:
 def test_conditions_that_are_none(text: str) -> None:
     with pytest.raises(ExpressionError):
         parse("conditions", text)
+
+
+def codes(folder: Path, rules: str) -> list[tuple[str, int]]:
+    """What a load finds in the rules: codes and lines."""
+    try:
+        domain(folder, rules=rules)
+    except InvalidInput as error:
+        return [(each.code, each.where.line) for each in error.diagnostics]
+    return []
+
+
+def test_a_text_in_a_rule_hides_no_mistake_beside_it(tmp_path: Path) -> None:
+    assert codes(tmp_path, 'odd(I, "why") :- heavy(I), weight(table, 3).\n') == [("K103", 3)]
+    assert codes(tmp_path, 'odd(I, "weight(table, 3)", _x) :- heavy(I).\n') == [("K112", 3)]
+
+
+def test_a_term_beside_a_constant_hides_no_mistake(tmp_path: Path) -> None:
+    assert codes(tmp_path, "odd(I) :- heavy(I), weight(table, 3 + 1).\n") == [("K103", 3)]
+
+
+def test_a_rule_over_fluents_that_counts_is_refused(tmp_path: Path) -> None:
+    assert codes(tmp_path, "loose(I) :- at(I, table), #count { J : weight(J, 1) } > 1.\n") == [("K202", 3)]
+
+
+def test_an_aggregate_knows_its_variables_and_what_it_counts(tmp_path: Path) -> None:
+    where = '    where: "weight(Item, W), #count { J, \\"K\\" : weight(J, W), not shelf(J) } == N, N < 3"\n'
+    made = domain(tmp_path, f"  wash(Item):\n{where}    preconditions: at(Item, _)\n    adds: clean(Item)\n")
+    (aggregate,) = (part for part in made.operators[0].body if isinstance(part, Aggregate))
+    assert aggregate.uses == (("weight", 2), ("shelf", 1))
+    assert aggregate.binds == Variable("N")
+    assert sorted(map(str, aggregate.standing)) == ["J", "J", "J", "N", "W"]
+
+
+def test_computed_values_inside_atoms_get_names_and_nothing_else_changes(tmp_path: Path) -> None:
+    where = "    where: weight(Item, W), weight(_, W + 1), not weight(Item, W * 2), W < 3 - 1\n"
+    made = domain(tmp_path, f"  wash(Item):\n{where}    preconditions: at(Item, _)\n    adds: clean(Item)\n")
+    assert [str(part) for part in made.operators[0].body] == [
+        "weight(Item, W)",
+        "weight(_, _Value__1)",
+        "not weight(Item, _Value__2)",
+        "W < (3-1)",
+        "_Value__1 = (W+1)",
+        "_Value__2 = (W*2)",
+    ]
+    assert made.operators[1].body == domain(tmp_path).operators[0].body

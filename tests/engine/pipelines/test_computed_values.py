@@ -1,0 +1,85 @@
+"""Arithmetic inside terms means the same to clingo, which grounds it, and to the checker, which solves bodies itself."""
+
+from pathlib import Path
+
+import pytest
+
+from engine.model.outcome import Found
+from engine.pipelines import planning
+from engine.pipelines.explanation.relaxation import extensional
+from engine.stages.macros.lifted.bodies import satisfiable
+from engine.stages.macros.lifted.facts import Facts
+from kb.loader import load_problem
+from kb.model.domain import Domain
+from kb.syntax import parse
+
+DOMAIN = """domain: shelves
+include: [rules.lp]
+types: {item: object, place: object}
+functions:
+  slot(int): place
+objects: {item: [bolt]}
+statics:
+  num(int): {}
+  step(int, int): {}
+  known(place): {}
+  said(item, text): {}
+  heard(item): {}
+fluents:
+  at(item, place): {}
+derived:
+  high(item): {}
+operators:
+  move(Item, From, To):
+    where: "WHERE"
+    preconditions: at(Item, From)
+    adds: at(Item, To)
+deductive_operators:
+  - when: at(Item, Place)
+    denies: at(Item, Other), Other != Place
+"""
+RULES = """num(1..4). step(N, N + 1) :- num(N). known(slot(N)) :- num(N). place(slot(N)) :- num(N).
+high(I) :- num(N), at(I, slot(N + 2)), N * 2 > 1.
+said(bolt, "heard(I) :- said"). heard(I) :- said(I, _).
+"""
+PROBLEM = """problem: up
+domain: domain.yaml
+initial: ["at(bolt, slot(1))"]
+goals: [high(bolt)]
+"""
+
+
+def problem_file(folder: Path, where: str) -> str:
+    (folder / "domain.yaml").write_text(DOMAIN.replace("WHERE", where))
+    (folder / "rules.lp").write_text(RULES)
+    (folder / "problem.yaml").write_text(PROBLEM)
+    return str(folder / "problem.yaml")
+
+
+@pytest.mark.parametrize(
+    "where",
+    [
+        "From = slot(N), To = slot(N + 1)",
+        "To = slot(M), M = N + 1, From = slot(N)",
+        "known(slot(N + 1)), num(N), From = slot(N), To = slot(N + 1)",
+        "step(N, N + 1), From = slot(N), To = slot(N + 1)",
+        "num(N), From = slot(N), To = slot(N + 1), not known(slot(N + 4))",
+        "num(N), From = slot(N), To = slot((N * 2 + 2) / 2)",
+    ],
+)
+def test_the_checker_accepts_what_grounding_found(tmp_path: Path, where: str) -> None:
+    outcome = planning.plan(load_problem(problem_file(tmp_path, where)))
+    assert isinstance(outcome, Found)
+    assert len(outcome.plan.steps) == 2
+
+
+def test_a_rule_in_a_text_does_not_make_a_predicate_one_of_rules(tmp_path: Path) -> None:
+    domain: Domain = load_problem(problem_file(tmp_path, "From != To")).domain
+    told = {name: extensional(domain, domain.predicates[name]) for name in ("said", "heard", "num", "known")}
+    assert told == {"said": True, "heard": False, "num": True, "known": False}
+
+
+def test_an_equation_waits_until_its_sum_can_be_done() -> None:
+    facts = Facts(parse("atoms", "last(5), num(3), num(4)").value)
+    assert satisfiable(parse("body", "last(M), M = N + 1, num(N)").value, facts, {})
+    assert not satisfiable(parse("body", "last(M), M = N + 3, num(N)").value, facts, {})
