@@ -1,5 +1,9 @@
-"""Random small problems, and brute force over the domain's own meaning."""
+"""Random small problems, and brute force over the domain's own meaning.
 
+Strategies are made once for each choice of terms: hypothesis looks a new one through before it draws from it.
+"""
+
+import functools
 import itertools
 from collections import deque
 from collections.abc import Iterator
@@ -36,16 +40,19 @@ PREDICATES = {
 ONE_X, ONE_Y = (Parameter(X, "thing"),), (Parameter(Y, "thing"),)
 
 
+@functools.cache
 def atoms(terms: tuple[Term, ...], derived: bool = False) -> st.SearchStrategy[Atom]:
     names = ["p", "q", "d"] if derived else ["p", "q"]
     plain = [Function("r"), *([Function("e")] if derived else [])]
     return st.sampled_from([*(Function(n, (t,)) for n in names for t in terms), *plain])
 
 
+@functools.cache
 def literals(terms: tuple[Term, ...], derived: bool = False) -> st.SearchStrategy[Literal]:
     return st.builds(Literal, atoms(terms, derived), st.booleans())
 
 
+@functools.cache
 def conditions(terms: tuple[Term, ...], derived: bool = True) -> st.SearchStrategy[Condition]:
     """Conjunctions of literals, disjunctions, and quantified literals."""
     plain = literals(terms, derived)
@@ -64,6 +71,7 @@ def conditions(terms: tuple[Term, ...], derived: bool = True) -> st.SearchStrate
 CONSTANTS: tuple[Term, ...] = tuple(Function(name) for name in OBJECTS)
 
 
+@functools.cache
 @st.composite
 def operators(draw: st.DrawFn, name: str, conditional: bool) -> Operator:
     parameters = draw(st.sampled_from([(), ONE_X]))
