@@ -29,7 +29,9 @@ SAME = re.compile(r"Operator_(Eq_Is|NotEq_IsNot|Is_Eq|IsNot_NotEq)$")
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--seed", type=int, required=True)
     parser.add_argument("--count", type=int, required=True)
     parser.add_argument("files", nargs="+")
@@ -87,7 +89,9 @@ def _silent(tree: ast.Module) -> Iterator[Span]:
 
 
 def _is_type(node: ast.Subscript) -> bool:
-    return isinstance(node.value, ast.Name) and (node.value.id in ("dict", "list", "set") or node.value.id.istitle())
+    return isinstance(node.value, ast.Name) and (
+        node.value.id in ("dict", "list", "set") or node.value.id.istitle()
+    )
 
 
 def _statements(text: str) -> list[ast.stmt]:

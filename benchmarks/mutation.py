@@ -26,9 +26,12 @@ from pathlib import Path
 TOP = Path(__file__).resolve().parents[1]
 PASS = 0.85
 MEMORY = 12 << 30  # bytes of address space for one run
+UNLIMITED = 3600  # seconds
 SAID = "said.txt"  # what the last run printed
 
-MODULES: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {  # files, tests from the quickest to the slowest
+MODULES: dict[
+    str, tuple[tuple[str, ...], tuple[str, ...]]
+] = {  # files, tests from the quickest to the slowest
     "checker": (
         ("engine/stages/validation/*.py",),
         (
@@ -79,7 +82,7 @@ MODULES: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {  # files, tests 
 
 @dataclass(frozen=True)
 class Verdict:
-    """What became of one mutant: killed, survived, or timeout; `diff` shows it."""
+    """What became of one mutant: killed, survived, or timeout; `diff` shows it, `seconds` are of processor time."""
 
     module: str
     file: str
@@ -116,7 +119,9 @@ def main() -> None:
 
 
 def _arguments() -> argparse.Namespace:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--mutators", required=True)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--count", type=int, default=600)
@@ -159,15 +164,15 @@ def _run_all(copy: Path, file: str, module: str, mutants: Sequence[dict[str, str
     sys.path.insert(0, str(copy))
     os.environ["PYTHONPATH"] = str(copy)
     tests = [each for each in MODULES[module][1] if Path(each.split()[0]).exists()]
-    became, _ = _run(tests, 3600.0)  # compiles and caches what the tests need
+    became, _ = _run(tests, UNLIMITED)  # compiles and caches what the tests need
     if became != "survived":
         raise SystemExit(f"{Path(SAID).read_text()}\nthe tests of {module} fail without any mutant")
     _warm(file)
-    _, usual = _run(tests, 3600.0)
+    _, usual = _run(tests, UNLIMITED)
     original = Path(file).read_text()
     for mutant in mutants:
         Path(file).write_text(mutant["text"])
-        became, seconds = _run(tests, 30.0 + 3.0 * usual)
+        became, seconds = _run(tests, 10 + 3 * round(usual))
         diff = "".join(_difference(original, mutant["text"]))
         yield Verdict(module, file, int(mutant["line"]), mutant["operator"], became, round(seconds, 2), diff)
     Path(file).write_text(original)
@@ -195,26 +200,44 @@ def _warm(file: str) -> None:
     assert name not in sys.modules, name
 
 
-def _run(tests: Sequence[str], limit: float) -> tuple[str, float]:
-    """Run tests in a fork of this process, one call after another until one fails; what came of it, and its seconds."""
-    began = time.monotonic()
+def _run(tests: Sequence[str], limit: int) -> tuple[str, float]:
+    """Run tests in a fork of this process, one call after another until one fails; what came of it, and its seconds.
+
+    `limit` is in seconds of processor time, as is what comes back: others may use the machine.
+    """
+    before = _spent()
     child = os.fork()
     if not child:
         _become_a_run(tests, limit)
-    while time.monotonic() - began < limit:
+    status, patience = _waited(child, time.monotonic() + 20 * limit)
+    spent = _spent() - before
+    if not patience or (os.WIFSIGNALED(status) and os.WTERMSIG(status) == signal.SIGXCPU):
+        return "timeout", spent
+    return "killed" if status else "survived", spent
+
+
+def _waited(child: int, until: float) -> tuple[int, bool]:
+    """The status with which a process ends, and whether it ends by itself."""
+    while time.monotonic() < until:
         found, status = os.waitpid(child, os.WNOHANG)
         if found:
-            return "killed" if status else "survived", time.monotonic() - began
+            return status, True
         time.sleep(0.02)
     os.killpg(child, signal.SIGKILL)
-    os.waitpid(child, 0)
-    return "timeout", time.monotonic() - began
+    return os.waitpid(child, 0)[1], False
 
 
-def _become_a_run(tests: Sequence[str], limit: float) -> None:
+def _spent() -> float:
+    """Seconds of processor time of all children that have ended."""
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return used.ru_utime + used.ru_stime
+
+
+def _become_a_run(tests: Sequence[str], limit: int) -> None:
     os.setsid()
     resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
-    sys.dont_write_bytecode = limit < 3600.0
+    resource.setrlimit(resource.RLIMIT_CPU, (limit, limit + 5))
+    sys.dont_write_bytecode = limit < UNLIMITED
     said = os.open(SAID, os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
     os.dup2(said, 1)
     os.dup2(said, 2)

@@ -82,7 +82,9 @@ def test_a_step_holds_the_resources_of_its_operator(held: tuple[str, ...]) -> No
 
 
 def test_a_step_may_hold_more_than_its_operator_asks_for() -> None:
-    assert wrong(problem("at(bolt, bin)"), (step(1, "move(bolt, table, bin)", holds=(*ARM_BOLT, "nut")),)) == []
+    assert (
+        wrong(problem("at(bolt, bin)"), (step(1, "move(bolt, table, bin)", holds=(*ARM_BOLT, "nut")),)) == []
+    )
 
 
 def test_a_precondition_holds_when_its_step_starts() -> None:
@@ -94,14 +96,21 @@ def test_a_precondition_holds_when_its_step_starts() -> None:
 
 
 def test_execution_stops_at_the_first_step_that_cannot_start() -> None:
-    steps = (step(1, "move(bolt, bin, table)", holds=ARM_BOLT), step(2, "move(nut, bin, table)", 1, holds=ARM_NUT))
-    assert wrong(TIDY, steps) == ["K501: step 1 move(bolt, bin, table): at(bolt, bin) does not hold when it starts"]
+    steps = (
+        step(1, "move(bolt, bin, table)", holds=ARM_BOLT),
+        step(2, "move(nut, bin, table)", 1, holds=ARM_NUT),
+    )
+    assert wrong(TIDY, steps) == [
+        "K501: step 1 move(bolt, bin, table): at(bolt, bin) does not hold when it starts"
+    ]
 
 
 def test_who_ended_a_precondition_is_said() -> None:
     (found,) = validate(TIDY, Plan((BOLT_MOVES, step(2, "move(bolt, table, bin)", 1, holds=ARM_BOLT))))
     assert (found.code, found.hint) == ("K501", "step 1 move(bolt, table, bin) ended it")
-    (found,) = validate(problem("lit", ("lit",)), Plan((step(1, "light"), step(2, "douse", 1), step(3, "wipe", 2))))
+    (found,) = validate(
+        problem("lit", ("lit",)), Plan((step(1, "light"), step(2, "douse", 1), step(3, "wipe", 2)))
+    )
     assert (found.code, found.hint) == ("K502", "step 2 douse ended it")
 
 
@@ -272,8 +281,14 @@ def test_a_negative_link_is_ended_by_what_adds_its_atom() -> None:
 
 def test_a_link_is_ended_by_what_deduction_denies() -> None:
     posed = problem("", AT_HOME)
-    found = wrong(posed, (BOLT_MOVES, step(2, "move(bolt, bin, table)", 1, holds=ARM_BOLT)), (link(1, "at(bolt, bin)", -1),))
-    assert found == ["K504: link 1 to -1 for at(bolt, bin): step 2 move(bolt, bin, table) can come between and end it"]
+    found = wrong(
+        posed,
+        (BOLT_MOVES, step(2, "move(bolt, bin, table)", 1, holds=ARM_BOLT)),
+        (link(1, "at(bolt, bin)", -1),),
+    )
+    assert found == [
+        "K504: link 1 to -1 for at(bolt, bin): step 2 move(bolt, bin, table) can come between and end it"
+    ]
 
 
 # Steps without an order.
