@@ -52,21 +52,23 @@ def problem(
     workflow: tuple[str, ...] = (),
     statics: tuple[str, ...] = (),
     objects: str = "",
+    rules: str = "",
 ) -> Problem:
-    """A problem of a cell; each entry of `workflow` is a YAML flow mapping."""
+    """A problem of a cell; each entry of `workflow` is a YAML flow mapping, `rules` are what the domain includes."""
     lines = ["problem: task", "domain: domain.yaml"]
     lines += ["objects:", f"  {objects}"] if objects else []
     lines += ["statics:", *(f'  - "{fact}"' for fact in statics)] if statics else []
     lines += ["initial:", *(f'  - "{fact}"' for fact in initial)] if initial else []
     lines += ["goals:", f'  - "{goals}"'] if goals else []
     lines += ["workflow:", *(f"  - {chain}" for chain in workflow)] if workflow else []
-    return _loaded(domain, "\n".join(lines) + "\n")
+    return _loaded(domain, "\n".join(lines) + "\n", rules)
 
 
 @functools.cache
-def _loaded(domain: str, text: str) -> Problem:
+def _loaded(domain: str, text: str, rules: str) -> Problem:
     with tempfile.TemporaryDirectory() as folder:
         (Path(folder) / "domain.yaml").write_text(domain)
+        (Path(folder) / "rules.lp").write_text(rules)
         (Path(folder) / "problem.yaml").write_text(text)
         found = load(Path(folder) / "problem.yaml").problem
     assert found is not None
