@@ -36,7 +36,9 @@ domain: domain.yaml
 initial: []
 goals: [on(bolt)]
 """
-STATIC = FLUENT.replace("  spare(item): {}\n", "").replace("kept(item): {}", "kept(item): {}, spare(item): {}")
+STATIC = FLUENT.replace("  spare(item): {}\n", "").replace(
+    "kept(item): {}", "kept(item): {}, spare(item): {}"
+)
 
 
 @pytest.fixture
@@ -208,9 +210,15 @@ def test_an_operator_that_alone_does_not_hold_what_it_reads_is_pointed_at(tmp_pa
     ("was", "becomes"),
     [
         ('adds: "free(saw), ready"}', 'adds: "free(saw), ready", resources: saw}'),  # all hold it
-        ('"free(saw), ready", adds: done(saw), resources: saw', '"free(saw), ready", adds: done(saw)'),  # two do not
+        (
+            '"free(saw), ready", adds: done(saw), resources: saw',
+            '"free(saw), ready", adds: done(saw)',
+        ),  # two do not
         ("  one: {preconditions: free(saw), ", "  one: {preconditions: ready, "),  # two readers are no habit
-        ("  three: {preconditions: free(saw)", "  three: {preconditions: not free(saw)"),  # it reads an absence
+        (
+            "  three: {preconditions: free(saw)",
+            "  three: {preconditions: not free(saw)",
+        ),  # it reads an absence
     ],
 )
 def test_where_there_is_no_habit_of_holding_nothing_is_said(tmp_path: Path, was: str, becomes: str) -> None:
@@ -219,8 +227,12 @@ def test_where_there_is_no_habit_of_holding_nothing_is_said(tmp_path: Path, was:
 
 
 def test_atoms_with_variables_name_no_resource(tmp_path: Path) -> None:
-    text = HELD.replace("  one:", "  one(T):").replace("  two:", "  two(T):").replace("  three:", "  three(T):")
-    assert held(text.replace("free(saw)", "free(T)").replace("resources: saw", "resources: T"), tmp_path) == []
+    text = (
+        HELD.replace("  one:", "  one(T):").replace("  two:", "  two(T):").replace("  three:", "  three(T):")
+    )
+    assert (
+        held(text.replace("free(saw)", "free(T)").replace("resources: saw", "resources: T"), tmp_path) == []
+    )
 
 
 def test_a_warning_points_at_the_declaration(cell: Cell) -> None:
@@ -230,4 +242,8 @@ def test_a_warning_points_at_the_declaration(cell: Cell) -> None:
     assert found.hint
     domain, posed = cell.read(FLUENT)
     (found,) = check_domain(domain, [posed])
-    assert (found.where, found.warning, found.hint) == (domain.predicates["spare"].where, True, "remove it, or use it")
+    assert (found.where, found.warning, found.hint) == (
+        domain.predicates["spare"].where,
+        True,
+        "remove it, or use it",
+    )

@@ -15,7 +15,9 @@ def cause(name: str, stops: bool = False) -> Cause:
     return Cause(name, name, stops=stops, where=HERE)
 
 
-def shows(name: str, *causes: str, chance: float = 1.0, outcomes: tuple[str, ...] = ("usual", "odd")) -> FaultTest:
+def shows(
+    name: str, *causes: str, chance: float = 1.0, outcomes: tuple[str, ...] = ("usual", "odd")
+) -> FaultTest:
     """A test whose last outcome shows under some causes, with a chance."""
     given = {each: {outcomes[0]: 1.0 - chance, outcomes[-1]: chance} for each in causes}
     return FaultTest(name, name, 1, outcomes, outcomes[0], given, where=HERE)
@@ -90,7 +92,9 @@ def test_a_test_is_of_use_if_it_tells_causes_of_one_exception_apart() -> None:
     used = replace(SOUND, exceptions=exceptions, causes=causes, tests=tests, repairs=repairs)
     assert said(used) == []
     del exceptions["loud"]
-    assert said(replace(used, exceptions=exceptions)) == ["K904: 'listen' tells no causes of any exception apart"]
+    assert said(replace(used, exceptions=exceptions)) == [
+        "K904: 'listen' tells no causes of any exception apart"
+    ]
 
 
 ALIKE = "K902: no test tells stuck and empty apart, and no repair serves them all"
@@ -143,7 +147,9 @@ TOO_UNCERTAIN = "K905: too many tests with uncertain outcomes for one exception"
         ([shows(f"sure{n}", "f0") for n in range(60)], []),
     ],
 )
-def test_the_outcomes_of_uncertain_tests_take_at_most_48_bits(tests: list[FaultTest], found: list[str]) -> None:
+def test_the_outcomes_of_uncertain_tests_take_at_most_48_bits(
+    tests: list[FaultTest], found: list[str]
+) -> None:
     causes, repairs = many(2)
     assert said(base(causes, tests, repairs)) == found
 
@@ -158,7 +164,9 @@ def test_only_tests_that_bear_on_an_exception_count_for_it() -> None:
 def test_what_cannot_be_held_is_an_error_and_all_else_a_warning() -> None:
     causes, repairs = many(63)
     assert [each.warning for each in check_faults(base(causes, [], repairs))] == [False]
-    assert [each.warning for each in check_faults(base([STUCK, EMPTY], [], list(SOUND.repairs.values())))] == [True]
+    assert [
+        each.warning for each in check_faults(base([STUCK, EMPTY], [], list(SOUND.repairs.values())))
+    ] == [True]
     assert all(each.hint and each.where == HERE for each in check_faults(base(*many(63)[:1], [], [])))
     everything = base([STUCK, EMPTY, WORN], [shows("listen", "stuck", "empty")], [], "stuck", "empty")
     found = check_faults(everything)

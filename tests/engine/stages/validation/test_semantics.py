@@ -112,7 +112,9 @@ def test_a_conditional_effect_comes_for_every_binding_that_held_before() -> None
     initial = ("at(t1, rack)", "at(t2, oven)", "hot(t1)", "hot(t2)")
     assert wrong(problem("not hot(t1), hot(t2)", initial, EFFECTS), (step(1, "shake(rack)"),)) == []
     assert wrong(problem("hot(t1), not hot(t2)", initial, EFFECTS), (step(1, "shake(oven)"),)) == []
-    assert wrong(problem("hot(t1), hot(t2)", ("wet(t1)", "wet(t2)"), EFFECTS), (step(1, "shake(oven)"),)) == []
+    assert (
+        wrong(problem("hot(t1), hot(t2)", ("wet(t1)", "wet(t2)"), EFFECTS), (step(1, "shake(oven)"),)) == []
+    )
 
 
 def test_what_is_added_and_deleted_explicitly_stays_true() -> None:
@@ -148,7 +150,10 @@ def test_what_a_step_adds_is_closed_under_deduction() -> None:
 def test_the_end_of_an_atom_has_consequences_only_if_it_was_true() -> None:
     assert wrong(problem("idle(bolt)", ("on(bolt)",), CLOSURE), (step(1, "stop(bolt)"),)) == []
     assert wrong(problem("not idle(bolt)", (), CLOSURE), (step(1, "stop(bolt)"),)) == []
-    assert wrong(problem("not idle(bolt)", ("cold(bolt)", "idle(bolt)"), CLOSURE), (step(1, "start(bolt)"),)) == []
+    assert (
+        wrong(problem("not idle(bolt)", ("cold(bolt)", "idle(bolt)"), CLOSURE), (step(1, "start(bolt)"),))
+        == []
+    )
     assert wrong(problem("idle(bolt)", ("idle(bolt)",), CLOSURE), (step(1, "start(bolt)"),)) == []
 
 
@@ -170,7 +175,9 @@ whole :- not apart(a), not apart(b), not apart(c).
 """
 
 
-@pytest.mark.parametrize(("joined", "whole"), [(("joined(a, b)", "joined(b, c)"), True), (("joined(a, b)",), False)])
+@pytest.mark.parametrize(
+    ("joined", "whole"), [(("joined(a, b)", "joined(b, c)"), True), (("joined(a, b)",), False)]
+)
 def test_derived_predicates_are_closed_before_what_they_leave_out_is_read(
     joined: tuple[str, ...], whole: bool
 ) -> None:
@@ -183,6 +190,8 @@ def test_derived_predicates_are_closed_before_what_they_leave_out_is_read(
 def test_what_a_derived_condition_rests_on_is_watched() -> None:
     posed = problem("tried", (), STRATA, statics=("joined(a, b)", "joined(b, c)"), rules=RULES)
     begun = (step(1, "begin(a)"), step(2, "begin(c)"), step(3, "end", 1))
-    assert wrong(posed, begun) == ["K503: steps 2 and 3 are unordered, but begin(c) changes first(_), which end depends on"]
+    assert wrong(posed, begun) == [
+        "K503: steps 2 and 3 are unordered, but begin(c) changes first(_), which end depends on"
+    ]
     linked = (link(1, "first(a)", 3),)
     assert wrong(posed, begun, linked) == []
