@@ -1,5 +1,9 @@
-"""Random small problems, and brute force over the domain's own meaning."""
+"""Random small problems, and brute force over the domain's own meaning.
 
+Strategies are made once for each choice of terms: hypothesis looks a new one through before it draws from it.
+"""
+
+import functools
 import itertools
 from collections import deque
 from collections.abc import Iterator
@@ -36,16 +40,19 @@ PREDICATES = {
 ONE_X, ONE_Y = (Parameter(X, "thing"),), (Parameter(Y, "thing"),)
 
 
+@functools.cache
 def atoms(terms: tuple[Term, ...], derived: bool = False) -> st.SearchStrategy[Atom]:
     names = ["p", "q", "d"] if derived else ["p", "q"]
     plain = [Function("r"), *([Function("e")] if derived else [])]
     return st.sampled_from([*(Function(n, (t,)) for n in names for t in terms), *plain])
 
 
+@functools.cache
 def literals(terms: tuple[Term, ...], derived: bool = False) -> st.SearchStrategy[Literal]:
     return st.builds(Literal, atoms(terms, derived), st.booleans())
 
 
+@functools.cache
 def conditions(terms: tuple[Term, ...], derived: bool = True) -> st.SearchStrategy[Condition]:
     """Conjunctions of literals, disjunctions, and quantified literals."""
     plain = literals(terms, derived)
@@ -61,9 +68,17 @@ def conditions(terms: tuple[Term, ...], derived: bool = True) -> st.SearchStrate
     return st.builds(lambda parts: And(tuple(parts)), st.lists(part, max_size=2))
 
 
+@functools.cache
+def resources(with_argument: bool) -> st.SearchStrategy[list[Term]]:
+    """What a step may hold: an arm, an oven, a thing, or what its operator is applied to."""
+    named: list[Term] = [Function("arm"), Function("oven"), Function("a")]
+    return st.lists(st.sampled_from([*named, *([X] if with_argument else [])]), max_size=2, unique=True)
+
+
 CONSTANTS: tuple[Term, ...] = tuple(Function(name) for name in OBJECTS)
 
 
+@functools.cache
 @st.composite
 def operators(draw: st.DrawFn, name: str, conditional: bool) -> Operator:
     parameters = draw(st.sampled_from([(), ONE_X]))
@@ -78,9 +93,11 @@ def operators(draw: st.DrawFn, name: str, conditional: bool) -> Operator:
         for _ in range(draw(st.integers(0, 1))):
             when = And(tuple(draw(st.lists(literals(inner), min_size=1, max_size=2))))
             effects.append(Effect(draw(atoms(inner)), draw(st.booleans()), local, when))
-    return Operator(name, parameters, draw(conditions(terms)), tuple(effects), cost=None)
+    held = tuple(draw(resources(X in terms)))
+    return Operator(name, parameters, draw(conditions(terms)), tuple(effects), resources=held, cost=None)
 
 
+@functools.cache
 @st.composite
 def rules(draw: st.DrawFn) -> tuple[Rule, ...]:
     """Stratified rules: `d` over fluents and itself, `e` over fluents and `d`."""
@@ -101,6 +118,7 @@ def rules(draw: st.DrawFn) -> tuple[Rule, ...]:
     return tuple(found)
 
 
+@functools.cache
 @st.composite
 def deductive_operators(draw: st.DrawFn) -> tuple[DeductiveOperator, ...]:
     found = []

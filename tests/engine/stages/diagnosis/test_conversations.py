@@ -1,0 +1,170 @@
+"""A session's own decisions: which repairs it offers, what it asks a person, and what the answers do."""
+
+import random
+
+import pytest
+
+from engine.model.cases import Diagnosis, Hypothesis, Observation
+from engine.model.troubleshooting import Action, Advice
+from engine.stages.diagnosis.knowledge import CURED, NOT_CURED, Objective
+from engine.stages.diagnosis.session import A_PERSON, QUESTION, Session, run, steps
+from engine.stages.diagnosis.world import HiddenWorld, draw_cause
+from kb.model.faults import Cause, FaultModel, FaultTest, Interruption, Repair
+
+LOOK = FaultTest("look", "", 2, ("fine", "wet"), "fine", {"leak": {"wet": 1.0}})
+LISTEN = FaultTest("listen", "", 1, ("quiet", "loud"), "quiet", {"jam": {"loud": 1.0}})
+COUNTS = {"leak": 4.0, "jam": 2.0, "rust": 1.0, "fog": 1.0}
+
+
+def pump(
+    *repairs: Repair, stops: tuple[str, ...] = (), tests: tuple[FaultTest, ...] = (LOOK, LISTEN)
+) -> FaultModel:
+    return FaultModel(
+        "pump",
+        {"halt": Interruption("halt", "the pump stands still", COUNTS)},
+        {name: Cause(name, f"there is {name}", stops=name in stops) for name in COUNTS},
+        {test.name: test for test in tests},
+        {each.name: each for each in repairs},
+        smoothing=0.0,
+        stop=90,
+    )
+
+
+SEAL = Repair("seal", "", 5, {"leak": 1.0})
+FREE = Repair("free", "", 9, {"jam": 0.9})
+SWAP = Repair("swap", "", 50, {"leak": 1.0, "jam": 1.0, "rust": 1.0})
+CHEAP = Repair("cheap", "", 4, {"leak": 1.0})
+
+
+def told(model: FaultModel, *answers: str | None, objective: Objective = Objective.ISOLATE) -> Diagnosis:
+    """The diagnosis after these answers, in the order of the questions."""
+    replies = iter(answers)
+    return run(Session(model, "halt", objective), lambda *_: next(replies, None))
+
+
+def test_repairs_that_serve_most_of_what_is_possible_come_first_then_the_cheapest() -> None:
+    made = told(pump(SEAL, FREE, SWAP, CHEAP))
+    assert made.repairs == ("swap", "cheap", "seal", "free")
+    assert told(pump(FREE, Repair("no", "", 1, {"leak": 0.0}))).repairs == ("free",)
+
+
+def test_where_the_likeliest_cause_stops_the_cell_no_repair_is_offered() -> None:
+    assert told(pump(SEAL, SWAP, stops=("leak",))).repairs == ()
+    assert told(pump(SEAL, SWAP, stops=("jam",))).repairs == ("swap", "seal")
+
+
+def test_a_person_is_asked_what_is_the_matter_with_the_likeliest_answers() -> None:
+    made = told(pump())
+    assert made.question is not None
+    assert made.question.text == "the pump stands still: what is the matter?"
+    assert made.question.answers == ("leak", "jam", "rust", "something else")
+    assert made.stages == ()
+    assert not made.isolated
+    assert not made.finished
+
+
+def test_a_person_is_asked_whether_a_known_cause_has_been_put_right() -> None:
+    made = told(pump(stops=tuple(COUNTS)), "wet")
+    assert made.question is not None
+    assert made.question.text == "there is leak: has it been put right?"
+    assert made.question.answers == ("yes", "no")
+    assert (made.isolated, made.finished, made.cured) == (True, True, None)
+
+
+def test_what_a_person_put_right_is_cured() -> None:
+    made = told(pump(), "wet", "yes")
+    assert (made.cured, made.question) == (A_PERSON, None)
+    assert made.observations == (Observation("look", "wet"), Observation(QUESTION, "yes"))
+    assert made.cost == 2.0 + 90.0
+    assert made.repairs == ()
+
+
+def test_what_a_person_did_not_put_right_is_not_asked_again() -> None:
+    made = told(pump(), "wet", "no")
+    assert (made.cured, made.question, made.isolated) == (None, None, True)
+
+
+def test_a_person_names_the_cause_and_is_then_asked_whether_it_is_put_right() -> None:
+    made = told(pump(tests=()), "jam", "yes")
+    assert made.hypotheses == ((Hypothesis(("jam",)), 1.0),)
+    assert [each.outcome for each in made.observations] == ["jam", "yes"]
+    assert made.finished
+    assert made.cured == A_PERSON
+
+
+def test_something_else_ends_the_questions() -> None:
+    made = told(pump(tests=()), "something else", "leak")
+    assert [each.outcome for each in made.observations] == ["something else"]
+    assert made.question is None
+    assert len(made.hypotheses) == 4
+
+
+def test_an_answer_that_was_not_offered_is_no_answer() -> None:
+    made = told(pump(tests=()), "gremlins")
+    assert made.observations == ()
+    assert made.question is not None
+
+
+def test_the_stage_of_a_question_shows_the_belief_before_it() -> None:
+    (stage,) = told(pump(tests=()), "something else").stages
+    assert dict(stage.belief) == pytest.approx({"leak": 0.5, "jam": 0.25, "rust": 0.125, "fog": 0.125})
+    assert stage.advice == Advice(None, None, 90.0, 90.0, True)
+    assert stage.cost == 90.0
+
+
+def test_a_repair_that_cures_ends_the_case_with_what_it_cures() -> None:
+    made = told(pump(SEAL, tests=()), CURED, objective=Objective.REPAIR)
+    assert made.cured == "seal"
+    assert made.hypotheses == ((Hypothesis(("leak",)), 1.0),)
+    assert (made.repairs, made.question, made.finished) == ((), None, True)
+    assert made.cost == 5.0
+
+
+def test_a_repair_that_does_not_help_leaves_the_other_causes() -> None:
+    made = told(pump(SEAL, tests=()), NOT_CURED, objective=Objective.REPAIR)
+    assert made.cured is None
+    assert {str(h) for h, _ in made.hypotheses} == {"jam", "rust", "fog"}
+
+
+def test_a_case_without_an_answer_stays_where_it_is() -> None:
+    session = Session(pump(), "halt")
+    assert list(steps(session, lambda *_: None)) == []
+    assert session.belief() == tuple(
+        (Hypothesis((name,)), pytest.approx(count / 8)) for name, count in COUNTS.items()
+    )
+
+
+def test_counts_that_are_given_replace_those_of_the_fault_base() -> None:
+    session = Session(pump(), "halt", counts={"fog": 3.0, "rust": 1.0})
+    assert dict(session.belief()) == pytest.approx({Hypothesis(("fog",)): 0.75, Hypothesis(("rust",)): 0.25})
+
+
+def test_when_nothing_alone_explains_what_was_seen_sets_of_causes_do() -> None:
+    session = Session(pump(), "halt")
+    for name, said in (("listen", "loud"), ("look", "wet")):
+        actions = [action.name for action in session.case.problem.actions]
+        index = actions.index(name)
+        session.observe(index, session.case.problem.actions[index].outcomes.index(said), session.advice())
+    assert session.belief()[0][0] == Hypothesis(("jam", "leak"))
+    assert session.case.problem.actions == ()
+    assert session.diagnosis().cost == 3.0
+
+
+# A world with a hidden cause.
+
+
+def test_a_hidden_world_answers_tests_by_their_chances_and_questions_truly() -> None:
+    often = FaultTest("often", "", 1, ("no", "yes"), "no", {"leak": {"no": 0.25, "yes": 0.75}})
+    model = pump(SEAL, FREE, tests=(often,))
+    said = [HiddenWorld(model, Hypothesis(("leak",)), random.Random(n)).answer("often") for n in range(400)]
+    assert said.count("yes") == pytest.approx(300, abs=30)
+    world = HiddenWorld(model, Hypothesis(("leak",)))
+    assert (world.answer("seal"), world.answer("free")) == (CURED, NOT_CURED)
+    ask = Action(QUESTION, 1.0, ("jam", "leak", "other"), ((1.0,), (1.0,), (1.0,)))
+    assert world.respond(ask) == "leak"
+    assert HiddenWorld(model, Hypothesis(("rust",))).respond(ask) == "other"
+
+
+def test_causes_are_drawn_by_the_counts_that_are_given() -> None:
+    drawn = {draw_cause(pump(), "halt", random.Random(n), {"fog": 1.0}) for n in range(20)}
+    assert drawn == {Hypothesis(("fog",))}

@@ -1,0 +1,148 @@
+"""What a belief says of the world model: doubts, what is withdrawn and asserted, what is restored and lost."""
+
+import pytest
+
+from engine.model.cases import Diagnosis, Hypothesis
+from engine.stages.diagnosis.revision import binding_of, bound, certainties, fits, revised, revision
+from kb.model.faults import Cause, FaultModel, Interruption, Repair
+from kb.terms import ANYTHING, Atom, Function, Variable
+
+I, P = Variable("I"), Variable("P")
+BOLT, BIN, RACK = Function("bolt"), Function("bin"), Function("rack")
+
+
+def at(item: object, place: object) -> Atom:
+    return Function("at", (item, place))  # type: ignore[arg-type]
+
+
+def held(item: object) -> Atom:
+    return Function("held", (item,))  # type: ignore[arg-type]
+
+
+MODEL = FaultModel(
+    "shelf",
+    {
+        "missing": Interruption(
+            "missing", "", dict.fromkeys(("fell", "slipped", "dark"), 1.0), Function("take", (I, P))
+        ),
+        "halt": Interruption("halt", "", {"dark": 1.0}),
+    },
+    {
+        "fell": Cause(
+            "fell",
+            "it fell",
+            doubts=(at(I, P), held(I)),
+            adds=(at(I, Function("floor")),),
+            denies=(at(I, P),),
+            loses=(I,),
+        ),
+        "slipped": Cause("slipped", "it slipped", doubts=(held(I),), denies=(held(I), at(I, ANYTHING))),
+        "dark": Cause("dark", "no light", doubts=(Function("lit"),), denies=(Function("lit"),)),
+    },
+    {},
+    {
+        "pick_up": Repair(
+            "pick_up", "picked up", 1, {"fell": 1.0}, adds=(at(I, P),), denies=(at(I, Function("floor")),)
+        ),
+        "switch_on": Repair("switch_on", "switched on", 1, {"dark": 1.0}, adds=(Function("lit"),)),
+    },
+)
+BINDING = {I: BOLT, P: BIN}
+
+
+def made(*hypotheses: tuple[str, ...], isolated: bool | None = None) -> Diagnosis:
+    """A diagnosis that leaves these sets of causes, equally probable."""
+    belief = tuple((Hypothesis(causes), 1 / len(hypotheses)) for causes in hypotheses)
+    return Diagnosis("missing", (), belief, 0.0, len(hypotheses) == 1 if isolated is None else isolated)
+
+
+def names(pairs: tuple[tuple[Atom, str], ...]) -> dict[str, str]:
+    return {str(atom): why for atom, why in pairs}
+
+
+@pytest.mark.parametrize(
+    ("exception", "step", "found"),
+    [
+        ("missing", Function("take", (BOLT, BIN)), BINDING),
+        ("missing", Function("give", (BOLT, BIN)), {}),
+        ("missing", None, {}),
+        ("halt", Function("take", (BOLT, BIN)), {}),
+    ],
+)
+def test_the_interrupted_step_binds_the_variables_of_its_operator(
+    exception: str, step: Function | None, found: dict[Variable, Function]
+) -> None:
+    assert binding_of(MODEL, exception, step) == found
+
+
+def test_an_assertion_is_as_certain_as_no_cause_is_that_doubts_it() -> None:
+    belief = [
+        (Hypothesis(("fell",)), 0.5),
+        (Hypothesis(("slipped", "dark")), 0.3),
+        (Hypothesis(("dark",)), 0.2),
+    ]
+    assert certainties(MODEL, belief, BINDING) == pytest.approx(
+        {at(BOLT, BIN): 0.5, held(BOLT): 0.2, Function("lit"): 0.5}
+    )
+
+
+def test_an_assertion_that_two_causes_of_one_hypothesis_doubt_is_doubted_once() -> None:
+    assert certainties(MODEL, [(Hypothesis(("fell", "slipped")), 0.4)], BINDING)[held(BOLT)] == pytest.approx(
+        0.6
+    )
+    assert (
+        certainties(MODEL, [(Hypothesis(("fell",)), 0.6), (Hypothesis(("fell",)), 0.6)], BINDING)[held(BOLT)]
+        == 0.0
+    )
+
+
+def test_the_cause_that_was_found_withdraws_asserts_and_loses() -> None:
+    found = revision(MODEL, made(("fell",)), BINDING)
+    assert names(found.withdrawn) == {"at(bolt, bin)": "fell: it fell"}
+    assert names(found.asserted) == {"at(bolt, floor)": "fell: it fell"}
+    assert found.lost == ("bolt",)
+    assert names(found.restored) == {"lit": "dark is ruled out"}  # held is doubted by what was found
+
+
+def test_two_causes_withdraw_what_each_of_them_does() -> None:
+    found = revision(MODEL, made(("fell", "dark")), BINDING)
+    assert set(names(found.withdrawn)) == {"at(bolt, bin)", "lit"}
+    assert names(found.restored) == {}
+
+
+def test_what_is_not_isolated_withdraws_nothing() -> None:
+    found = revision(MODEL, made(("slipped",), ("dark",)), BINDING)
+    assert (found.withdrawn, found.asserted, found.lost) == ((), (), ())
+    assert names(found.restored) == {"at(bolt, bin)": "fell is ruled out"}
+    assert revision(MODEL, made(isolated=True), BINDING).withdrawn == ()
+
+
+def test_a_repair_then_does_what_it_does_and_nothing_is_lost() -> None:
+    found = revision(MODEL, made(("fell",)), BINDING, "pick_up")
+    assert names(found.withdrawn) == {"at(bolt, floor)": "pick_up: picked up"}
+    assert names(found.asserted)["at(bolt, bin)"] == "pick_up: picked up"
+    assert found.lost == ()
+
+
+def test_what_is_withdrawn_is_not_restored() -> None:
+    found = revision(MODEL, made(("slipped",)), {})
+    assert set(names(found.withdrawn)) == {"held(I)", "at(I, _)"}
+    assert "held(I)" not in names(found.restored)
+
+
+def test_facts_that_fit_what_is_withdrawn_leave_and_ground_ones_join_once() -> None:
+    found = revision(MODEL, made(("slipped",)), BINDING)
+    state = (at(BOLT, BIN), at(BOLT, RACK), at(RACK, BIN), held(BOLT))
+    assert revised(state, found) == (at(RACK, BIN),)
+    fell = revision(MODEL, made(("fell",)), BINDING)
+    floor = at(BOLT, Function("floor"))
+    assert revised((at(BOLT, BIN), held(BOLT)), fell) == (held(BOLT), floor)
+    assert revised((floor,), fell) == (floor,)
+    unbound = revision(MODEL, made(("fell",)), {})
+    assert revised((held(BOLT),), unbound) == (held(BOLT),)
+
+
+def test_patterns_are_bound_and_fit() -> None:
+    assert bound([at(I, P)], {I: BOLT}) == (at(BOLT, P),)
+    assert fits(at(I, BIN), at(BOLT, BIN))
+    assert not fits(at(I, RACK), at(BOLT, BIN))

@@ -1,0 +1,197 @@
+"""What the checker takes domains to mean: initial states as grounding finds them, and each rule of deduction by example."""
+
+import dataclasses
+
+import pytest
+from hypothesis import HealthCheck, assume, given, settings
+from hypothesis import strategies as st
+
+from engine.stages.grounding import ground
+from engine.stages.validation.semantics import Semantics
+from kb.diagnostics import InvalidInput
+from kb.model.conditions import Literal
+from kb.model.domain import Default
+from kb.model.problem import Problem
+from kb.terms import Function
+from tests.engine.stages.validation.plans import link, problem, step, wrong
+from tests.properties.problems import CONSTANTS, ONE_X, X, atoms, problems
+
+MANY = settings(max_examples=80, deadline=None, suppress_health_check=list(HealthCheck))
+default = st.one_of(
+    st.builds(Default, atoms(CONSTANTS)),
+    st.builds(Default, atoms((X,)), st.just(ONE_X)),
+    st.builds(Default, atoms((X,)), st.just(ONE_X), st.just((Literal(Function("good", (X,))),))),
+)
+
+
+@given(problems(deductive=True), st.lists(default, max_size=3).map(tuple))
+@MANY
+def test_the_initial_state_is_that_of_grounding(found: Problem, defaults: tuple[Default, ...]) -> None:
+    domain = dataclasses.replace(found.domain, defaults=defaults)
+    good = (Function("good", (CONSTANTS[0],)),)
+    for complete in (False, True):
+        posed = dataclasses.replace(found, domain=domain, statics=good, complete=complete)
+        try:
+            task = ground(posed)
+        except InvalidInput:
+            assume(False)
+        assert {each for each in task.names(task.initial) if each.name in ("p", "q", "r")} == (
+            Semantics(posed).initial()
+        )
+
+
+DEFAULTS = """domain: shelf
+types: {item: object, place: object}
+objects: {item: [bolt, nut], place: [table, bin]}
+statics: {"home(item, place)": {}}
+fluents: {"at(item, place)": {}, free(place): {}, tidy: {}}
+operators:
+  rest: {adds: tidy}
+deductive_operators:
+  - {when: "at(I, P)", denies: "at(I, Q), Q != P; free(P)"}
+defaults:
+  - at(I, P), home(I, P)
+  - free(P)
+"""
+
+
+def test_a_default_holds_unless_what_is_there_denies_it_or_it_denies_that() -> None:
+    statics = ("home(bolt, table)", "home(nut, table)")
+    posed = problem("tidy", ("at(bolt, bin)",), DEFAULTS, statics=statics)
+    assert {str(each) for each in Semantics(posed).initial()} == {"at(bolt, bin)", "at(nut, table)"}
+    posed = problem("tidy", ("free(table)", "at(bolt, bin)"), DEFAULTS, statics=statics)
+    assert {str(each) for each in Semantics(posed).initial()} == {"at(bolt, bin)", "free(table)"}
+
+
+COUNTING = """domain: boxes
+types: {box: object}
+objects: {box: [b1, b2, b3]}
+statics: {heavy(box): {}}
+fluents: {sent(box): {}, warned(box): {}, watched(box): {}}
+operators:
+  send(B):
+    where: "#count { C : heavy(C), C != B } < 2"
+    preconditions: not sent(B)
+    adds: sent(B)
+deductive_operators:
+  - {when: sent(B), where: "#count { C : heavy(C) } > 1", implies: warned(B)}
+defaults:
+  - "watched(B), heavy(B), #count { C : heavy(C) } > 1"
+"""
+
+
+@pytest.mark.parametrize(("heavy", "sendable"), [((), True), (("b2",), True), (("b2", "b3"), False)])
+def test_aggregates_are_evaluated_for_each_instance(heavy: tuple[str, ...], sendable: bool) -> None:
+    posed = problem("sent(b1)", (), COUNTING, statics=tuple(f"heavy({box})" for box in heavy))
+    assert (wrong(posed, (step(1, "send(b1)"),)) == []) == sendable
+
+
+def test_aggregates_decide_what_is_deduced_and_what_is_so_by_default() -> None:
+    one = problem("sent(b2), not warned(b2), not watched(b2)", (), COUNTING, statics=("heavy(b2)",))
+    two = problem("sent(b2), warned(b2), watched(b2)", (), COUNTING, statics=("heavy(b2)", "heavy(b3)"))
+    assert wrong(one, (step(1, "send(b2)"),)) == []
+    assert wrong(two, (step(1, "send(b2)"),)) == []
+
+
+EFFECTS = """domain: trays
+types: {tray: object, place: object}
+objects: {tray: [t1, t2], place: [rack, oven]}
+fluents: {"at(tray, place)": {}, hot(tray): {}, wet(tray): {}, done: {}}
+operators:
+  shake(P):
+    types: {P: place}
+    adds: done
+    effects:
+      - {when: "at(T, P), hot(T)", deletes: hot(T)}
+      - {when: wet(T), adds: hot(T)}
+  turn(T): {adds: hot(T), deletes: "hot(T), wet(T)"}
+"""
+
+
+def test_a_conditional_effect_comes_for_every_binding_that_held_before() -> None:
+    initial = ("at(t1, rack)", "at(t2, oven)", "hot(t1)", "hot(t2)")
+    assert wrong(problem("not hot(t1), hot(t2)", initial, EFFECTS), (step(1, "shake(rack)"),)) == []
+    assert wrong(problem("hot(t1), not hot(t2)", initial, EFFECTS), (step(1, "shake(oven)"),)) == []
+    assert (
+        wrong(problem("hot(t1), hot(t2)", ("wet(t1)", "wet(t2)"), EFFECTS), (step(1, "shake(oven)"),)) == []
+    )
+
+
+def test_what_is_added_and_deleted_explicitly_stays_true() -> None:
+    posed = problem("hot(t1), not wet(t1)", ("hot(t1)", "wet(t1)"), EFFECTS)
+    assert wrong(posed, (step(1, "turn(t1)"),)) == []
+
+
+CLOSURE = """domain: chain
+types: {item: object, tool: item}
+objects: {item: [bolt], tool: [saw]}
+statics: {"next(item, item)": {}}
+fluents: {on(item): {}, warm(item): {}, cold(item): {}, idle(item): {}, sharp(tool): {}}
+operators:
+  start(I): {adds: on(I)}
+  stop(I): {deletes: on(I)}
+deductive_operators:
+  - {when: on(I), implies: "warm(I); on(J), next(I, J)"}
+  - {when: warm(I), denies: cold(I)}
+  - {when: on(T), types: {T: tool}, implies: sharp(T)}
+  - {when: not on(I), implies: idle(I)}
+  - {when: not cold(I), denies: idle(I)}
+"""
+
+
+def test_what_a_step_adds_is_closed_under_deduction() -> None:
+    posed = problem(
+        "on(saw), warm(saw), warm(bolt), not cold(saw), sharp(saw)", ("cold(saw)",), CLOSURE,
+        statics=("next(bolt, saw)",),
+    )  # fmt: skip
+    assert wrong(posed, (step(1, "start(bolt)"),)) == []
+
+
+def test_the_end_of_an_atom_has_consequences_only_if_it_was_true() -> None:
+    assert wrong(problem("idle(bolt)", ("on(bolt)",), CLOSURE), (step(1, "stop(bolt)"),)) == []
+    assert wrong(problem("not idle(bolt)", (), CLOSURE), (step(1, "stop(bolt)"),)) == []
+    assert (
+        wrong(problem("not idle(bolt)", ("cold(bolt)", "idle(bolt)"), CLOSURE), (step(1, "start(bolt)"),))
+        == []
+    )
+    assert wrong(problem("idle(bolt)", ("idle(bolt)",), CLOSURE), (step(1, "start(bolt)"),)) == []
+
+
+STRATA = """domain: layers
+types: {item: object}
+objects: {item: [a, b, c]}
+statics: {"joined(item, item)": {}}
+derived: {linked(item): {}, apart(item): {}, whole: {}}
+fluents: {first(item): {}, tried: {}}
+operators:
+  begin(I): {adds: first(I)}
+  end: {preconditions: whole, adds: tried}
+include: [rules.lp]
+"""
+RULES = """linked(I) :- first(I).
+linked(J) :- linked(I), joined(I, J).
+apart(I) :- item(I), not linked(I).
+whole :- not apart(a), not apart(b), not apart(c).
+"""
+
+
+@pytest.mark.parametrize(
+    ("joined", "whole"), [(("joined(a, b)", "joined(b, c)"), True), (("joined(a, b)",), False)]
+)
+def test_derived_predicates_are_closed_before_what_they_leave_out_is_read(
+    joined: tuple[str, ...], whole: bool
+) -> None:
+    """`whole` depends on `apart`, which depends on the absence of what is `linked` by a recursive rule."""
+    posed = problem("tried", (), STRATA, statics=joined, rules=RULES)
+    found = wrong(posed, (step(1, "begin(a)"), step(2, "end", 1)))
+    assert found == ([] if whole else ["K501: step 2 end: whole does not hold when it starts"])
+
+
+def test_what_a_derived_condition_rests_on_is_watched() -> None:
+    posed = problem("tried", (), STRATA, statics=("joined(a, b)", "joined(b, c)"), rules=RULES)
+    begun = (step(1, "begin(a)"), step(2, "begin(c)"), step(3, "end", 1))
+    assert wrong(posed, begun) == [
+        "K503: steps 2 and 3 are unordered, but begin(c) changes first(_), which end depends on"
+    ]
+    linked = (link(1, "first(a)", 3),)
+    assert wrong(posed, begun, linked) == []

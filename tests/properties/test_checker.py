@@ -1,0 +1,131 @@
+"""The independent checker against a plain simulation of every order and overlap that a plan allows."""
+
+import dataclasses
+
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from engine.stages.validation import validate
+from engine.stages.validation.datalog import holds
+from engine.stages.validation.semantics import Semantics, State
+from kb.model.conditions import And, Literal
+from kb.model.plan import GOAL, START, CausalLink, Plan, Step, StepId, in_sequence
+from kb.model.problem import Problem
+from kb.terms import Atom, Function, Term, substitute
+from tests.properties.problems import CONSTANTS, conditions, problems, successors
+from tests.properties.simulation import Simulation
+
+MANY = settings(max_examples=200, deadline=None, suppress_health_check=list(HealthCheck))
+FAMILIES = st.one_of(problems(), problems(conditional=True), problems(deductive=True))
+MORE: tuple[Term, ...] = (Function("arm"), Function("cloth"))
+ATOMS = (*(Function(name, (each,)) for name in ("p", "q") for each in CONSTANTS), Function("r"))
+
+
+@st.composite
+def posed(draw: st.DrawFn) -> tuple[Problem, Plan]:
+    """A problem with a plan for it: an executable sequence in which orders, resources and links are drawn."""
+    problem = draw(FAMILIES)
+    semantics = Semantics(problem)
+    state = semantics.initial()
+    steps: list[Step] = []
+    for number in range(draw(st.integers(1, 4))):
+        following = list(successors(semantics, problem, state))
+        if not following:
+            break
+        operator, state = draw(st.sampled_from(following))
+        steps.append(_step(draw, semantics, number + 1, operator))
+    links = draw(st.lists(_links(len(steps)), max_size=2, unique=True))
+    goal = And(
+        tuple(Literal(each, each in state) for each in draw(st.lists(st.sampled_from(ATOMS), max_size=2)))
+    )
+    return dataclasses.replace(problem, goal=goal), Plan(tuple(steps), tuple(links))
+
+
+def _step(draw: st.DrawFn, semantics: Semantics, number: int, operator: Function) -> Step:
+    """After some of those before it; it holds what it needs, seldom less, sometimes more."""
+    before = [StepId(each) for each in range(1, number) if draw(st.integers(0, 2))]
+    schema = semantics.operators[operator.name]
+    bindings = dict(zip(schema.variables, operator.arguments, strict=True))
+    held = [substitute(each, bindings) for each in schema.resources]
+    if held and not draw(st.integers(0, 9)):
+        held.pop()
+    held += draw(st.lists(st.sampled_from(MORE), max_size=1)) if not draw(st.integers(0, 3)) else []
+    return Step(StepId(number), operator, tuple(before), tuple(dict.fromkeys(held)))
+
+
+def _links(count: int) -> st.SearchStrategy[CausalLink]:
+    producer = st.integers(START, count).map(StepId)
+    consumer = st.sampled_from([GOAL, *(StepId(each) for each in range(1, count + 1))])
+    negated = st.sampled_from(ATOMS).map(lambda each: Function("not", (each,)))
+    return st.builds(CausalLink, producer, st.sampled_from(ATOMS) | negated, consumer)
+
+
+@given(posed())
+@MANY
+def test_what_the_checker_accepts_goes_well_in_every_order_and_overlap(given: tuple[Problem, Plan]) -> None:
+    problem, plan = given
+    if not validate(problem, plan):
+        assert Simulation(problem, plan).fails() == ""
+
+
+@given(posed(), conditions(CONSTANTS))
+@MANY
+def test_of_a_sequence_the_checker_says_what_the_simulation_says(
+    given: tuple[Problem, Plan], goal: And
+) -> None:
+    problem, plan = dataclasses.replace(given[0], goal=goal), in_sequence(Plan(given[1].steps))
+    contradicts = any("both adds and denies" in each.message for each in validate(problem, plan))
+    assert contradicts or bool(validate(problem, plan)) == bool(Simulation(problem, plan).fails())
+
+
+@given(posed())
+@MANY
+def test_links_of_a_sequence_are_refused_only_if_they_break(given: tuple[Problem, Plan]) -> None:
+    problem, plan = given[0], in_sequence(given[1])
+    found = {each.code for each in validate(problem, plan)}
+    fails = Simulation(problem, Plan(plan.steps)).fails()
+    if not fails and found == {"K504"}:
+        assert any(not _needless(problem, plan, each) for each in plan.links)
+
+
+def _needless(problem: Problem, plan: Plan, link: CausalLink) -> bool:
+    """Whether a link of a sequence is kept and its producer adds, or denies, what it promises."""
+    states = _states(problem, plan)
+    places = {
+        START: 0,
+        **{step.id: place for place, step in enumerate(plan.steps, 1)},
+        GOAL: len(plan.steps) + 1,
+    }
+    first, last = places[link.producer], places[link.consumer]
+    negative = link.condition.name == "not"
+    atom: Atom = link.condition.arguments[0] if negative else link.condition  # type: ignore[assignment]
+    kept = all((atom in state) != negative for state in states[first:last])
+    return first < last and kept and (not first or (atom in states[first - 1]) == negative)
+
+
+def _states(problem: Problem, plan: Plan) -> list[State]:
+    semantics = Semantics(problem)
+    states = [semantics.initial()]
+    for step in plan.steps:
+        states.append(dict(successors(semantics, problem, states[-1]))[step.operator])
+    return states
+
+
+@given(problems(), st.data())
+@MANY
+def test_every_state_lies_between_its_bounds(problem: Problem, data: st.DataObject) -> None:
+    """What is proved from bounds holds in every state between them, derived atoms included."""
+    semantics = Semantics(problem)
+    certain = data.draw(st.sets(st.sampled_from(ATOMS)))
+    possible = certain | data.draw(st.sets(st.sampled_from(ATOMS)))
+    state = certain | {atom for atom in possible - certain if data.draw(st.booleans())}
+    lower, upper = semantics.bounds(certain, possible)
+    facts = semantics.facts(state)
+    condition = data.draw(conditions(CONSTANTS))
+    if holds(condition, lower, {}, upper):
+        assert holds(condition, facts, {})
+    derived = [Function("d", (each,)) for each in CONSTANTS] + [Function("e")]
+    for atom in (*ATOMS, *derived):
+        assert (atom in lower) <= (atom in facts) <= (atom in upper)
+    if certain == possible:
+        assert holds(condition, lower, {}, upper) == holds(condition, facts, {})
