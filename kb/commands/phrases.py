@@ -103,7 +103,7 @@ def _check_twins(domain: Domain, place: Place | None) -> Iterator[Diagnostic]:
                 where = place(("phrases", index, "say"), 0) if place else phrase.where
                 message = f"'{' '.join(said)}' is said by an earlier phrase already, which is meant"
                 hint = f"the earlier one is: {domain.phrases[first].say}"
-                yield Diagnostic(where, "K601", message, hint, warning=True)
+                yield Diagnostic(where, "K605", message, hint, warning=True)
                 break
 
 
@@ -122,7 +122,7 @@ def _check_words(domain: Domain, place: Place | None) -> Iterator[Diagnostic]:
         for number, noun in enumerate(nouns):
             if not noun.split() or not all(map(is_spoken, noun.split())):
                 where = place(("words", key, number), 0) if place else where
-                yield Diagnostic(where, "K601", f"'{noun}' is no word that a sentence can hold", WORDS_HINT)
+                yield Diagnostic(where, "K606", f"'{noun}' is no word that a sentence can hold", WORDS_HINT)
 
 
 WORDS_HINT = "words are made of letters, and of hyphens between letters"

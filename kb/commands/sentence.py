@@ -27,7 +27,7 @@ def read_sentence(
     domain = problem.domain
     if not domain.phrases:
         hint = "declare phrases under `commands:`, or give goals"
-        raise InvalidInput([Diagnostic(place(0), "K602", f"the domain {domain.name} has no phrases", hint)])
+        raise InvalidInput([Diagnostic(place(0), "K405", f"the domain {domain.name} has no phrases", hint)])
     if len(text) > MAX_LENGTH:
         raise InvalidInput(
             [Diagnostic(Source(place(0).path), "K007", f"longer than {MAX_LENGTH} characters")]

@@ -66,7 +66,7 @@ def _require_no_other(path: Path, root: Mapping[str, object]) -> None:
     for key, (kind, hint) in _OTHERS.items():
         if key in root and "domain" not in root:
             found = f"this is {kind}, not a domain or a problem"
-            raise InvalidInput([Diagnostic(Source(str(path)), "K401", found, hint)])
+            raise InvalidInput([Diagnostic(Source(str(path)), "K404", found, hint)])
 
 
 _WITH_ITS_DOMAIN = "name the folder that it lies in: it is checked with its domain"
@@ -95,7 +95,7 @@ def load_problem(target: str) -> Problem:
     loaded = load(find(target))
     if loaded.problem is None:
         raise InvalidInput(
-            [Diagnostic(Source(target), "K401", "a domain, not a problem", "give --goals, or a problem file")]
+            [Diagnostic(Source(target), "K404", "a domain, not a problem", "give --goals, or a problem file")]
         )
     return loaded.problem
 

@@ -101,7 +101,7 @@ class _CellReader:
         values = tuple(self.read.number(item, ANGLE) for item in home.value) if home else ()
         if home and len(values) != len(arm.joints):
             hint = f"the arm has {len(arm.joints)} joints"
-            self.read.findings.add(home.where, "K102", f"{len(values)} joint values", hint)
+            self.read.findings.add(home.where, "K707", f"{len(values)} joint values", hint)
         return MountedArm(arm, self._placement(node), self.read.pose(child(node, "tool")), values, node.where)
 
     def _model(self, node: Node) -> Arm:

@@ -22,7 +22,7 @@ def read_configuration(
     joints, parts = cell.arms[arm].arm.joints, listed.split(",")
     if len(parts) != len(joints):
         hint = f"{arm} has {len(joints)} joints"
-        raise InvalidInput([Diagnostic(file.at(0), "K102", f"{len(parts)} joint values", hint)])
+        raise InvalidInput([Diagnostic(file.at(0), "K707", f"{len(parts)} joint values", hint)])
     read, values, start = Quantities(findings, Path()), [], len(text) - len(listed)
     for joint, part in zip(joints, parts, strict=True):
         at = start + len(part) - len(part.lstrip())

@@ -24,7 +24,7 @@ def load_faults(domain: Path) -> tuple[FaultModel, tuple[Diagnostic, ...]]:
     path = domain.with_name(FAULTS_FILE)
     if not path.is_file():
         hint = "write one: `cellwright schema faults` shows its shape"
-        raise InvalidInput([Diagnostic(Source(str(path)), "K401", "this domain has no fault base", hint)])
+        raise InvalidInput([Diagnostic(Source(str(path)), "K405", "this domain has no fault base", hint)])
     known, names = read_domain(domain, Findings())
     findings = Findings()
     reader = Reader.of(read_file(path), findings)

@@ -168,7 +168,7 @@ def _mesh(read: Quantities, node: Node) -> Shape:
     path = read.folder / file.value
     if not path.is_file():
         read.findings.add(
-            file.where, "K203", f"there is no file '{file.value}'", "name a file beside this one"
+            file.where, "K706", f"there is no file '{file.value}'", "name a file beside this one"
         )
     if scale is None:
         return Mesh(str(path), where=file.where)

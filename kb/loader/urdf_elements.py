@@ -71,7 +71,7 @@ class ElementReader:
         path = next((each for each in candidates if each.is_file()), None)
         if path is None:
             hint = "name the folder with its packages under `packages`"
-            self.findings.add(element.where, "K203", f"there is no mesh '{name[:80]}'", hint)
+            self.findings.add(element.where, "K706", f"there is no mesh '{name[:80]}'", hint)
             return None
         if path.suffix.lower() not in MESHES:
             self.note(element, f"'{path.suffix}' is no mesh format read here", "convert it to STL or OBJ")

@@ -23,9 +23,9 @@ LOCK = 0x43656C6C  # PostgreSQL's advisory lock around migration
 POSTGRES = ("postgres", "postgresql", "postgresql+pg8000")
 
 
-def refusal(where: str, message: str, hint: str = "") -> InvalidInput:
-    """What stands against a library, for people."""
-    return InvalidInput([Diagnostic(Source(where), "K403", message, hint)])
+def refusal(where: str, message: str, hint: str = "", code: str = "K416") -> InvalidInput:
+    """The error for a library that cannot be used, with the reason."""
+    return InvalidInput([Diagnostic(Source(where), code, message, hint)])
 
 
 def address(target: str) -> URL:
@@ -57,7 +57,7 @@ def connected(target: str) -> Engine:
         return create_engine(url, pool_pre_ping=True)
     except ModuleNotFoundError:
         hint = "install the extra: pip install 'cellwright[postgres]'"
-        raise refusal("--store", "the driver for PostgreSQL is not installed", hint) from None
+        raise refusal("--store", "the driver for PostgreSQL is not installed", hint, "K414") from None
 
 
 def _sqlite(url: URL) -> Engine:

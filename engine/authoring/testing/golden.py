@@ -86,7 +86,7 @@ def _parsed(text: str, file: Path) -> Any:
         return json.loads(text)
     except (ValueError, RecursionError) as error:
         hint = "restore it, or rewrite it with --update"
-        raise InvalidInput([Diagnostic(Source(str(file)), "K402", f"not JSON: {error}", hint)]) from None
+        raise InvalidInput([Diagnostic(Source(str(file)), "K413", f"not JSON: {error}", hint)]) from None
 
 
 def update(comparison: Comparison) -> None:

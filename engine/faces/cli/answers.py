@@ -71,13 +71,13 @@ def writing() -> Iterator[None]:
             raise typer.Exit(BAD_INPUT) from None
 
 
-def refuse(wrong: str, command: str) -> NoReturn:
-    """Answer a command line that makes no sense to a program that asked for JSON."""
+def refuse(wrong: str, command: str, code: str) -> NoReturn:
+    """Report a wrong command line to a program that asked for JSON."""
     from kb.diagnostics import Diagnostic, InvalidInput, Source
 
     def make() -> Answer:
         hint = f"`{command} --help` says what it takes"
-        raise InvalidInput([Diagnostic(Source("command line"), "K401", wrong, hint)])
+        raise InvalidInput([Diagnostic(Source("command line"), code, wrong, hint)])
 
     give(make, Form.JSON)
 
@@ -115,7 +115,7 @@ def _made(make: Callable[[], Answer]) -> Answer:
         return Answer("interrupted", code=INTERRUPTED)
     except MemoryError:
         found = Diagnostic(
-            Source("memory"), "K307", "out of memory", "raise --memory-limit, or make the problem smaller"
+            Source("memory"), "K419", "out of memory", "raise --memory-limit, or make the problem smaller"
         )
         return Answer("stopped", code=LIMIT, diagnostics=(found,))
     except OSError as error:
@@ -123,7 +123,7 @@ def _made(make: Callable[[], Answer]) -> Answer:
             f"the system refuses: {error.strerror or error}",
             "name another place, or make room there",
         )
-        found = Diagnostic(Source(str(error.filename or "a file")), "K403", message, hint)
+        found = Diagnostic(Source(str(error.filename or "a file")), "K415", message, hint)
         return Answer("bad input", code=BAD_INPUT, diagnostics=(found,))
     except Exception as error:
         if os.environ.get("CELLWRIGHT_TRACEBACK"):

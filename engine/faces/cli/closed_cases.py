@@ -19,7 +19,7 @@ def kept(
     from kb.store.cases import Cases
 
     if not store:
-        raise InvalidInput([Diagnostic(Source("--store"), "K401", "which store?", "give --store FILE")])
+        raise InvalidInput([Diagnostic(Source("--store"), "K409", "which store?", "give --store FILE")])
     model = fault_model(target)
     with Cases(store) as cases:
         said = []

@@ -56,4 +56,4 @@ def _write(target: Path, text: str) -> None:
         target.write_text(text, "utf-8")
     except OSError as error:
         said = f"cannot be written: {(error.strerror or str(error)).lower()}"
-        raise InvalidInput([Diagnostic(Source(str(target)), "K403", said)]) from None
+        raise InvalidInput([Diagnostic(Source(str(target)), "K415", said)]) from None

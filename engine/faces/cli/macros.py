@@ -161,18 +161,13 @@ def _show(number: int, store: str) -> Answer:
 
 
 def _numbered(library: "Opened", number: int) -> "Stored":
-    found = library.numbered(number)
-    if found is None:
-        raise _unknown(
-            library.target, f"there is no MACROP {number}", "`cellwright macros list` has the numbers"
-        )
-    return found
-
-
-def _unknown(where: str, message: str, hint: str) -> Exception:
     from kb.diagnostics import Diagnostic, InvalidInput, Source
 
-    return InvalidInput([Diagnostic(Source(where), "K401", message, hint)])
+    found = library.numbered(number)
+    if found is None:
+        message, hint = f"there is no MACROP {number}", "`cellwright macros list` lists the numbers"
+        raise InvalidInput([Diagnostic(Source(library.target), "K417", message, hint)])
+    return found
 
 
 def _learn(files: list[Path], store: str) -> Answer:

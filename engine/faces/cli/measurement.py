@@ -80,7 +80,7 @@ def _list(target: str) -> Answer:
     problem = load(find(target)).problem
     if problem is None:
         raise InvalidInput(
-            [Diagnostic(Source(target), "K401", "this is a domain, not a problem", "name a problem")]
+            [Diagnostic(Source(target), "K404", "this is a domain, not a problem", "name a problem")]
         )
     found = partition(with_places(problem))
     rows = [(name, tool, "") for tool, names in found.groups.items() for name in names]

@@ -16,11 +16,15 @@ def number(value: float | None) -> float | None:
     return value
 
 
+class IdleOption(typer.BadParameter):
+    """An option that would change nothing."""
+
+
 def refuse_idle(options: Mapping[str, object], why: str) -> None:
-    """Refuse the first of the options that is given, as it would change nothing. Raises `typer.BadParameter`."""
+    """Refuse the first of the options that is given, because it would change nothing. Raises `IdleOption`."""
     for name, value in options.items():
         if value:
-            raise typer.BadParameter(f"{name} has no effect {why}")
+            raise IdleOption(f"{name} has no effect {why}")
 
 
 Target = Annotated[

@@ -176,7 +176,7 @@ def _require_strategy(name: str) -> None:
 
     if name not in (*STRATEGIES, RACE):
         hint = nearest(name, list(STRATEGIES)) or f"one of {', '.join(STRATEGIES)}"
-        raise InvalidInput([Diagnostic(Source("--strategy"), "K401", f"no strategy '{name}'", hint)])
+        raise InvalidInput([Diagnostic(Source("--strategy"), "K406", f"no strategy '{name}'", hint)])
 
 
 def _ipc(outcome: "Outcome", task: "PddlProblem | None") -> str | None:
@@ -187,7 +187,7 @@ def _ipc(outcome: "Outcome", task: "PddlProblem | None") -> str | None:
 
     if task is None:
         raise InvalidInput(
-            [Diagnostic(Source("--format"), "K401", "ipc is a format for PDDL tasks", "give --pddl")]
+            [Diagnostic(Source("--format"), "K409", "ipc is a format for PDDL tasks", "give --pddl")]
         )
     return write_plan(task, outcome.plan) if isinstance(outcome, Found) else None
 

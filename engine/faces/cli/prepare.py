@@ -69,7 +69,7 @@ def _problems(target: str) -> list[Path]:
         found = [path] if load(path).problem is not None else problem_files(path)
     if not found:
         hint = "problems are .yaml files, beside a domain in its folder problems"
-        raise InvalidInput([Diagnostic(Source(target), "K401", "there are no problems here", hint)])
+        raise InvalidInput([Diagnostic(Source(target), "K405", "there are no problems here", hint)])
     return found
 
 

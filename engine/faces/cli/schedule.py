@@ -122,7 +122,7 @@ def _refuse(options: "Mapping[str, str]", why: str) -> None:
 
     if idle := [name for name, given in options.items() if given]:
         found = f"{idle[0]} has no effect {why}"
-        raise InvalidInput([Diagnostic(Source(idle[0]), "K401", found, "leave it out")])
+        raise InvalidInput([Diagnostic(Source(idle[0]), "K408", found, "leave it out")])
 
 
 def _shop(shop: "Shop", limits: "ScheduleLimits", form: ScheduleForm, stats: bool) -> Answer:

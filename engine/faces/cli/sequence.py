@@ -121,7 +121,7 @@ def _sequence(
 
     if method not in METHODS:
         hint = nearest(method, list(METHODS)) or f"one of {', '.join(METHODS)}"
-        raise InvalidInput([Diagnostic(Source("--method"), "K401", f"no method '{method}'", hint)])
+        raise InvalidInput([Diagnostic(Source("--method"), "K406", f"no method '{method}'", hint)])
     with Interruption(effort[0]) as interrupted:
         limits = Limits(effort[1], effort[2], interrupted)
         problem, parts, answer = _solve(target, method, ends, limits)
@@ -188,7 +188,7 @@ def _problem_of(target: str) -> "Problem":
     problem = load(find(target)).problem
     if problem is None:
         said = "this is a domain, not a problem"
-        raise InvalidInput([Diagnostic(Source(target), "K401", said, "name a problem")])
+        raise InvalidInput([Diagnostic(Source(target), "K404", said, "name a problem")])
     return problem
 
 

@@ -10,6 +10,7 @@ import typer
 from typer.core import TyperGroup
 
 from engine.faces.cli.answers import refuse, writing
+from engine.faces.cli.options import IdleOption
 
 USAGE: Any = typer.BadParameter.__base__  # a wrong command line; typer has no public name for it
 
@@ -64,7 +65,8 @@ class Verbs(TyperGroup):
         except USAGE as wrong:
             if not ctx.meta["json"]:
                 raise
-            refuse(wrong.format_message(), wrong.ctx.command_path if wrong.ctx else "cellwright")
+            code = "K408" if isinstance(wrong, IdleOption) else "K407"
+            refuse(wrong.format_message(), wrong.ctx.command_path if wrong.ctx else "cellwright", code)
 
 
 class _Loaded(MutableMapping[str, Any]):

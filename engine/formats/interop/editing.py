@@ -47,7 +47,7 @@ def _without_texts(line: str) -> str:
 
 def _refused(path: str, message: str) -> InvalidInput:
     hint = "write one measurement, fact or goal a line"
-    return InvalidInput([Diagnostic(Source(path), "K403", message, hint)])
+    return InvalidInput([Diagnostic(Source(path), "K418", message, hint)])
 
 
 def _section(lines: Sequence[str], keys: Sequence[str], path: str) -> range:

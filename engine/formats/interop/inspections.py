@@ -8,7 +8,7 @@ from engine.formats.interop.qif import inspection_of
 from engine.model.measurement import Inspection, MeasurementPoint
 from engine.pipelines.inspection import MEASUREMENT, Partition, partition
 from kb.asp import ground_term
-from kb.diagnostics import Diagnostic, InvalidInput, Source
+from kb.diagnostics import Diagnostic, InvalidInput, Source, nearest
 from kb.files import read_file
 from kb.loader import find, load
 from kb.model.domain import Domain
@@ -46,8 +46,7 @@ def rewrite(path: Path, how: str, what: MeasurementPoint | str) -> None:
     problem = load(path).problem
     there = problem is not None and problem.objects.get(name) == MEASUREMENT
     if problem is None or there == (how == "added"):
-        said = "is there already" if there else "is no measurement of this problem"
-        raise InvalidInput([Diagnostic(Source(str(path)), "K401", f"'{name}' {said}")])
+        raise InvalidInput([_misnamed(name, problem, Source(str(path)))])
     lines = read_file(path).text.splitlines()
     if isinstance(what, str):
         lines = editing.removed(lines, what, str(path))
@@ -60,3 +59,13 @@ def rewrite(path: Path, how: str, what: MeasurementPoint | str) -> None:
         trial.replace(path)
     finally:
         trial.unlink(missing_ok=True)
+
+
+def _misnamed(name: str, problem: Problem | None, where: Source) -> Diagnostic:
+    """The diagnostic for a new measurement with the name of an old one, or for a name that is no measurement."""
+    known = [each for each, type_ in (problem.objects if problem else {}).items() if type_ == MEASUREMENT]
+    if name in known:
+        return Diagnostic(
+            where, "K104", f"'{name}' is there already", "choose another name, or change it with `edit`"
+        )
+    return Diagnostic(where, "K101", f"'{name}' is no measurement of this problem", nearest(name, known))

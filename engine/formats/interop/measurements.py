@@ -23,7 +23,8 @@ NAME = re.compile(r"[a-z][A-Za-z0-9_]*")
 def read_table(path: Path, unit: str = "mm") -> Inspection:
     """The points of a CSV table with the columns NEEDED and any of OPTIONAL, lengths in `unit`. Raises `InvalidInput`."""
     if unit not in UNITS_M:
-        raise InvalidInput([_wrong(Source("--unit"), f"no unit '{unit}'", f"one of {', '.join(UNITS_M)}")])
+        hint = f"one of {', '.join(UNITS_M)}"
+        raise InvalidInput([Diagnostic(Source("--unit"), "K406", f"no unit '{unit}'", hint)])
     file = read_file(path)
     rows = csv.DictReader(io.StringIO(file.text))
     missing = [column for column in NEEDED if column not in (rows.fieldnames or ())]
@@ -43,7 +44,7 @@ def read_table(path: Path, unit: str = "mm") -> Inspection:
 
 
 def _wrong(where: Source, message: str, hint: str = "") -> Diagnostic:
-    return Diagnostic(where, "K804", message, hint)
+    return Diagnostic(where, "K805", message, hint)
 
 
 def _repeated(names: Iterable[str]) -> list[str]:

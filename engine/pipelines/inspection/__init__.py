@@ -43,7 +43,7 @@ def partition(problem: Problem, placed: Collection[str] | None = None) -> Partit
     """
     if not chooses_tools(problem.domain):
         hint = "declare the statics chosen(tool, measurement) and refused(tool, measurement, text), as bulkhead does"
-        raise InvalidInput([Diagnostic(Source(problem.path), "K401", "the domain chooses no tools", hint)])
+        raise InvalidInput([Diagnostic(Source(problem.path), "K405", "the domain chooses no tools", hint)])
     grounder = _grounded(problem)
     objects = {**problem.domain.objects, **problem.objects}
     measurements = [name for name, type_ in objects.items() if type_ == MEASUREMENT]

@@ -147,8 +147,8 @@ def test_nouns_are_words_that_a_sentence_can_hold(tmp_path: Path) -> None:
     with pytest.raises(InvalidInput) as raised:
         load(path)
     assert [(found.code, found.where.column) for found in raised.value.diagnostics] == [
-        ("K601", 34),
-        ("K601", 41),
+        ("K606", 34),
+        ("K606", 41),
     ]
 
 

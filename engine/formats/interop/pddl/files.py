@@ -32,7 +32,7 @@ def write(text: PddlText, folder: Path) -> tuple[Path, Path]:
             file.write_text(f"{SIGNATURE}\n{content}", "utf-8")
     except OSError as error:
         message = f"cannot be written: {error.strerror}"
-        raise InvalidInput([Diagnostic(Source(str(folder)), "K403", message, _HINT)]) from None
+        raise InvalidInput([Diagnostic(Source(str(folder)), "K415", message, _HINT)]) from None
     return files
 
 

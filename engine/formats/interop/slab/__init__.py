@@ -59,7 +59,7 @@ class _Reader:
             where = Source(str(path), number, text=line)
             if len(cells) < columns or not all(cells[:columns]):
                 missing = f"{columns} columns are needed, here are {sum(map(bool, cells))}"
-                self.found.append(Diagnostic(where, "K005", missing, "columns are divided by tabs"))
+                self.found.append(Diagnostic(where, "K806", missing, "columns are divided by tabs"))
                 continue
             yield Row(cells, where)
 
@@ -112,7 +112,7 @@ class _Reader:
 
     def _moment(self, row: Row, name: str, point: str, stages: dict[str, Stage]) -> Moment | None:
         if point not in POINTS:
-            self._report(row, "K005", f"'{point}' is no point of an operation", nearest(point, POINTS))
+            self._report(row, "K806", f"'{point}' is no point of an operation", nearest(point, POINTS))
         stage = self._known(row, name, stages)
         return Moment(name, stage.duration if point == "end" else 0) if stage else None
 

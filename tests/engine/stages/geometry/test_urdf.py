@@ -155,7 +155,7 @@ BROKEN = {  # what is replaced by what: the code, and a word of the message
     "empty cylinder": ('length="0.4"', 'length="0"', "K702", "without extent"),
     "no geometry": ('<geometry><sphere radius="0.1"/></geometry>', "", "K703", "without one geometry"),
     "a shape": ('<sphere radius="0.1"/>', "<cone/>", "K703", "<cone> is no shape"),
-    "no mesh": ("crane/hook.obj", "crane/crook.obj", "K203", "there is no mesh"),
+    "no mesh": ("crane/hook.obj", "crane/crook.obj", "K706", "there is no mesh"),
 }
 
 
