@@ -1,4 +1,4 @@
-"""`cellwright import`: files of other systems become problems."""
+"""`cellwright import`: make problems from files of other systems."""
 
 from pathlib import Path
 from typing import Annotated
@@ -30,7 +30,7 @@ def qif(
 ) -> None:
     """Write a problem with the points at which the features of FILE are measured."""
     if file.suffix.lower() != ".csv":
-        refuse_idle({"--unit": unit}, "on a QIF document, which names its units")
+        refuse_idle({"--unit": unit}, "on a QIF document, which states its own units")
     give(lambda: _qif(file, output, domain, unit or "mm"), format)
 
 

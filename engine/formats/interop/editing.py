@@ -1,7 +1,7 @@
-"""Edits of the measurements in a problem file, line by line, so that comments and all other lines stay as they are.
+"""Edits of the measurements in a problem file, line by line, so that comments and all other lines do not change.
 
-Measurements stand one a line in a block list under `objects: measurement:`, as `import qif` writes them; facts and goals
-about them one a line. Other layouts are refused.
+Each measurement has its own line in a block list under `objects: measurement:`, as `import qif` writes it. Each fact and
+each goal about a measurement has its own line, too. Other layouts are refused.
 """
 
 import re
@@ -24,16 +24,16 @@ def added(lines: Sequence[str], point: MeasurementPoint, path: str) -> list[str]
 
 
 def removed(lines: Sequence[str], name: str, path: str) -> list[str]:
-    """The lines without a measurement and everything that is said of it."""
+    """The lines without a measurement and without the facts and goals about it."""
     listed = _section(lines, ("objects:", "measurement:"), path)
     if not any(lines[index].strip() == f"- {name}" for index in listed):
-        raise _refused(path, f"'{name}' does not stand in a line of its own under `measurement:`")
+        raise _refused(path, f"'{name}' has no line of its own under `measurement:`")
     word = re.compile(rf"(?<![\w]){re.escape(name)}(?![\w])")
     return [line for line in lines if not (ITEM.match(line) and word.search(_without_texts(line)))]
 
 
 def replaced(lines: Sequence[str], point: MeasurementPoint, path: str) -> list[str]:
-    """The lines with other facts about a measurement that is there; its goal and what else is said of it stay."""
+    """The lines with new facts about an existing measurement; its goal and all its other facts are kept."""
     told = {re.escape(fact.partition("(")[0]) for fact in (*facts(point), "tolerance(", "bore(")}
     own = re.compile(rf"^\s*- (?:{'|'.join(sorted(told))})\({re.escape(point.name)},")
     found = [line for line in lines if not own.match(line)]
@@ -46,7 +46,7 @@ def _without_texts(line: str) -> str:
 
 
 def _refused(path: str, message: str) -> InvalidInput:
-    hint = "write one measurement, fact or goal a line"
+    hint = "write one measurement, one fact or one goal per line"
     return InvalidInput([Diagnostic(Source(path), "K418", message, hint)])
 
 
@@ -74,7 +74,7 @@ def _depth(line: str) -> int:
 
 
 def _insert(lines: list[str], keys: Sequence[str], items: Sequence[str], path: str) -> None:
-    """Put items at the end of a block list, as deep as those before."""
+    """Put items at the end of a block list, with the indentation of the items before them."""
     block = _section(lines, keys, path)
     found = ITEM.match(lines[block.stop - 1]) if len(block) else None
     margin = found[1] if found else " " * (2 * len(keys))

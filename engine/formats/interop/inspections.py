@@ -1,4 +1,4 @@
-"""Files of measurements become problems, and problem files are changed measurement by measurement."""
+"""Problems made from files of measurements, and changes of single measurements in problem files."""
 
 from pathlib import Path
 
@@ -17,7 +17,7 @@ from kb.terms import Function
 
 
 def import_file(path: Path, domain: str, unit: str = "mm") -> tuple[Inspection, Partition, str]:
-    """What a QIF document or a CSV table asks to measure, how it is parted, and the text of a problem.
+    """The points to measure in a QIF document or a CSV table, their division among the tools, and the text of a problem.
 
     The goals are the measurements that some tool can make. Raises `InvalidInput`.
     """
@@ -40,7 +40,7 @@ def _problem(inspection: Inspection, domain: Domain) -> Problem:
 def rewrite(path: Path, how: str, what: MeasurementPoint | str) -> None:
     """Add (`added`), change (`replaced`) or remove (`removed`) a measurement in a problem file.
 
-    The new text is read before it takes the place of the old one. Raises `InvalidInput`.
+    The new text is read as a trial before it replaces the old one. Raises `InvalidInput`.
     """
     name = what if isinstance(what, str) else what.name
     problem = load(path).problem
@@ -62,10 +62,13 @@ def rewrite(path: Path, how: str, what: MeasurementPoint | str) -> None:
 
 
 def _misnamed(name: str, problem: Problem | None, where: Source) -> Diagnostic:
-    """The diagnostic for a new measurement with the name of an old one, or for a name that is no measurement."""
+    """The diagnostic for a new measurement whose name is taken, or for a name that is not a measurement."""
     known = [each for each, type_ in (problem.objects if problem else {}).items() if type_ == MEASUREMENT]
     if name in known:
         return Diagnostic(
-            where, "K104", f"'{name}' is there already", "choose another name, or change it with `edit`"
+            where,
+            "K104",
+            f"the problem already has a measurement '{name}'",
+            "choose another name, or change it with `edit`",
         )
-    return Diagnostic(where, "K101", f"'{name}' is no measurement of this problem", nearest(name, known))
+    return Diagnostic(where, "K101", f"'{name}' is not a measurement of this problem", nearest(name, known))

@@ -1,4 +1,4 @@
-"""Measurements as text: tables in, problem files of the bulkhead domain out, and edits of such files.
+"""Measurements as text: tables that are read, and problem files of the bulkhead domain that are written.
 
 Positions are written in micrometres, normals in thousandths, as whole numbers.
 """
@@ -35,7 +35,7 @@ def read_table(path: Path, unit: str = "mm") -> Inspection:
     points = tuple(each for each in found if isinstance(each, MeasurementPoint))
     wrong = [each for each in found if isinstance(each, Diagnostic)]
     wrong += [
-        _wrong(Source(file.path), f"'{name}' is there twice")
+        _wrong(Source(file.path), f"the name '{name}' is used twice")
         for name in _repeated(each.name for each in points)
     ]
     if wrong:
@@ -59,11 +59,11 @@ def _row(row: Mapping[str, str | None], where: Source, unit_m: float) -> Measure
         values = {key: float(text) for key, text in numbers.items() if text or key in NEEDED}
     except ValueError:
         bad = next(text for text in numbers.values() if not _is_number(text))
-        return _wrong(where, f"'{bad}' is no number")
+        return _wrong(where, f"'{bad}' is not a number")
     if not all(math.isfinite(value) for value in values.values()):
         return _wrong(where, "a number is not finite")
     if not NAME.fullmatch(cells["name"]):
-        return _wrong(where, f"'{cells['name']}' is no name", "a small letter, then letters, digits and _")
+        return _wrong(where, f"'{cells['name']}' is not a name", "a small letter, then letters, digits and _")
     length = math.hypot(values["nx"], values["ny"], values["nz"])
     if length == 0:
         return _wrong(where, "the normal has no length")
@@ -89,7 +89,7 @@ def _is_number(text: str) -> bool:
 
 
 def facts(point: MeasurementPoint) -> list[str]:
-    """What a problem says of a point."""
+    """The facts of a problem about a point."""
     name = point.name
     found = [
         f"needs({name}, {point.kind})",
@@ -108,12 +108,12 @@ def _whole(v: Triple, scale: float) -> str:
 
 
 def names(inspection: Inspection) -> list[str]:
-    """The measurements: points, then features without any."""
+    """The measurements: first the points, then the features without points."""
     return [*(point.name for point in inspection.points), *(each.feature for each in inspection.excluded)]
 
 
 def all_facts(inspection: Inspection) -> Iterator[str]:
-    """What a problem says of all points and excluded features."""
+    """The facts of a problem about all points and all excluded features."""
     for point in inspection.points:
         yield from facts(point)
     for each in inspection.excluded:
@@ -122,7 +122,7 @@ def all_facts(inspection: Inspection) -> Iterator[str]:
 
 
 def problem_text(inspection: Inspection, domain: str, wanted: Iterable[str]) -> str:
-    """A problem file: every point with its facts, excluded features with their reason, and a goal for each wanted name."""
+    """A problem file: all points with their facts, excluded features with the reason, and a goal for each wanted name."""
     return "\n".join(_lines(inspection, domain, wanted)) + "\n"
 
 
