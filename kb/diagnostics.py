@@ -42,7 +42,7 @@ CODES = {
     "K310": "a condition that nothing makes true",
     "K401": "unknown domain, problem or file",
     "K402": "not a plan in the documented format",
-    "K403": "what is there already is not overwritten",
+    "K403": "existing files are not overwritten",
     "K404": "a target of another kind than the command takes",
     "K405": "the domain lacks what the command needs",
     "K406": "a value that an option does not take",

@@ -45,7 +45,7 @@ def _parsed(phrase: Phrase, field: str, domain: Domain) -> Parsed:
     parsed = parse("conditions", getattr(phrase, field), domain.time_unit)
     for part in parsed.value:
         if not isinstance(part, Literal) or (field == "stage" and not part.positive):
-            raise ExpressionError(0, f"a {field} is made of atoms alone")
+            raise ExpressionError(0, f"a {field} can only contain atoms")
     return parsed
 
 

@@ -140,6 +140,10 @@ def _text(found: "Preparation") -> "RenderableType":
 def _sequence_said(kept: "KeptSequence | None") -> str:
     if kept is None:
         return ""
-    ways = {"made": "new", "kept": "as it was kept", "resequenced": "anew, what was kept was stale"}
+    ways = {
+        "made": "new",
+        "kept": "unchanged",
+        "resequenced": "sequenced anew because the kept sequence was stale",
+    }
     changes = "".join(f", {count} {what}" for what, count in kept.changes.items())
     return f"{kept.left} visits, {ways[kept.way]}{changes}"
