@@ -26,11 +26,11 @@ def _load(group: str, name: str) -> Callable[[], Any]:
     if not found:
         names = known(group)
         hint = nearest(name, names) or f"one of: {', '.join(names)}"
-        raise InvalidInput([Diagnostic(Source(name), "K401", f"no plug-in of this name for {group}", hint)])
+        raise InvalidInput([Diagnostic(Source(name), "K414", f"no plug-in of this name for {group}", hint)])
     try:
         factory: Callable[[], Any] = found[0].load()
     except ImportError as error:
         hint = f"pip install 'cellwright[{name}]'"
         message = f"the plug-in '{name}' needs a package that is not installed: {error.name}"
-        raise InvalidInput([Diagnostic(Source(name), "K401", message, hint)]) from None
+        raise InvalidInput([Diagnostic(Source(name), "K414", message, hint)]) from None
     return factory

@@ -1,1 +1,1 @@
-"""What is known: the domain language, its files and its types. Computes nothing about robots; never imports `engine`."""
+"""The knowledge base: the domain language, its files and its types. It computes nothing about robots."""

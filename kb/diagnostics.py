@@ -1,4 +1,4 @@
-"""Diagnostics: what is wrong with a file, where, and what to try. Codes are stable; `docs/diagnostics.md` lists them."""
+"""Diagnostics: an error, its place, and what to try. Codes are stable; `docs/diagnostics.md` explains them."""
 
 import difflib
 import re
@@ -23,9 +23,9 @@ CODES = {
     "K107": "syntax error in an expression",
     "K108": "wrong kind of predicate in this place",
     "K109": "recursive type or function",
-    "K110": "a variable that stands only once",
+    "K110": "a variable that occurs only once",
     "K111": "listed twice",
-    "K112": "a name that is reserved, or that is no name",
+    "K112": "a name that is reserved or not allowed",
     "K113": "a number out of range",
     "K114": "an entry that does nothing",
     "K201": "error in an ASP file",
@@ -35,7 +35,7 @@ CODES = {
     "K301": "contradiction: an atom is both added and denied",
     "K302": "a denied atom triggers a rule, but is no precondition",
     "K304": "operator can never be applied",
-    "K305": "operator reads but does not hold a resource that its kin hold",
+    "K305": "operator reads a resource that similar operators hold",
     "K306": "too many supports of a derived predicate",
     "K307": "grounding exceeds its limit",
     "K309": "declared, but nothing uses it",
@@ -43,31 +43,55 @@ CODES = {
     "K311": "almost what the engine reads by convention",
     "K401": "unknown domain, problem or file",
     "K402": "not a plan in the documented format",
-    "K403": "refused here",
+    "K403": "existing files are not overwritten",
+    "K404": "a target of another kind than the command takes",
+    "K405": "the domain lacks what the command needs",
+    "K406": "a value that an option does not take",
+    "K407": "a command line that cannot be understood",
+    "K408": "an option that has no effect",
+    "K409": "options that need or exclude each other",
+    "K410": "a step that the plan does not have",
+    "K411": "a report that contradicts the plan",
+    "K412": "a plan for another problem",
+    "K413": "a file of another format than expected",
+    "K414": "a plug-in or a package that is not installed",
+    "K415": "a file that cannot be written",
+    "K416": "a library that cannot be used",
+    "K417": "a MACROP that the library does not have",
+    "K418": "a problem file that cannot be edited",
+    "K419": "not enough memory",
     "K501": "the plan does not execute",
     "K502": "the plan misses a goal",
     "K503": "unordered steps interfere",
     "K504": "a claimed causal link does not hold",
     "K505": "the plan's orderings have a cycle",
     "K506": "the plan does not follow the workflow",
+    "K507": "a step number that is used twice or is not positive",
     "K601": "not a phrase pattern",
     "K602": "a command that is not understood",
-    "K603": "a command names what is not there, or not one thing",
-    "K604": "a command gives an order to what cannot be a stage",
-    "K701": "a frame that stands on itself",
-    "K702": "a shape without extent, or not as it says it is",
-    "K703": "a robot description that does not hold together",
-    "K704": "a region that is not within its parents",
-    "K705": "a place that no arm configuration reaches",
+    "K603": "a command that names nothing, or more than one thing",
+    "K604": "an ordered act that cannot be a stage",
+    "K605": "a phrase that an earlier phrase covers",
+    "K606": "a noun that no sentence can contain",
+    "K701": "a frame that is placed relative to itself",
+    "K702": "a shape that is empty or contradicts itself",
+    "K703": "an error in a robot description",
+    "K704": "a region that is not inside its parents",
+    "K705": "a place that the arm cannot reach",
+    "K706": "a mesh file that is not there",
+    "K707": "a wrong number of joint values",
     "K801": "not PDDL",
     "K802": "a PDDL feature that is not supported",
     "K803": "not a TSPLIB file",
-    "K804": "not a QIF file, or not a table of measurements",
-    "K901": "probabilities that are none",
-    "K902": "causes that neither a test tells apart nor a repair serves together",
+    "K804": "not a QIF file",
+    "K805": "not a table of measurements",
+    "K806": "not a job shop file",
+    "K901": "wrong probabilities",
+    "K902": "causes that no test distinguishes and no repair cures together",
     "K903": "a cause that nothing repairs",
-    "K904": "a test that tells nothing",
-    "K905": "more than the selection of tests can hold",
+    "K904": "a test that distinguishes no causes",
+    "K905": "too many causes or tests of one exception",
+    "K906": "a step that the exception does not interrupt",
 }
 
 
@@ -75,7 +99,7 @@ CODES = {
 class Source:
     """A place in a file; lines and columns count from 1, `column` 0 means the whole line.
 
-    `text` is that line, or, of a long one, the part around the column that begins after `cut` characters.
+    `text` is that line. For a long line, it is the part around the column, which begins after `cut` characters.
     """
 
     path: str
@@ -89,7 +113,7 @@ class Source:
         return ":".join([path, *(str(part) for part in (self.line, self.column) if part)])
 
     def excerpt(self) -> list[str]:
-        """The line and, under its column, a caret; nothing when the text is not known."""
+        """The line, and a caret under the column; empty if the text is not known."""
         if not self.text.strip():
             return []
         before = self.text[: self.column - 1 - self.cut]
@@ -104,17 +128,17 @@ NOWHERE = Source("")
 
 
 def printable(text: str) -> str:
-    """The text with a mark for each character that would command the terminal, or turn the order of a line around."""
+    """The text with a mark for each character that would control the terminal or change the direction of the text."""
     return re.sub(
         _COMMANDING, "\N{REPLACEMENT CHARACTER}", text
-    )  # compiled when first used: most runs tell nothing
+    )  # compiled at the first use, because most runs report nothing
 
 
 _COMMANDING = "[\0-\x08\n-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069\ud800-\udfff]"
 
 
 def _width(character: str) -> int:
-    """Cells that a character takes on a terminal."""
+    """The number of columns that a character takes on a terminal."""
     if unicodedata.combining(character):
         return 0
     return 2 if unicodedata.east_asian_width(character) in "WF" else 1
@@ -122,7 +146,7 @@ def _width(character: str) -> int:
 
 @dataclass(frozen=True, slots=True, order=True)
 class Diagnostic:
-    """One finding: where, its stable code, what, and what to try (may be empty). Warnings do not make a file bad."""
+    """One finding: its place, stable code, message, and what to try (may be empty). A warning does not make a file invalid."""
 
     where: Source
     code: str
@@ -140,7 +164,7 @@ class Diagnostic:
 
 
 class InvalidInput(Exception):
-    """Input that has errors; carries every diagnostic that was found, in order of place."""
+    """The input has errors. The exception carries all diagnostics, in order of place."""
 
     def __init__(self, diagnostics: Iterable[Diagnostic]) -> None:
         self.diagnostics = tuple(sorted(set(diagnostics)))
@@ -148,14 +172,14 @@ class InvalidInput(Exception):
 
 
 def nearest(name: str, known: Collection[str]) -> str:
-    """The hint "did you mean ...?" for a misspelt name, or nothing when no known name is near."""
+    """The hint "did you mean ...?" for a misspelt name; empty if no known name is similar."""
     near = difflib.get_close_matches(name, sorted(known), n=5)
     best = max(near, key=lambda each: each[:1] == name[:1], default="")
     return f"did you mean '{best}'?" if best else ""
 
 
 def unknown_name(kind: str, name: str, known: Collection[str], where: Source) -> Diagnostic:
-    """The diagnostic for a name that nobody declared, with the nearest one or some that are known."""
+    """The diagnostic for a name that is not declared, with the most similar known name or some of the known names."""
     shown = list(known)[:8]
     some = ", ".join(shown) + (", ..." if len(known) > len(shown) else "")
     hint = nearest(name, known) or (f"known: {some}" if shown else "declare it first")
@@ -163,5 +187,5 @@ def unknown_name(kind: str, name: str, known: Collection[str], where: Source) ->
 
 
 def errors(diagnostics: Iterable[Diagnostic]) -> list[Diagnostic]:
-    """Those that are not mere warnings."""
+    """The diagnostics that are not warnings."""
     return [diagnostic for diagnostic in diagnostics if not diagnostic.warning]

@@ -1,4 +1,4 @@
-"""The text of a file, read with suspicion: regular files of bounded size, UTF-8, no control characters."""
+"""The text of a file, read with care: only regular files of limited size, in UTF-8, without control characters."""
 
 import bisect
 import re
@@ -16,7 +16,7 @@ UNICODE = "[^\t\n\r\x20-\x7e\x85\xa0-\ud7ff\ue000-\ufefe\uff00-\ufffd\U00010000-
 
 @dataclass(frozen=True, slots=True)
 class File:
-    """The text of a file and its lines, for places inside it."""
+    """The text of a file and the starts of its lines, which are needed for places in it."""
 
     path: str
     text: str
@@ -28,7 +28,7 @@ class File:
         return cls(path, text, (0, *(found.end() for found in re.finditer("\n", text))))
 
     def at(self, index: int) -> Source:
-        """The place of a character; costs the same however long its line is."""
+        """The place of a character. It takes the same time for lines of any length."""
         line = bisect.bisect_right(self.line_starts, index)
         start = self.line_starts[line - 1]
         end = self.text.find("\n", index, index + EXCERPT)
@@ -37,19 +37,19 @@ class File:
         return Source(self.path, line, index - start + 1, self.text[first:end].rstrip("\r"), first - start)
 
     def line(self, number: int, column: int) -> Source:
-        """The place of a column of a line, both counted from 1; the file alone when there is no such line."""
+        """The place of a column of a line, both counted from 1. If there is no such line, the place is the file."""
         if not 1 <= number <= len(self.line_starts):
             return Source(self.path)
         return self.at(min(self.line_starts[number - 1] + max(column - 1, 0), len(self.text)))
 
 
 def unprintable(text: str) -> re.Match[str] | None:
-    """The first character that a text may not have; most texts are ASCII, and its pattern is quickly made."""
+    """The first character that is not allowed. Most texts are ASCII, for which a small pattern is enough."""
     return re.search(ASCII if text.isascii() else UNICODE, text)
 
 
 def read_file(path: Path, name: str | None = None) -> File:
-    """The text of `path`. Raises `InvalidInput` when it cannot be read as a text."""
+    """The text of `path`. Raises `InvalidInput` if it cannot be read as text."""
     name = name or str(path)
     data = _bytes(path, name)
     try:
@@ -64,7 +64,7 @@ def read_file(path: Path, name: str | None = None) -> File:
             [Diagnostic(where, "K001", f"not UTF-8: byte {data[error.start]:#04x}", hint)]
         ) from None
     if found := unprintable(file.text):
-        message = f"the control character U+{ord(found[0]):04X} has no place in a text"
+        message = f"the control character U+{ord(found[0]):04X} is not allowed in a text"
         raise InvalidInput([Diagnostic(file.at(found.start()), "K001", message, "remove it")])
     return file
 
@@ -74,7 +74,7 @@ def _bytes(path: Path, name: str) -> bytes:
         status = path.stat()
         if stat.S_ISREG(status.st_mode) and status.st_size <= MAX_BYTES:
             with path.open("rb") as file:
-                data = file.read(MAX_BYTES + 1)  # what lies under /proc claims to be empty
+                data = file.read(MAX_BYTES + 1)  # files under /proc report a size of 0
             if len(data) <= MAX_BYTES:
                 return data
     except (OSError, ValueError) as error:
@@ -91,7 +91,7 @@ def _bytes(path: Path, name: str) -> bytes:
 
 
 def is_file(path: Path) -> bool:
-    """Whether there is a regular file of this name; a name that no file can have names none."""
+    """Whether there is a regular file of this name. For an impossible name, the answer is no."""
     try:
         return path.is_file()
     except (OSError, ValueError):

@@ -1,4 +1,4 @@
-"""What a target names: a file, a folder, or a domain that comes with the engine, by path or by name."""
+"""The file that a target names: a file, a folder, or a domain that comes with the engine, by path or by name."""
 
 from importlib import resources
 from pathlib import Path
@@ -46,7 +46,7 @@ def _not_found(target: str, path: Path, known: list[str]) -> Diagnostic:
 
 
 def reference(domain: Domain) -> str:
-    """How another file names this domain: a bundled one by its name, any other by its path."""
+    """The name of this domain for other files: its name if it is bundled, otherwise its path."""
     path = Path(domain.path)
     known = bundled().get(domain.name)
     return domain.name if known and known.resolve() == path.parent.resolve() else path.as_posix()

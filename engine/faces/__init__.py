@@ -1,1 +1,1 @@
-"""What people and other programs call."""
+"""The interfaces through which people and other programs call the engine."""

@@ -1,1 +1,1 @@
-"""How answers are written, and how files of other systems are read and written."""
+"""The formats in which answers are written, and the files of other systems that are read and written."""

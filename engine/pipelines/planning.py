@@ -31,7 +31,7 @@ def problem_of(target: str, goals: str = "", command: str = "") -> Problem:
     loaded = load(find(target))
     if goals and command:
         raise InvalidInput(
-            [Diagnostic(Source("--command"), "K401", "goals are given already", "give one of the two")]
+            [Diagnostic(Source("--command"), "K409", "goals are given already", "give one of the two")]
         )
     if goals:
         return with_goals(loaded.domain, goals, loaded.problem)
@@ -41,7 +41,7 @@ def problem_of(target: str, goals: str = "", command: str = "") -> Problem:
         problems = sorted(path.stem for path in problem_files(find(target)))
         ways = "give --goals or --command"
         hint = f"{ways}, or one of its problems: {', '.join(problems)}" if problems else ways
-        raise InvalidInput([Diagnostic(Source(target), "K401", "this is a domain, not a problem", hint)])
+        raise InvalidInput([Diagnostic(Source(target), "K404", "this is a domain, not a problem", hint)])
     return loaded.problem
 
 

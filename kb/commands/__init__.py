@@ -1,6 +1,6 @@
-"""Commands in words: a domain's phrases, and sentences that become goals and chains of stages.
+"""Commands in words: the phrases of a domain turn sentences into goals and chains of stages.
 
-Sentences are read with a grammar generated from the phrases; the parser library is imported when a sentence comes.
+A grammar generated from the phrases reads the sentences. The parser library is imported only when there is a sentence.
 """
 
 import dataclasses
@@ -15,9 +15,9 @@ __all__ = ["Place", "check_phrases", "understand"]
 
 
 def understand(target: Problem | Domain, text: str, place: Callable[[int], Source] | None = None) -> Problem:
-    """The problem (or the domain, from its defaults) with the goal and chains of a command in words.
+    """The problem with the goal and chains of a command in words. For a domain, the problem starts from its defaults.
 
-    `place` says where character n of the text stands; without it the text itself is the place. Raises `InvalidInput`.
+    `place` gives the place of character n of the text; without it, places are in the text itself. Raises `InvalidInput`.
     """
     from kb.commands.sentence import read_sentence
 
@@ -27,7 +27,7 @@ def understand(target: Problem | Domain, text: str, place: Callable[[int], Sourc
 
 
 def said(text: str) -> Callable[[int], Source]:
-    """The places of a text given on a command line, line by line."""
+    """A function from a character of a text on the command line to its place."""
 
     def where(offset: int) -> Source:
         start = text.rfind("\n", 0, offset) + 1

@@ -1,4 +1,4 @@
-"""Why a sentence is not understood: the word, the words that would do there, and the nearest phrase."""
+"""Why a sentence is not understood: the word, the words that are possible there, and the nearest phrase."""
 
 import difflib
 from collections.abc import Callable, Collection, Iterator, Sequence
@@ -20,7 +20,7 @@ MOST = 12
 def explain(
     error: NotUnderstood, text: str, domain: Domain, names: Collection[str], place: Callable[[int], Source]
 ) -> Diagnostic:
-    """The diagnostic for a sentence that stops making sense; `names` are the objects there are."""
+    """The diagnostic for a sentence that is not understood. `names` holds the known objects."""
     said, index = error.said, error.index
     near = ""
     if index < len(said):
@@ -49,11 +49,11 @@ def _words(expected: frozenset[str]) -> str:
     words = sorted(kind for kind in expected if kind not in SHOWN and kind not in HIDDEN)
     kinds = [shown for kind, shown in SHOWN.items() if kind in expected and kind not in HIDDEN]
     shown = [*(f"'{word}'" for word in words[:MOST]), *(["..."] if len(words) > MOST else []), *kinds]
-    return f"here it understands {', '.join(shown)}"
+    return f"possible here: {', '.join(shown)}"
 
 
 def _clause(said: Sequence[Piece], index: int, domain: Domain) -> list[str]:
-    """The words of the clause around a token: from the last word that begins a phrase to the next one."""
+    """The words of the clause around a token: from a word that begins a phrase to the next such word."""
     starts = {part.text for first in _firsts(domain) for part in first if isinstance(part, Word)}
     kinds = [piece.text.lower() for piece in said]
     joins = ("and", "then", ",", ";", ".")
@@ -79,7 +79,7 @@ def _phrase(clause: Sequence[str], domain: Domain) -> str:
 
 
 def _score(clause: Sequence[str], say: str, domain: Domain) -> float:
-    """How much of a phrase, in its best reading, the clause has; 0 if they share nothing."""
+    """The share of a phrase, in its best reading, that the clause contains; 0 if they have nothing in common."""
     return max(_agreement(clause, each, domain) for each in expansions(read_pattern(say)))
 
 

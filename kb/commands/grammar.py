@@ -1,7 +1,7 @@
-"""The grammar of a domain's commands, generated from its phrases and read by lark's Earley parser.
+"""The grammar of a domain's commands, generated from its phrases for lark's Earley parser.
 
-Every word is a terminal of its own, so a word may be a noun here and a part of a phrase there. "and" and "," join both
-objects and clauses; Earley keeps both readings open, and the earlier rule wins where a sentence allows both.
+Every word is a separate terminal, so that it may be a noun in one place and part of a phrase in another. "and" and "," join
+objects as well as clauses. The Earley parser keeps both readings open; if a sentence allows both, the earlier rule wins.
 """
 
 import re
@@ -36,7 +36,7 @@ _BETWEEN = ("DOTS", "DASH")
 
 @dataclass(frozen=True, slots=True)
 class Mention:
-    """One part of a list: how it names objects, the noun's owner (a type, or an object with words of its own), its ends.
+    """One part of a list: how it names objects, the owner of its noun (a type, or an object with its own words), and its ends.
 
     `how` is `numbered`, `numbers` (a range), `named`, `names` (a range), `sole` (a noun alone) or `called`.
     """
@@ -49,7 +49,7 @@ class Mention:
 
 @dataclass(frozen=True, slots=True)
 class Words:
-    """What stands in a slot: a `list` of mentions, `all`, `both` or a `pronoun` with one, or a `value`."""
+    """The content of a slot: a `list` of mentions, `all`, `both` or a `pronoun` with one mention, or a `value`."""
 
     how: str
     pieces: tuple[Piece, ...]
@@ -58,7 +58,7 @@ class Words:
 
 @dataclass(frozen=True, slots=True)
 class Clause:
-    """One phrase as said: its number, what stands in its slots, where it begins, and whether "then" precedes it."""
+    """One phrase in a sentence: its number, the content of its slots, where it begins, and whether "then" precedes it."""
 
     phrase: int
     slots: Mapping[str, Words]
@@ -67,7 +67,7 @@ class Clause:
 
 
 class NotUnderstood(Exception):
-    """The sentence stops making sense at token `index`; `expected` are kinds of tokens that make sense there."""
+    """The sentence is not understood from token `index` on. `expected` holds the kinds of tokens that are possible there."""
 
     def __init__(self, said: Sequence[Piece], index: int, expected: frozenset[str]) -> None:
         super().__init__("not understood")
@@ -75,14 +75,14 @@ class NotUnderstood(Exception):
 
 
 class _Given(Lexer):
-    """Hands over tokens that are made already."""
+    """A lexer that passes on ready-made tokens."""
 
     def __init__(self, _configuration: Any) -> None:
         pass
 
     def lex(
         self, lexer_state: Any, _parser_state: Any = None
-    ) -> Iterator[Token]:  # lark passes the input alone
+    ) -> Iterator[Token]:  # lark passes only the input
         return iter(lexer_state)
 
 
@@ -92,7 +92,7 @@ def _parser(grammar: str) -> Lark:
 
 
 class CommandGrammar:
-    """The commands of one domain, ready to parse sentences about `objects` (name: type)."""
+    """The grammar of one domain. It parses sentences about `objects` (name: type)."""
 
     def __init__(self, domain: Domain, meanings: Sequence[Meaning], objects: Mapping[str, str]) -> None:
         self.domain, self.meanings, self.objects = domain, meanings, objects
@@ -165,7 +165,7 @@ class CommandGrammar:
         return [type_ for type_ in found if type_ not in NUMERIC_TYPES]
 
     def _objects(self, type_: str) -> Iterator[str]:
-        """Rules for what can stand in a slot of a type."""
+        """The rules for the content of a slot of a type."""
         noun, name = f"_noun_{type_}", f"_name_{type_}"
         nouns = [self._owner(each) for each in self._below(type_)]
         things = [self._owner(each) for each in self.domain.words if self._is(each, type_)]

@@ -1,7 +1,7 @@
 """The order that a sentence gives, as chains of stages.
 
-The acts of one object follow each other as said, however they are joined. "then" between acts of different objects is a
-barrier, and so is an act that names no object of its own ("open the drawer") in a sentence that has an order.
+The acts of one object follow each other in the order of the sentence, however they are joined. "then" between acts of different
+objects is a barrier. An act that names no object of its own ("open the drawer") is a barrier, too, if the sentence has an order.
 """
 
 from collections.abc import Sequence
@@ -14,10 +14,10 @@ from kb.terms import Atom, Term, is_ground
 
 @dataclass(frozen=True, slots=True)
 class Act:
-    """What one clause asks of one subject.
+    """The condition that one clause asks for one subject.
 
-    `stages` are None when the condition cannot be a stage; `must` says that the act is an event or a stage by its
-    phrase; `alone` that no slot names its subject; `then` that the clause follows "then".
+    `stages` is None if the condition cannot be a stage. `must` means that the phrase makes the act an event or a stage.
+    `alone` means that no slot names its subject. `then` means that the clause follows "then".
     """
 
     clause: int
@@ -30,7 +30,7 @@ class Act:
 
 
 class NoOrder(Exception):
-    """A clause has a place in the order of its sentence, but is nothing that can be a stage."""
+    """A clause has a place in the order of its sentence, but its condition cannot be a stage."""
 
     def __init__(self, clause: int) -> None:
         super().__init__("no stage")
@@ -38,14 +38,14 @@ class NoOrder(Exception):
 
 
 def arrange(acts: Sequence[Act]) -> tuple[Condition, tuple[Chain, ...]]:
-    """The goal and the chains of a sentence's acts. Raises `NoOrder`."""
+    """The goal and the chains for the acts of a sentence. Raises `NoOrder`."""
     ordered = _is_ordered(acts)
     groups = _groups(acts) if ordered else [list(acts)]
     placed = [act for act in acts if ordered and _has_place(act, acts, groups)]
     chains = _Chains()
     for group in groups:
         chains.add([act for act in group if act in placed])
-    lasting = {act.subject: act for act in placed}.values()  # the last of each subject
+    lasting = {act.subject: act for act in placed}.values()  # the last act of each subject
     goals = dict.fromkeys(
         act.condition for act in acts if act not in placed or (act in lasting and _is_open(act))
     )
@@ -58,7 +58,7 @@ def _is_ordered(acts: Sequence[Act]) -> bool:
 
 
 def _groups(acts: Sequence[Act]) -> list[list[Act]]:
-    """The acts between barriers: at "then", and around an act that stands alone."""
+    """The acts in groups. A new group begins at "then", and before and after an act that names no object of its own."""
     groups: list[list[Act]] = []
     for before, act in zip([None, *acts], acts, strict=False):
         same = before is not None and act.clause == before.clause
@@ -70,18 +70,18 @@ def _groups(acts: Sequence[Act]) -> list[list[Act]]:
 
 
 def _has_place(act: Act, acts: Sequence[Act], groups: Sequence[Sequence[Act]]) -> bool:
-    """Whether an act is a stage: one by its phrase, one of several of its subject, or one beside a barrier."""
+    """Whether an act is a stage: because of its phrase, because its subject has several acts, or beside a barrier."""
     several = sum(other.subject == act.subject for other in acts) > 1
     return act.must or several or len(groups) > 1
 
 
 def _is_open(act: Act) -> bool:
-    """Whether the act's last stage leaves something open (`_`): then it is a goal as well, since a chain cannot keep it."""
+    """Whether the last stage of an act contains `_`. Then it is also a goal, because a chain cannot keep it true."""
     return act.stages is not None and not is_ground(act.stages[-1])
 
 
 class _Chains:
-    """Segments of chains under construction; a segment that another one waits for grows no more."""
+    """Segments of chains under construction. A segment for which another one waits is not extended."""
 
     def __init__(self) -> None:
         self.segments: dict[str, Chain] = {}
@@ -90,7 +90,7 @@ class _Chains:
         self.previous: set[Term] = set()
 
     def add(self, group: Sequence[Act]) -> None:
-        """Append a group; subjects that were not in the group before it wait for all that has been said."""
+        """Append a group. Subjects that were not in the group before it wait for all earlier acts."""
         waits = tuple(self.latest.values())
         started: set[Term] = set()
         for act in group:
@@ -115,7 +115,7 @@ class _Chains:
         self.latest[subject] = name
 
     def _reduced(self, after: tuple[str, ...]) -> tuple[str, ...]:
-        """Those of `after` that no other of them waits for already."""
+        """`after` without the segments for which another one in it already waits."""
         behind = {name for each in after for name in self._behind(each)}
         return tuple(name for name in after if name not in behind)
 
@@ -124,5 +124,5 @@ class _Chains:
         return set(direct).union(*(self._behind(each) for each in direct))
 
     def finished(self) -> tuple[Chain, ...]:
-        """The chains, each after those that it waits for."""
+        """The chains, each after the chains that it waits for."""
         return tuple(self.segments.values())

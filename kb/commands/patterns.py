@@ -4,7 +4,7 @@ import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-ARTICLES = frozenset({"the", "a", "an", "please"})  # mean nothing, in phrases and in sentences
+ARTICLES = frozenset({"the", "a", "an", "please"})  # these words are ignored in phrases and in sentences
 
 
 @dataclass(frozen=True, slots=True)
@@ -16,7 +16,7 @@ class Word:
 
 @dataclass(frozen=True, slots=True)
 class Slot:
-    """A place for objects, a number or a time; `offset` is where it stands in the pattern."""
+    """A place for objects, a number or a time. `offset` is its place in the pattern."""
 
     variable: str
     type: str
@@ -32,7 +32,7 @@ class Sequence:
 
 @dataclass(frozen=True, slots=True)
 class Choice:
-    """Any one of the options; an optional part has an empty one."""
+    """One of the options. An optional part is a choice with an empty option."""
 
     options: tuple["Pattern", ...]
 
@@ -63,7 +63,7 @@ def read_pattern(text: str) -> Pattern:
 
 
 class _PatternReader:
-    """Recursive descent, one method per construct."""
+    """A reader by recursive descent, with one method per construct."""
 
     def __init__(self, text: str) -> None:
         self.text = text
@@ -162,7 +162,7 @@ def expansions(pattern: Pattern) -> list[tuple[Word | Slot, ...]]:
 
 
 def readable(say: str) -> str:
-    """A pattern as people are shown it: slots by their types."""
+    """A pattern as text for people: slots are shown by their types."""
     return re.sub(r"\{\s*\w+\s*:\s*(\w+)\s*\}", lambda found: f"<{SHOWN_TYPES.get(found[1], found[1])}>", say)
 
 

@@ -1,4 +1,4 @@
-"""What phrases stand for: goals and stages with slots in them, checked against the domain's signatures."""
+"""The meaning of phrases: goals and stages with slots, checked against the signatures of the domain."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -12,15 +12,15 @@ from kb.syntax import ExpressionError, Parsed, parse
 from kb.terms import ANYTHING, Atom, Function, Number, Term, Text, Variable
 
 Place = Callable[[tuple[str | int, ...], int], Source]
-"""Where character n of what stands at a path under `commands:` is, such as `("phrases", 3, "say")`."""
+"""A function from a path under `commands:`, such as `("phrases", 3, "say")`, and a character in its text to the place."""
 
-MAX_WORDS = 5000  # of all lists together: every sentence is read by a grammar of them
+MAX_WORDS = 5000  # in all lists together, because the grammar of every sentence contains them all
 ALLOWED = {"stage": (Kind.EVENT, Kind.FLUENT), "goal": (Kind.FLUENT, Kind.DERIVED)}
 
 
 @dataclass(frozen=True, slots=True)
 class Meaning:
-    """A phrase ready for use: its pattern, its slots by variable, and the conditions they go into."""
+    """A phrase ready for use: its pattern, its slots by variable, and the conditions that contain them."""
 
     phrase: Phrase
     pattern: Pattern
@@ -30,7 +30,7 @@ class Meaning:
 
 
 def meanings(domain: Domain) -> list[Meaning]:
-    """The phrases of a domain whose phrases have been checked."""
+    """The phrases of a domain. They must have been checked before."""
     return [_meaning(phrase, domain) for phrase in domain.phrases]
 
 
@@ -45,7 +45,7 @@ def _parsed(phrase: Phrase, field: str, domain: Domain) -> Parsed:
     parsed = parse("conditions", getattr(phrase, field), domain.time_unit)
     for part in parsed.value:
         if not isinstance(part, Literal) or (field == "stage" and not part.positive):
-            raise ExpressionError(0, f"a {field} is made of atoms alone")
+            raise ExpressionError(0, f"a {field} can only contain atoms")
     return parsed
 
 
@@ -65,7 +65,7 @@ def slots_of(pattern: Pattern) -> tuple[Slot, ...]:
 
 
 def condition(literal: Literal, domain: Domain) -> Condition:
-    """The literal as a goal, each `_` being some value."""
+    """The literal as a goal. Each `_` means some value."""
     fresh: list[Parameter] = []
     expected = domain.predicates[literal.atom.name].arguments
     arguments = tuple(
@@ -88,17 +88,17 @@ def _fresh(term: Term, type_: str, fresh: list[Parameter], domain: Domain) -> Te
 
 
 def check_phrases(domain: Domain, place: Place | None = None) -> list[Diagnostic]:
-    """Everything that is wrong with the words and phrases of a domain."""
+    """All errors in the words and phrases of a domain."""
     found = list(_check_words(domain, place))
     for index, phrase in enumerate(domain.phrases):
         if not phrase.goal and not phrase.stage:
-            continue  # its shape is wrong, which the loader reports
+            continue  # the loader reports its wrong shape
         found.extend(_PhraseCheck(domain, index, phrase, place).run())
     return found or list(_check_twins(domain, place))
 
 
 def _check_twins(domain: Domain, place: Place | None) -> Iterator[Diagnostic]:
-    """Warnings about sequences that two phrases share: the first phrase is meant."""
+    """Warnings about word sequences of two phrases. The first phrase is meant then."""
     owners: dict[tuple[str, ...], int] = {}
     for index, phrase in enumerate(domain.phrases):
         for each in expansions(read_pattern(phrase.say)):
@@ -106,9 +106,9 @@ def _check_twins(domain: Domain, place: Place | None) -> Iterator[Diagnostic]:
             first = owners.setdefault(said, index)
             if first != index:
                 where = place(("phrases", index, "say"), 0) if place else phrase.where
-                message = f"'{' '.join(said)}' is said by an earlier phrase already, which is meant"
-                hint = f"the earlier one is: {domain.phrases[first].say}"
-                yield Diagnostic(where, "K601", message, hint, warning=True)
+                message = f"'{' '.join(said)}' also fits an earlier phrase, which takes precedence"
+                hint = f"the earlier phrase is: {domain.phrases[first].say}"
+                yield Diagnostic(where, "K605", message, hint, warning=True)
                 break
 
 
@@ -119,7 +119,10 @@ def _check_words(domain: Domain, place: Place | None) -> Iterator[Diagnostic]:
         where = place(("words", key), 0) if place else Source(domain.path)
         listed += len(nouns)
         if listed > MAX_WORDS:
-            message, hint = f"more than {MAX_WORDS} words", "objects are known by their own names"
+            message, hint = (
+                f"more than {MAX_WORDS} words",
+                "list fewer: objects can always be called by their names",
+            )
             yield Diagnostic(where, "K007", message, hint)
             return
         if key not in known:
@@ -127,14 +130,16 @@ def _check_words(domain: Domain, place: Place | None) -> Iterator[Diagnostic]:
         for number, noun in enumerate(nouns):
             if not noun.split() or not all(map(is_spoken, noun.split())):
                 where = place(("words", key, number), 0) if place else where
-                yield Diagnostic(where, "K601", f"'{noun}' is no word that a sentence can hold", WORDS_HINT)
+                yield Diagnostic(
+                    where, "K606", f"'{noun}' is not a word that a sentence can contain", WORDS_HINT
+                )
 
 
-WORDS_HINT = "words are made of letters, and of hyphens between letters"
+WORDS_HINT = "words consist of letters, and of hyphens between letters"
 
 
 class _PhraseCheck:
-    """One phrase against the signatures of its domain."""
+    """The check of one phrase against the signatures of its domain."""
 
     def __init__(self, domain: Domain, index: int, phrase: Phrase, place: Place | None) -> None:
         self.domain, self.index, self.phrase, self.place = domain, index, phrase, place
@@ -153,7 +158,7 @@ class _PhraseCheck:
             if not is_spoken(word):
                 offset = self.phrase.say.lower().find(word)
                 self._report(
-                    "say", offset, "K601", f"'{word}' is no word that a sentence can hold", WORDS_HINT
+                    "say", offset, "K601", f"'{word}' is not a word that a sentence can contain", WORDS_HINT
                 )
         try:
             self.parsed = _parsed(self.phrase, self.field, self.domain)
@@ -182,8 +187,10 @@ class _PhraseCheck:
                     said = " ".join(
                         part.text if isinstance(part, Word) else f"{{{part.variable}}}" for part in each
                     )
-                    message = f"slot {slot.variable} stands {times} times in '{said}'"
-                    self._report("say", slot.offset, "K601", message, "every alternative needs it once")
+                    message = f"slot {slot.variable} occurs {times} times in '{said}'"
+                    self._report(
+                        "say", slot.offset, "K601", message, "every alternative needs the slot exactly once"
+                    )
                     break
 
     def _known_types(self) -> list[str]:
@@ -216,7 +223,7 @@ class _PhraseCheck:
         return self.domain.is_subtype(actual, expected)
 
     def _actual(self, term: Term, expected: str) -> Iterator[str]:
-        """The type of a term, when it has one; what is wrong with it is reported."""
+        """The type of a term if it has one. Errors in the term are reported."""
         match term:
             case Variable():
                 yield from self._variable(term)
@@ -235,10 +242,10 @@ class _PhraseCheck:
                 yield self.types[variable]
         elif variable != ANYTHING:
             known = ", ".join(map(str, self.types)) or "none"
-            message = f"variable {variable} is no slot of the phrase"
+            message = f"variable {variable} is not a slot of the phrase"
             self._wrong(variable, "K105", message, f"its slots: {known}")
         elif self.field == "stage":
-            self._wrong(variable, "K105", "a stage leaves nothing open", "give '_' a slot, or write a goal")
+            self._wrong(variable, "K105", "a stage cannot contain '_'", "use a slot for it, or write a goal")
 
     def _object(self, term: Function, expected: str) -> Iterator[str]:
         if term.name in self.domain.objects:

@@ -1,4 +1,4 @@
-"""Which objects a sentence means: numbers, names, ranges, "all", and pronouns that look back."""
+"""The objects that a sentence means: by numbers, names, ranges, "all", and pronouns for objects named before."""
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
@@ -14,7 +14,7 @@ ENDING = re.compile(r"(.*?)(\d+)")
 
 
 class Unclear(Exception):
-    """A part of a sentence names nothing, or not one thing; `offset` is where."""
+    """A part of a sentence names nothing, or is ambiguous. `offset` is its place."""
 
     def __init__(self, offset: int, message: str, hint: str = "") -> None:
         super().__init__(message)
@@ -22,7 +22,7 @@ class Unclear(Exception):
 
 
 class References:
-    """What has been named so far, and what a slot of a type may mean. `objects` maps names to types."""
+    """The objects named so far, and the objects that a slot of a type may mean. `objects` maps names to types."""
 
     def __init__(self, domain: Domain, objects: Mapping[str, str]) -> None:
         self.domain, self.objects = domain, objects
@@ -49,7 +49,7 @@ class References:
         owner = type_
         found: list[str] = []
         for mention in words.mentions:
-            owner = mention.owner or owner  # "probes 1 and 2": the noun goes on
+            owner = mention.owner or owner  # "probes 1 and 2": the noun also belongs to the 2
             found.extend(self._mention(mention, owner if owner in self.domain.types else type_))
         return found
 
@@ -66,7 +66,7 @@ class References:
         return found
 
     def _earlier(self, said: Sequence[str], offset: int, type_: str) -> Sequence[str]:
-        """What a pronoun means: the last list of this type; "them" after single objects means all of them."""
+        """The objects that a pronoun means: the last list of this type. "them" after single objects means all of them."""
         fitting = [names for names in self.named if all(self._is(name, type_) for name in names)]
         if not fitting:
             hint = f"name it: {self._range(type_)}"
@@ -74,13 +74,15 @@ class References:
         last = fitting[-1]
         if said[-1] == "it":
             if len(last) > 1:
-                message = f"'it' is one, but last named were {', '.join(last)}"
+                message = f"'it' means one object, but the last ones named were {', '.join(last)}"
                 raise Unclear(offset, message, "did you mean 'them'?")
             return last
         meant = last if len(last) > 1 else tuple(dict.fromkeys(name for names in fitting for name in names))
         if "both" in said and len(meant) != 2:
             raise Unclear(
-                offset, f"'both' means two, but named were {', '.join(meant)}", "did you mean 'them'?"
+                offset,
+                f"'both' means two objects, but these were named: {', '.join(meant)}",
+                "did you mean 'them'?",
             )
         return meant
 
@@ -127,7 +129,7 @@ class References:
         low, high = int(first.value or 0), int(last.value or 0)
         if low > high:
             raise Unclear(first.offset, f"from {low} to {high} there is nothing", f"say {high} to {low}")
-        self._numbered(last, type_)  # a wrong end is reported where it stands
+        self._numbered(last, type_)  # a wrong end is reported at its own place
         for number in range(low, high + 1):
             yield self._numbered(Piece(first.kind, str(number), first.offset, Fraction(number)), type_)
 
@@ -138,10 +140,14 @@ class References:
         )
         if low is None or high is None or low[1] != high[1]:
             raise Unclear(
-                first.offset, f"{first.text} to {last.text} is no range", "a range counts, as m1 to m12"
+                first.offset,
+                f"{first.text} to {last.text} is not a range",
+                "a range counts up, such as m1 to m12",
             )
         if int(low[2]) > int(high[2]):
-            raise Unclear(first.offset, f"from {first.text} to {last.text} there is nothing", "turn it round")
+            raise Unclear(
+                first.offset, f"from {first.text} to {last.text} there is nothing", "exchange the two ends"
+            )
         for number in range(int(low[2]), int(high[2]) + 1):
             yield self._named(Piece(last.kind, f"{low[1]}{number:0{len(low[2])}}", last.offset))
 

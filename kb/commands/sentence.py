@@ -1,4 +1,4 @@
-"""One sentence read in stages: clauses by the grammar, objects by reference, acts by phrase, order by "then"."""
+"""One sentence read in four stages: clauses from the grammar, objects from references, acts from phrases, and their order."""
 
 import itertools
 from collections.abc import Callable, Iterator, Sequence
@@ -27,7 +27,7 @@ def read_sentence(
     domain = problem.domain
     if not domain.phrases:
         hint = "declare phrases under `commands:`, or give goals"
-        raise InvalidInput([Diagnostic(place(0), "K602", f"the domain {domain.name} has no phrases", hint)])
+        raise InvalidInput([Diagnostic(place(0), "K405", f"the domain {domain.name} has no phrases", hint)])
     if len(text) > MAX_LENGTH:
         raise InvalidInput(
             [Diagnostic(Source(place(0).path), "K007", f"longer than {MAX_LENGTH} characters")]
@@ -43,7 +43,7 @@ def read_sentence(
 
 
 class _Sentence:
-    """The clauses of one sentence on their way to goals and chains; every unclear reference is reported."""
+    """The translation of the clauses of one sentence to goals and chains. Every unclear reference is reported."""
 
     def __init__(
         self, domain: Domain, known: Sequence[Meaning], references: References, place: Callable[[int], Source]
@@ -61,9 +61,9 @@ class _Sentence:
         except NoOrder as error:
             clause = clauses[error.clause]
             meaning = self.known[clause.phrase]
-            message = f"this has a place in an order, but its goal cannot be a stage: {meaning.phrase.goal}"
+            message = f"this act is part of an order, but its goal cannot be a stage: {meaning.phrase.goal}"
             where = self.place(clause.offset)
-            hint = "say it in a command of its own, without 'then'"
+            hint = "give it as a separate command, without 'then'"
             raise InvalidInput([Diagnostic(where, "K604", message, hint)]) from None
 
     def _acts(self, number: int, clause: Clause) -> Iterator[Act]:
@@ -119,7 +119,7 @@ class _Sentence:
         )
 
     def _about(self, literal: Literal) -> Term:
-        """What an act without slots is about: the first object in its atom."""
+        """The subject of an act without slots: the first object in its atom."""
         named = (
             a for a in literal.atom.arguments if isinstance(a, Function) and a.name in self.references.objects
         )

@@ -1,4 +1,4 @@
-"""A sentence becomes tokens: words, numbers, times, names of objects, marks. Articles mean nothing and are dropped."""
+"""The tokens of a sentence: words, numbers, times, names of objects, punctuation marks. Articles are dropped."""
 
 import re
 from collections.abc import Iterator
@@ -41,7 +41,7 @@ _TOKEN = re.compile(
 
 @dataclass(frozen=True, slots=True)
 class Piece:
-    """A token: its kind (or, for a word, the word), what was written, where, and its value if it is a number or a time."""
+    """A token: its kind (for a word, the word itself), its text, its place, and the value of a number or a time."""
 
     kind: str
     text: str
@@ -50,7 +50,7 @@ class Piece:
 
 
 def pieces(sentence: str, words: frozenset[str], names: frozenset[str]) -> Iterator[Piece]:
-    """The tokens of a sentence; a word that is neither in `words` nor in `names` is UNKNOWN."""
+    """The tokens of a sentence. A word that is neither in `words` nor in `names` is UNKNOWN."""
     for found in _TOKEN.finditer(sentence):
         text, offset = found[0], found.start()
         match found.lastgroup:
@@ -95,7 +95,7 @@ def _word(text: str, offset: int, words: frozenset[str], names: frozenset[str]) 
 
 
 def is_spoken(word: str) -> bool:
-    """Whether a sentence can hold this as one word."""
+    """Whether a sentence can contain this as one word."""
     found = list(pieces(word, frozenset({word.lower()}), frozenset()))
     return word.lower() in ARTICLES or [piece.kind for piece in found] == [word.lower()]
 

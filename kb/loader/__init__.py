@@ -1,4 +1,4 @@
-"""Files become domains and problems. Everything wrong with them is collected and raised at once as `InvalidInput`."""
+"""Domains and problems from files. All errors are collected and raised together as `InvalidInput`."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -44,12 +44,12 @@ class Loaded:
 
 
 def problem_files(domain: Path) -> list[Path]:
-    """The problems beside a domain file."""
+    """The problem files beside a domain file."""
     return sorted((domain.parent / "problems").glob("*.yaml"))
 
 
 def load(path: Path) -> Loaded:
-    """The domain or problem in a file. Raises `InvalidInput` with everything that is wrong."""
+    """The domain or problem in a file. Raises `InvalidInput` with all errors."""
     findings = Findings()
     reader = Reader.of(read_file(path), findings)
     if isinstance(reader.root.value, dict):
@@ -62,18 +62,18 @@ def load(path: Path) -> Loaded:
 
 
 def _require_no_other(path: Path, root: Mapping[str, object]) -> None:
-    """Files of other kinds are told by what they are, not by each of their keys."""
+    """Report a file of another kind with one message, not with one for each of its keys. Raises `InvalidInput`."""
     for key, (kind, hint) in _OTHERS.items():
         if key in root and "domain" not in root:
             found = f"this is {kind}, not a domain or a problem"
-            raise InvalidInput([Diagnostic(Source(str(path)), "K401", found, hint)])
+            raise InvalidInput([Diagnostic(Source(str(path)), "K404", found, hint)])
 
 
-_WITH_ITS_DOMAIN = "name the folder that it lies in: it is checked with its domain"
+_WITH_ITS_DOMAIN = "name the folder of this file: the file is checked with its domain"
 _OTHERS = {
     "cell": ("a cell", _WITH_ITS_DOMAIN),
     "faults": ("a fault base", _WITH_ITS_DOMAIN),
-    "arm": ("an arm", "name the domain whose cell has it"),
+    "arm": ("an arm", "name the domain whose cell uses it"),
     "data": (
         "an answer",
         "a plan can be explained (with the number of a step), validated, revised and scheduled",
@@ -95,7 +95,14 @@ def load_problem(target: str) -> Problem:
     loaded = load(find(target))
     if loaded.problem is None:
         raise InvalidInput(
-            [Diagnostic(Source(target), "K401", "a domain, not a problem", "give --goals, or a problem file")]
+            [
+                Diagnostic(
+                    Source(target),
+                    "K404",
+                    "this is a domain, not a problem",
+                    "give --goals, or a problem file",
+                )
+            ]
         )
     return loaded.problem
 

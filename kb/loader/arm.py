@@ -1,4 +1,4 @@
-"""Arm files: a Denavit-Hartenberg table and the shapes of the links become an arm. Bundled arms lie in `kb/arms`."""
+"""Arms from files with a Denavit-Hartenberg table and the shapes of the links. Bundled arms are in `kb/arms`."""
 
 import math
 from importlib import resources
@@ -18,7 +18,7 @@ def bundled_arms() -> dict[str, Path]:
 
 
 def load_arm(path: Path) -> Arm:
-    """The arm in a file. Raises `InvalidInput` with everything that is wrong."""
+    """The arm in a file. Raises `InvalidInput` with all errors."""
     findings = Findings()
     arm = read_arm(path, findings)
     require(findings)
@@ -26,7 +26,7 @@ def load_arm(path: Path) -> Arm:
 
 
 def read_arm(path: Path, findings: Findings) -> Arm:
-    """The arm in a file; what is wrong is noted. Raises `InvalidInput` when the file has not the shape of an arm."""
+    """The arm in a file. Errors are added to `findings`. Raises `InvalidInput` if the file does not have the form of an arm."""
     reader = Reader.of(read_file(path), findings)
     if not validate_shape(reader, "arm"):
         require(findings)
@@ -45,13 +45,13 @@ def read_arm(path: Path, findings: Findings) -> Arm:
 
 
 def quantities_of(reader: Reader, folder: Path) -> Quantities:
-    """What reads the numbers of a file with `units`."""
+    """The reader of the quantities of a file, with the units under `units:`."""
     length, angle = reader.text("units", "length") or "m", reader.text("units", "angle") or "deg"
     return Quantities(reader.findings, folder, length, angle)
 
 
 def pairs(findings: Findings, items: list[Node], known: set[str], kind: str) -> frozenset[frozenset[str]]:
-    """The pairs of a list; unknown names are noted."""
+    """The pairs in a list. Unknown names are reported."""
     found = set()
     for item in items:
         names = [each.value for each in item.value]
@@ -63,7 +63,7 @@ def pairs(findings: Findings, items: list[Node], known: set[str], kind: str) -> 
 
 
 def _joints(read: Quantities, rows: list[Node]) -> tuple[tuple[Joint, ...], Pose]:
-    """The joints of a standard table, and the fixed pose that is left after the last one."""
+    """The joints of a standard table, and the fixed pose after the last joint."""
     joints, fixed = [], Pose()
     for number, row in enumerate(rows, 1):
         limits = {key: _optional(read, row, key) for key in ("lower", "upper", "speed", "acceleration")}
@@ -92,7 +92,7 @@ def _optional(read: Quantities, row: Node, key: str) -> float | None:
 
 
 def _after(read: Quantities, row: Node) -> Pose:
-    """Rz(theta) Tz(d) Tx(a) Rx(alpha) as a pose; the joint itself turns before it about the same z."""
+    """Rz(theta) Tz(d) Tx(a) Rx(alpha) as a pose. The joint turns about the same z axis before this pose."""
     a, d = (read.number(node) if (node := child(row, key)) else 0.0 for key in ("a", "d"))
     alpha, theta = (
         read.number(node, ANGLE) if (node := child(row, key)) else 0.0 for key in ("alpha", "theta")

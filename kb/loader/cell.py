@@ -1,4 +1,4 @@
-"""`cell.yaml`: arms, frames, bodies, regions and places become a cell, with every reference between them checked."""
+"""The cell in a `cell.yaml`: arms, frames, bodies, regions and places. All references between them are checked."""
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
@@ -30,7 +30,7 @@ ARM_FRAMES = ("base", "flange", "tool")
 
 
 def load_cell(path: Path) -> Cell:
-    """The cell in a file. Raises `InvalidInput` with everything that is wrong."""
+    """The cell in a file. Raises `InvalidInput` with all errors."""
     findings = Findings()
     cell = read_cell(path, findings)
     require(findings)
@@ -38,7 +38,7 @@ def load_cell(path: Path) -> Cell:
 
 
 def read_cell(path: Path, findings: Findings) -> Cell:
-    """The cell in a file; what is wrong is noted. Raises `InvalidInput` when the file has not the shape of a cell."""
+    """The cell in a file. Errors are added to `findings`. Raises `InvalidInput` if the file does not have the form of a cell."""
     reader = Reader.of(read_file(path), findings)
     if not validate_shape(reader, "cell"):
         require(findings)
@@ -47,7 +47,7 @@ def read_cell(path: Path, findings: Findings) -> Cell:
 
 @dataclass
 class _CellReader:
-    """One cell being read; names are collected first, so that entries may refer to later ones."""
+    """Reads one cell. Names are collected first, so that entries may refer to later entries."""
 
     reader: Reader
     read: Quantities
@@ -77,7 +77,7 @@ class _CellReader:
         return Cell(name, arms, frames, bodies, regions, allowed, places, locations, path)
 
     def _section(self, section: str) -> list[tuple[str, Node]]:
-        """The named entries of a section; a name that another section has already is noted."""
+        """The named entries of a section. A name that another section uses already is reported."""
         entries = []
         for name, key, node in self.reader.entries(section):
             if not self.reader.is_name(name, key):
@@ -101,7 +101,7 @@ class _CellReader:
         values = tuple(self.read.number(item, ANGLE) for item in home.value) if home else ()
         if home and len(values) != len(arm.joints):
             hint = f"the arm has {len(arm.joints)} joints"
-            self.read.findings.add(home.where, "K102", f"{len(values)} joint values", hint)
+            self.read.findings.add(home.where, "K707", f"there are {len(values)} joint values", hint)
         return MountedArm(arm, self._placement(node), self.read.pose(child(node, "tool")), values, node.where)
 
     def _model(self, node: Node) -> Arm:
@@ -127,11 +127,11 @@ class _CellReader:
     def _frames(
         self, arms: Mapping[str, MountedArm], frames: Mapping[str, Placement], bodies: Mapping[str, Body]
     ) -> None:
-        """Collect every frame by name, then check that each stands on a known one and none on itself."""
+        """Collect every frame by name, then check that each is placed in a known frame and none in itself."""
         for name, arm in arms.items():
             for frame in ("flange", "tool", *(link.name for link in arm.arm.links)):
                 self.placements[f"{name}.{frame}"] = Placement(f"{name}.base")
-            self.placements[f"{name}.base"] = arm.base  # a link of that name may stand off it
+            self.placements[f"{name}.base"] = arm.base  # a link of this name may be elsewhere
         self.placements |= frames
         for name, body in bodies.items():
             self.placements[name] = body.placement
@@ -140,7 +140,9 @@ class _CellReader:
         for name, placement in self.placements.items():
             if self._is_known(placement, known) and self._circular(name):
                 hint = "follow `in` from frame to frame: it must end at `world`"
-                self.read.findings.add(placement.where, "K701", f"'{name}' stands on itself", hint)
+                self.read.findings.add(
+                    placement.where, "K701", f"'{name}' is placed relative to itself", hint
+                )
 
     def _known(self) -> Collection[str]:
         return [WORLD, *self.placements]
@@ -183,7 +185,7 @@ class _CellReader:
             if name in _ancestors(regions, name):
                 where = self.nodes[name].where
                 self.read.findings.add(
-                    where, "K701", f"region '{name}' is its own ancestor", "cut the circle"
+                    where, "K701", f"region '{name}' is its own ancestor", "remove one parent of the circle"
                 )
 
     def _place(
@@ -216,7 +218,7 @@ class _CellReader:
                 self.read.findings.note(unknown_name("arm", given.value, arms, given.where))
             return str(given.value)
         if len(arms) != 1:
-            self.read.findings.add(key.where, "K005", "which arm goes there?", "give `arm`")
+            self.read.findings.add(key.where, "K005", "the arm for this place is not given", "give `arm`")
             return ""
         return next(iter(arms))
 

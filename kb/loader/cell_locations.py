@@ -1,4 +1,4 @@
-"""The `locations` of a `cell.yaml`: which facts of the domain put a body where."""
+"""The `locations` of a `cell.yaml`: how facts of the domain place bodies."""
 
 from collections.abc import Collection
 from dataclasses import dataclass
@@ -21,7 +21,7 @@ class Known:
 
 
 def read_locations(reader: Reader, findings: Findings, known: Known) -> tuple[Location, ...]:
-    """The entries in their order; what is wrong is noted."""
+    """The entries in their order. Errors are added to `findings`."""
     found = []
     for _, key, node in reader.entries("locations"):
         fact = reader.parse("atom", key)
@@ -34,7 +34,7 @@ def read_locations(reader: Reader, findings: Findings, known: Known) -> tuple[Lo
 
 @dataclass(frozen=True, slots=True)
 class _Entry:
-    """One entry being read."""
+    """Reads one entry."""
 
     reader: Reader
     findings: Findings
@@ -44,7 +44,12 @@ class _Entry:
     def location(self, key: Node, node: Node) -> Location | None:
         place, frame = child(node, "place"), child(node, "in")
         if (place is None) == (frame is None):
-            self.findings.add(node.where, "K005", "where does it put the body?", "give `place` or `in`")
+            self.findings.add(
+                node.where,
+                "K005",
+                "this entry gives the body no place, or two",
+                "give either `place` or `in`",
+            )
             return None
         body = self._term(required(node, "body"), "body", self.known.bodies)
         where = self._term(place, "place", self.known.places) if place else None
@@ -55,7 +60,7 @@ class _Entry:
         return Location(self.fact, body, where, frame.value if frame else "", key.where)
 
     def _term(self, node: Node, kind: str, known: Collection[str]) -> Term | None:
-        """A term whose variables the fact has, and which is known if it has none."""
+        """A term whose variables occur in the fact. A term without variables must be known."""
         parsed = self.reader.parse("term", node)
         if parsed is None:
             return None
@@ -75,5 +80,5 @@ class _Entry:
 
     def _check_variable(self, name: str, node: Node) -> None:
         if Variable(name) not in set(variables(self.fact)):
-            hint = f"a variable stands in the fact, {self.fact}"
+            hint = f"use a variable of the fact {self.fact}"
             self.findings.add(node.where, "K105", f"the fact has no variable '{name}'", hint)

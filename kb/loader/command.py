@@ -1,4 +1,4 @@
-"""A problem file may say what is wanted in words, in place of goals and a workflow."""
+"""The `command:` of a problem file: a command in words instead of goals and a workflow."""
 
 from kb.commands import understand
 from kb.diagnostics import InvalidInput, errors
@@ -7,15 +7,17 @@ from kb.model.problem import Problem
 
 
 def commanded(problem: Problem, reader: Reader) -> Problem:
-    """The problem with the goal and chains of its `command:`, if it has one; what is wrong with it is noted."""
+    """The problem with the goal and chains of its `command:`, if it has one. Errors are added to the findings."""
     node = reader.root.value.get("command", (None, None))[1]
     if node is None or not isinstance(node.value, str) or not node.value:
         return problem
     if reader.items("goals") or reader.items("workflow"):
-        hint = "say it in words, or write goals and workflow"
-        reader.findings.add(node.where, "K005", "a problem has a command, or goals and a workflow", hint)
+        hint = "write either a command, or goals and a workflow"
+        reader.findings.add(
+            node.where, "K005", "a problem cannot have both a command and goals or a workflow", hint
+        )
     if errors(reader.findings.diagnostics):
-        return problem  # words mean nothing while the domain or the objects are in doubt
+        return problem  # while the domain or the objects have errors, the words cannot be understood
     try:
         return understand(problem, node.value, node.place)
     except InvalidInput as error:

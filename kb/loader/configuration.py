@@ -1,4 +1,4 @@
-"""Joint values on the command line: `0, -90, 1.2 rad`, or `left: 0, -90, 1.2 rad` where there are several arms."""
+"""Joint values on the command line: `0, -90, 1.2 rad`, or `left: 0, -90, 1.2 rad` if there are several arms."""
 
 from pathlib import Path
 
@@ -22,7 +22,7 @@ def read_configuration(
     joints, parts = cell.arms[arm].arm.joints, listed.split(",")
     if len(parts) != len(joints):
         hint = f"{arm} has {len(joints)} joints"
-        raise InvalidInput([Diagnostic(file.at(0), "K102", f"{len(parts)} joint values", hint)])
+        raise InvalidInput([Diagnostic(file.at(0), "K707", f"there are {len(parts)} joint values", hint)])
     read, values, start = Quantities(findings, Path()), [], len(text) - len(listed)
     for joint, part in zip(joints, parts, strict=True):
         at = start + len(part) - len(part.lstrip())
@@ -37,4 +37,6 @@ def _which(arm: str, cell: Cell, file: File) -> Diagnostic:
     if arm:
         return unknown_name("arm", arm, cell.arms, file.at(0))
     hint = f"write one of: {', '.join(f'{name}: ...' for name in cell.arms)}" if cell.arms else ""
-    return Diagnostic(file.at(0), "K005", "which arm stands so?", hint or "the cell has no arms")
+    return Diagnostic(
+        file.at(0), "K005", "the arm for these joint values is not given", hint or "the cell has no arms"
+    )

@@ -11,11 +11,11 @@ from kb.model.domain import BUILT_IN_TYPES, OBJECT, FunctionSignature, Kind, Pre
 from kb.terms import Function
 
 KINDS = {"statics": Kind.STATIC, "derived": Kind.DERIVED, "fluents": Kind.FLUENT, "events": Kind.EVENT}
-TERM = "term"  # the parent of a type whose values are compound terms alone
+TERM = "term"  # the parent of a type whose values are only compound terms
 
 
 def read_declarations(reader: Reader, names: Names) -> None:
-    """Fill the symbol table from the file's declarations."""
+    """Fill the symbol table with the declarations of the file."""
     _read_types(reader, names)
     _read_functions(reader, names)
     read_objects(reader, names)
@@ -77,7 +77,7 @@ def _refuse_cycles(graph: dict[str, list[str]], places: dict[str, Source], kind:
             message = f"the {kind} {looped[0]} is defined by itself"
             if len(looped) > 1:
                 message = f"the {kind}s {' and '.join(looped)} are defined by each other"
-            hint = "break the circle: terms and types have no end otherwise"
+            hint = "break the circle: otherwise terms and types are endless"
             names.findings.add(places[looped[0]], "K109", message, hint)
 
 
@@ -119,7 +119,7 @@ def _check_result(names: Names, name: str, result: str, node: Node) -> None:
     if not names.known_type(result):
         names.findings.note(unknown_name("type", result, names.types, node.where))
     elif result in BUILT_IN_TYPES and result != OBJECT:
-        hint = "a compound term is of a type of yours"
+        hint = "choose a type that this file declares"
         names.findings.add(node.where, "K103", f"{name}(...) cannot be of type {result}", hint)
     elif result in names.closed_lists:
         hint = f"write `{result}: object`"
@@ -152,7 +152,7 @@ def read_objects(reader: Reader, names: Names) -> dict[str, str]:
 
 
 def _check_extensible(names: Names, type_: str, key: Node) -> None:
-    """Objects are listed for types that are neither numbers nor closed nor built by functions."""
+    """Check that a type may have listed objects: it is not numeric, not closed, and not built by functions."""
     if type_ not in names.types and type_ != OBJECT:
         if type_ in BUILT_IN_TYPES:
             names.findings.add(
@@ -165,7 +165,7 @@ def _check_extensible(names: Names, type_: str, key: Node) -> None:
         names.findings.add(key.where, "K104", f"'{type_}' is a closed list", hint)
     elif names.is_term_type(type_):
         hint = f"give it another parent, or a function: `name(...): {type_}`"
-        names.findings.add(key.where, "K103", f"values of '{type_}' are built by functions alone", hint)
+        names.findings.add(key.where, "K103", f"only functions build values of '{type_}'", hint)
 
 
 def _read_predicates(reader: Reader, names: Names) -> None:
@@ -187,7 +187,7 @@ def _is_new_predicate(names: Names, signature: Function, key: Node) -> bool:
     if other is not None:
         message = f"'{signature.name}' is declared already, as {other.kind.value} in line {other.where.line}"
     elif names.known_type(signature.name):
-        message = f"'{signature.name}' is a type, and as such a predicate already"
+        message = f"'{signature.name}' is a type, and every type is also a predicate"
     else:
         return True
     names.findings.add(key.where, "K104", message, "choose another name")

@@ -24,7 +24,7 @@ FIELDS = {"implies": True, "denies": False}
 
 
 def read_deductive_operators(reader: Reader, names: Names) -> tuple[DeductiveOperator, ...]:
-    """Every deductive operator that can be read."""
+    """All deductive operators that can be read."""
     found = (
         _Rule(reader, names, index).read() for index, _ in enumerate(reader.items("deductive_operators"))
     )
@@ -32,7 +32,7 @@ def read_deductive_operators(reader: Reader, names: Names) -> tuple[DeductiveOpe
 
 
 class _Rule:
-    """One deductive operator; its clauses share the types of the trigger and of `where:`."""
+    """Reads one deductive operator. Its clauses share the variable types of the trigger and of `where:`."""
 
     def __init__(self, reader: Reader, names: Names, index: int) -> None:
         self.reader, self.names = reader, names
@@ -76,7 +76,7 @@ class _Rule:
         predicate = self.names.predicates.get(trigger.atom.name)
         if predicate and predicate.kind is Kind.EVENT and not trigger.positive:
             hint = "trigger on the event itself, or on a fluent"
-            message = f"'{trigger.atom.name}' is an event and never denied, so this never happens"
+            message = f"'{trigger.atom.name}' is an event, which is never denied, so this never happens"
             self.names.findings.add(when.node.where, "K108", message, hint)
         if not any(self.clauses.values()):
             hint = "say what it `implies` or `denies`"
@@ -111,7 +111,7 @@ class _Rule:
 
 
 def read_defaults(reader: Reader, names: Names) -> tuple[Default, ...]:
-    """The defaults in their order; `atom, guard` instantiates over the guard and the types."""
+    """The defaults in their order. `atom, guard` has one instance per binding of the guard and the types."""
     read = ((node, reader.parse("clauses", node)) for node in reader.items("defaults"))
     found = [
         default

@@ -1,4 +1,4 @@
-"""`domain.yaml` and the ASP files it includes become a `Domain`."""
+"""The `Domain` in `domain.yaml` and the ASP files that it includes."""
 
 from pathlib import Path
 
@@ -16,7 +16,7 @@ from kb.model.domain import Domain, Phrase
 
 
 def read_domain(path: Path, findings: Findings) -> tuple[Domain, Names]:
-    """The domain in a file and its symbol table. Raises `InvalidInput` when its shape is wrong; the rest is noted."""
+    """The domain in a file and its symbol table. Raises `InvalidInput` if its form is wrong; other errors are noted."""
     reader = Reader.of(read_file(path), findings)
     if not validate_shape(reader, "domain"):
         require(findings)
@@ -57,7 +57,7 @@ def _phrases(reader: Reader) -> list[Phrase]:
         value = {key: str(item.value) for key, (_, item) in node.value.items()}
         if bool(value.get("goal")) == bool(value.get("stage")):
             reader.findings.add(
-                node.where, "K005", "a phrase has a goal or a stage", "give exactly one of them"
+                node.where, "K005", "a phrase needs either a goal or a stage", "give exactly one of them"
             )
         found.append(Phrase(value["say"], value.get("goal", ""), value.get("stage", ""), node.where))
     return found

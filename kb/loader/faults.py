@@ -1,4 +1,4 @@
-"""`faults.yaml` becomes a fault model, every name in it checked against the domain beside it."""
+"""The fault model in `faults.yaml`. All its names are checked against the domain beside it."""
 
 import re
 from collections.abc import Collection, Mapping
@@ -20,11 +20,11 @@ _CHANCE = re.compile(r"([a-z][A-Za-z0-9_]*)(?:\s+([0-9](?:\.[0-9]{1,6})?))?")
 
 
 def load_faults(domain: Path) -> tuple[FaultModel, tuple[Diagnostic, ...]]:
-    """The fault base beside a domain file, and warnings. Raises `InvalidInput` with everything that is wrong."""
+    """The fault base beside a domain file, and warnings. Raises `InvalidInput` with all errors."""
     path = domain.with_name(FAULTS_FILE)
     if not path.is_file():
-        hint = "write one: `cellwright schema faults` shows its shape"
-        raise InvalidInput([Diagnostic(Source(str(path)), "K401", "this domain has no fault base", hint)])
+        hint = "write one: `cellwright schema faults` shows its form"
+        raise InvalidInput([Diagnostic(Source(str(path)), "K405", "this domain has no fault base", hint)])
     known, names = read_domain(domain, Findings())
     findings = Findings()
     reader = Reader.of(read_file(path), findings)
@@ -38,7 +38,7 @@ def load_faults(domain: Path) -> tuple[FaultModel, tuple[Diagnostic, ...]]:
 
 
 class _FaultReader:
-    """One fault base being read."""
+    """Reads one fault base."""
 
     def __init__(self, reader: Reader, domain: Domain, names: Names) -> None:
         self.reader, self.domain, self.names = reader, domain, names
@@ -85,7 +85,7 @@ class _FaultReader:
         )
 
     def _bind(self, header: Function) -> None:
-        """Variables of an exception's operator have its types in every atom of the file."""
+        """Give the variables of an exception's operator the types of its parameters, in all atoms of the file."""
         for argument, parameter in zip(header.arguments, self._of(header).parameters, strict=True):
             if isinstance(argument, Variable):
                 self.bound.setdefault(argument, parameter.type)
@@ -125,19 +125,19 @@ class _FaultReader:
         )
 
     def _chances(self, node: Node, outcomes: Collection[str], otherwise: str) -> Mapping[str, float]:
-        """`weak`, or `weak 0.9, none 0.05`; what is left goes to the outcome `otherwise`."""
+        """The probabilities in `weak` or `weak 0.9, none 0.05`. The rest belongs to the outcome `otherwise`."""
         found: dict[str, float] = {}
         for part in str(node.value).split(","):
             read = _CHANCE.fullmatch(part.strip())
             if read is None:
-                message = f"'{part.strip()[:40]}' is no outcome with a probability"
+                message = f"'{part.strip()[:40]}' is not an outcome with a probability"
                 self.names.findings.add(node.where, "K901", message, "write it as in `weak 0.9, none 0.1`")
             elif self._known("outcome", read[1], outcomes, node):
                 found[read[1]] = found.get(read[1], 0.0) + (float(read[2]) if read[2] else 1.0)
         left = 1.0 - sum(found.values())
         if left < -1e-9:
-            message = f"probabilities that sum to {1.0 - left:g}"
-            self.names.findings.add(node.where, "K901", message, "they may not exceed 1 together")
+            message = f"the sum of the probabilities is {1.0 - left:g}"
+            self.names.findings.add(node.where, "K901", message, "the sum may be at most 1")
         if left > 1e-9:
             found[otherwise] = round(found.get(otherwise, 0.0) + left, 9)
         return found
@@ -167,7 +167,7 @@ class _FaultReader:
                 found[cause] = float(chance.value)
             if float(chance.value) > 1.0:
                 self.names.findings.add(
-                    chance.where, "K901", f"{chance.value} is no probability", "at most 1"
+                    chance.where, "K901", f"{chance.value} is not a probability", "the largest is 1"
                 )
         return found
 
@@ -178,7 +178,7 @@ class _FaultReader:
         return False
 
     def _atoms(self, node: Node, key: str) -> tuple[Atom, ...]:
-        """The fluents that a key names, checked against their signatures."""
+        """The fluents under a key, checked against their signatures."""
         given = _child(node, key)
         expression = self.reader.parse("atoms", given) if given else None
         if expression is None:
@@ -202,7 +202,7 @@ class _FaultReader:
         return found
 
     def _operator(self, node: Node, key: str) -> Function | None:
-        """A step: an operator of the domain with as many arguments as it takes."""
+        """A step: an operator of the domain with the right number of arguments."""
         given = _child(node, key)
         expression = self.reader.parse("term", given) if given else None
         if expression is None or not isinstance(expression.value, Function):

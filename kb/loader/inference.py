@@ -1,6 +1,6 @@
-"""The types of variables, inferred from the signatures of the atoms they stand in.
+"""The types of variables, inferred from the signatures of the atoms that contain them.
 
-Only positive occurrences narrow a variable: `not part_of(Place, drawer)` holds for a place that is no depot at all.
+Only positive atoms narrow the type of a variable: `not part_of(Place, drawer)` also holds for places that are no depots.
 """
 
 import dataclasses
@@ -27,35 +27,35 @@ from kb.terms import ANYTHING, Atom, Function, Number, Operation, Term, Text, Va
 
 
 class Typing:
-    """The types of the variables of one operator, rule or goal, narrowed atom by atom."""
+    """The types of the variables of one operator, rule or goal. Each atom can narrow them."""
 
     def __init__(self, names: Names, types: dict[Variable, str] | None = None) -> None:
         self.names = names
         self.types: dict[Variable, str] = dict(types or {})
-        self.weak: dict[Variable, str] = {}  # from negative occurrences
-        self.sound = True  # else a type may be missing for a reason that is noted already
+        self.weak: dict[Variable, str] = {}  # from negative atoms
+        self.sound = True  # if False, a reported error explains missing types
 
     def nested(self) -> "Typing":
-        """A scope inside this one: what it narrows is not seen outside."""
+        """A scope inside this one. Types that are narrowed in it are not changed outside."""
         inner = Typing(self.names, self.types)
         inner.weak, inner.sound = dict(self.weak), self.sound
         return inner
 
     def type_of(self, variable: Variable) -> str | None:
-        """The type found for a variable, or None when no atom gives one."""
+        """The type found for a variable, or None if no atom gives one."""
         return self.types.get(variable, self.weak.get(variable))
 
     def atom(
         self, atom: Atom, expression: Expression, kinds: Collection[Kind] = tuple(Kind), positive: bool = True
     ) -> None:
-        """Check an atom's name, arity, kind and arguments, and narrow its variables."""
+        """Check the name, arity, kind and arguments of an atom, and narrow the types of its variables."""
         predicate = self.names.predicate(atom, expression, kinds)
         if predicate is None:
             self.sound = False
             return
         if predicate.kind is not Kind.STATIC and any(map(has_arithmetic, atom.arguments)):
             hint = "bind the result in `where:`, as in M = N + 1"
-            message = f"arithmetic stands in constraints, not in {atom.name}(...)"
+            message = f"arithmetic is allowed in constraints, but not in {atom.name}(...)"
             self.names.findings.add(expression.place(atom), "K107", message, hint)
         if atom.name in self.names.types and atom.name not in self.names.predicates:
             expected: tuple[str, ...] = (atom.name,) if positive else (OBJECT,)
@@ -67,7 +67,7 @@ class Typing:
     def term(
         self, term: Term, expected: str, expression: Expression, atom: Atom, positive: bool = True
     ) -> None:
-        """Check that a term can be of the expected type."""
+        """Check that a term can have the expected type."""
         match term:
             case Variable():
                 self._narrow(term, expected, expression, atom, positive)
@@ -84,8 +84,8 @@ class Typing:
 
     def _constant(self, term: Function, name: str, expected: str, expression: Expression, atom: Atom) -> None:
         if name[0] in "-0123456789":
-            hint = "numbers are whole: choose a smaller unit"
-            self.names.findings.add(expression.node.where, "K103", f"{name} is no whole number", hint)
+            hint = "only whole numbers are allowed: choose a smaller unit"
+            self.names.findings.add(expression.node.where, "K103", f"{name} is not a whole number", hint)
             return
         actual = self.names.objects.get(name)
         if actual is None:
@@ -137,7 +137,7 @@ class Typing:
     def condition(
         self, condition: Condition, expression: Expression, kinds: Collection[Kind], positive: bool = True
     ) -> None:
-        """Check every atom of a condition and narrow variables by the positive ones."""
+        """Check every atom of a condition, and narrow the types of variables by the positive atoms."""
         match condition:
             case Literal(atom, sign):
                 self.atom(atom, expression, kinds, positive and sign)
@@ -161,7 +161,7 @@ class Typing:
         expression: Expression,
         kinds: Collection[Kind],
     ) -> "Typing":
-        """Narrow by a universal condition; its own variables are seen in the scope that comes back alone."""
+        """Narrow types by a universal condition. Its own variables are known only in the returned scope."""
         inner = self.nested()
         for each in guard_and_claim(part):
             inner.condition(each, expression, kinds)
@@ -170,7 +170,7 @@ class Typing:
         return inner
 
     def _compared(self, term: Term, expression: Expression) -> None:
-        """Names in a comparison; a misspelt one would never be equal to anything."""
+        """Check the names in a comparison, because a misspelt name would never be equal to anything."""
         match term:
             case Operation(_, left, right):
                 self._compared(left, expression)
@@ -186,7 +186,7 @@ class Typing:
     def parameters(
         self, wanted: Iterable[Variable], expression: Expression, code: str = "K105"
     ) -> tuple[Parameter, ...]:
-        """Typed parameters; a variable without a type is unsafe."""
+        """The variables as typed parameters. A variable without a type is reported."""
         found = []
         for variable in wanted:
             type_ = self.type_of(variable)
@@ -199,7 +199,7 @@ class Typing:
         return tuple(found)
 
     def quantified(self, condition: Condition, expression: Expression) -> Condition:
-        """The condition with typed quantifiers, each `_` of a positive or negative literal being some value."""
+        """The condition with typed quantifiers. Each `_` in a positive or negative literal means some value."""
         match condition:
             case Literal(atom, positive) if ANYTHING in variables(atom):
                 return self._some(atom, positive)
@@ -237,7 +237,7 @@ class Typing:
 
 
 def has_arithmetic(term: Term) -> bool:
-    """Whether something in a term is to be computed."""
+    """Whether a term contains arithmetic."""
     match term:
         case Operation():
             return True
@@ -248,7 +248,7 @@ def has_arithmetic(term: Term) -> bool:
 
 
 def scoped(expression: Expression, outer: Collection[Variable]) -> Expression:
-    """The conditions, each universal one quantifying the variables alone that stand neither outside nor beside it."""
+    """The conditions. A universal condition quantifies only those variables that occur neither outside nor beside it."""
     parts = tuple(_scoped(part, expression.value, outer) for part in expression.value)
     return dataclasses.replace(expression, value=parts)
 
@@ -262,7 +262,7 @@ def _scoped(part: Condition, beside: tuple[Condition, ...], outer: Collection[Va
 
 
 def guard_and_claim(part: Condition) -> tuple[Condition, ...]:
-    """What a universal condition ranges over and what it claims of that; the guard binds, so it comes as positive."""
+    """The guard and the claim of a universal condition. The guard binds variables, so it is returned as positive."""
     match part:
         case Or((Not(guard), claim)):
             return guard, claim
@@ -271,7 +271,7 @@ def guard_and_claim(part: Condition) -> tuple[Condition, ...]:
 
 
 def check_aggregate(aggregate: Aggregate, expression: Expression, names: Names) -> None:
-    """An aggregate stays text for clingo, which would take an unknown name for an empty predicate."""
+    """Check the names in an aggregate. It stays text for clingo, which would take an unknown name for an empty predicate."""
     where = expression.node.where
     for name, arity in aggregate.uses:
         predicate = names.predicates.get(name)
@@ -279,5 +279,7 @@ def check_aggregate(aggregate: Aggregate, expression: Expression, names: Names) 
             hint = nearest(name, names.predicates)
             names.findings.add(where, "K101", f"unknown predicate '{name}'", hint)
         elif predicate and predicate.kind is not Kind.STATIC:
-            hint = "aggregates count statics alone"
-            names.findings.add(where, "K108", f"'{name}' changes, and stands in an aggregate", hint)
+            hint = "aggregates can only count statics"
+            names.findings.add(
+                where, "K108", f"'{name}' can change, so it cannot be used in an aggregate", hint
+            )

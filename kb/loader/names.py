@@ -1,4 +1,4 @@
-"""What every name means: types, functions, objects and predicates of a domain, or of a problem on top of it."""
+"""The meaning of every name: types, functions, objects and predicates of a domain, or of a problem and its domain."""
 
 import dataclasses
 from collections.abc import Collection, Mapping
@@ -12,7 +12,7 @@ from kb.terms import Atom, Function
 
 @dataclass
 class Names:
-    """The symbol table of a domain or of a problem on top of it."""
+    """The symbol table of a domain, or of a problem and its domain."""
 
     findings: Findings
     types: dict[str, Type] = field(default_factory=dict)
@@ -21,19 +21,21 @@ class Names:
     predicates: dict[str, Predicate] = field(default_factory=dict)
     term_types: set[str] = field(default_factory=set)  # declared with the parent `term`
     closed_lists: set[str] = field(default_factory=set)
-    broken: set[str] = field(default_factory=set)  # declared in a way that cannot be read, which is noted
-    derived: list[str] = field(default_factory=list)  # as declared; those over statics alone become static
+    broken: set[str] = field(default_factory=set)  # declared with an error that is already reported
+    derived: list[str] = field(
+        default_factory=list
+    )  # as declared; those that only read statics become static
 
     def extended(self, objects: Mapping[str, str]) -> "Names":
-        """A table of its own for a problem of this domain, with these objects."""
+        """A separate table for a problem of this domain, with these objects."""
         return dataclasses.replace(self, objects=dict(objects))
 
     def known_type(self, name: str) -> bool:
-        """Whether a type has this name."""
+        """Whether there is a type of this name."""
         return name in self.types or name in BUILT_IN_TYPES
 
     def is_subtype(self, name: str, ancestor: str) -> bool:
-        """Whether `name` is `ancestor` or below it."""
+        """Whether `name` is `ancestor` or one of its subtypes."""
         if ancestor == OBJECT:
             return name not in BUILT_IN_TYPES or name == OBJECT
         seen = 0
@@ -44,7 +46,7 @@ class Names:
         return True
 
     def add_object(self, name: str, type_: str, where: Source) -> None:
-        """Declare an object; no other object and no function has its name."""
+        """Declare an object. It is reported if another object or a function has its name."""
         if name in self.objects:
             message = f"the object '{name}' is declared already, as {self.objects[name]}"
             self.findings.add(where, "K104", message, "leave one out, or choose another name")
@@ -55,7 +57,7 @@ class Names:
             self.objects[name] = type_
 
     def examples(self, type_: str) -> str:
-        """What to try where a value of a type is wanted."""
+        """The hint for a place where a value of a type is expected."""
         if type_ in UNLISTED:
             return f"write a {type_}" if type_ == "text" else "write a number"
         known = [name for name, own in self.objects.items() if self.is_subtype(own, type_)]
@@ -63,13 +65,13 @@ class Names:
         return f"of type {type_}: {shown}" if known else f"nothing of type {type_} is declared here"
 
     def is_term_type(self, name: str) -> bool:
-        """Whether compound terms alone are of this type."""
+        """Whether only compound terms have this type."""
         return any(self.is_subtype(name, each) for each in self.term_types)
 
     def predicate(
         self, atom: Atom, expression: Expression, kinds: Collection[Kind] = tuple(Kind)
     ) -> Predicate | None:
-        """The predicate of an atom, checked for arity and kind; types serve as unary static predicates."""
+        """The predicate of an atom, after a check of arity and kind. A type is a static predicate with one argument."""
         predicate = self.predicates.get(atom.name)
         if predicate is None and self.known_type(atom.name) and atom.name not in UNLISTED:
             predicate = Predicate(atom.name, (OBJECT,), Kind.STATIC)
@@ -85,7 +87,7 @@ class Names:
                 expression.place(atom), "K102", miscounted(atom, len(predicate.arguments)), hint
             )
         elif predicate.kind not in kinds:
-            message = f"'{atom.name}' is {_article(predicate.kind)}; only {_listed(kinds)} can stand here"
+            message = f"'{atom.name}' is {_article(predicate.kind)}; only {_listed(kinds)} is allowed here"
             self.findings.add(expression.place(atom), "K108", message, _KIND_HINTS[predicate.kind])
         else:
             return predicate
@@ -96,12 +98,12 @@ UNLISTED = (*NUMERIC_TYPES, "text")  # types whose values cannot be enumerated
 
 
 def miscounted(term: Function, expected: int) -> str:
-    """What is said of a term with the wrong number of arguments."""
+    """The message about a term with the wrong number of arguments."""
     return count_of(term.name, expected, len(term.arguments))
 
 
 def count_of(name: str, expected: int, actual: int) -> str:
-    """What is said of a name with the wrong number of arguments."""
+    """The message about a name with the wrong number of arguments."""
     return f"{name} takes {expected} argument{'' if expected == 1 else 's'}, not {actual}"
 
 
@@ -121,8 +123,8 @@ _KIND_NAMES = {
     Kind.EVENT: "event",
 }
 _KIND_HINTS = {
-    Kind.STATIC: "statics never change; declare it under `fluents:` if it does",
-    Kind.FLUENT: "fluents change: read them in `preconditions`, give them in `initial`",
-    Kind.DERIVED: "rules in .lp files say when it holds: change what they read",
-    Kind.EVENT: "events are history: operators add them, workflows name them; keep a fluent for what is read",
+    Kind.STATIC: "statics never change; declare it under `fluents:` if it can change",
+    Kind.FLUENT: "fluents can change: read them in `preconditions`, and list them in `initial`",
+    Kind.DERIVED: "rules in .lp files decide when it holds: change the fluents that they read",
+    Kind.EVENT: "events are a history: operators add them and workflows name them; use a fluent for a state that is read",
 }

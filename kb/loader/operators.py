@@ -17,7 +17,7 @@ CHANGEABLE = (Kind.FLUENT, Kind.EVENT)
 
 
 def read_operators(reader: Reader, names: Names) -> tuple[Operator, ...]:
-    """Every operator that can be read; what is wrong with the others is noted."""
+    """All operators that can be read. Errors in the others are added to the findings."""
     found: dict[str, Operator] = {}
     for key, key_node, _ in reader.entries("operators"):
         header = reader.parse("header", key_node)
@@ -32,7 +32,7 @@ def read_operators(reader: Reader, names: Names) -> tuple[Operator, ...]:
 
 
 def _warn_of_lone_resources(names: Names, operators: Iterable[Operator]) -> None:
-    """A resource that is no object and that one operator alone holds may be a misspelt one."""
+    """Warn of a resource that is not an object and that only one operator holds: it may be misspelt."""
     holders: dict[str, list[Operator]] = {}
     for operator in operators:
         for name in {r.name for r in operator.resources if isinstance(r, Function) and not r.arguments}:
@@ -40,12 +40,12 @@ def _warn_of_lone_resources(names: Names, operators: Iterable[Operator]) -> None
     for name, held_by in holders.items():
         hint = nearest(name, [*names.objects, *(other for other in holders if other != name)])
         if name not in names.objects and len(held_by) == 1 and hint:
-            message = f"only {held_by[0].name} holds '{name}', which is no object"
+            message = f"only {held_by[0].name} holds '{name}', which is not an object"
             names.findings.add(held_by[0].where, "K101", message, hint, warning=True)
 
 
 class _OperatorReader:
-    """One operator: types are inferred over all its atoms before anything is built."""
+    """Reads one operator. Types are inferred from all its atoms before it is built."""
 
     def __init__(self, reader: Reader, names: Names, key: str, header: Expression) -> None:
         self.reader, self.names, self.header = reader, names, header
@@ -80,7 +80,7 @@ class _OperatorReader:
         return operator
 
     def _resources(self) -> tuple[Term, ...]:
-        """Each once; a warning for every other time."""
+        """Each resource once, with a warning for every repetition."""
         resources: tuple[Term, ...] = self._value("resources", ())
         if (expression := self.fields["resources"]) and len(set(resources)) < len(resources):
             twice = next(each for each in resources if resources.count(each) > 1)
@@ -91,7 +91,7 @@ class _OperatorReader:
         return tuple(dict.fromkeys(resources))
 
     def _warn(self, operator: Operator) -> None:
-        """Variables that stand only once, and operators that change nothing."""
+        """Warn of variables that occur only once, and of operators that change nothing."""
         if not self.typing.sound:
             return
         standing = [
@@ -133,17 +133,15 @@ class _OperatorReader:
         header = self.header.value.arguments
         for variable in header:
             if header.count(variable) > 1 or variable == ANYTHING:
-                message = (
-                    f"the variable {variable} cannot stand {'twice' if variable != ANYTHING else ''}".rstrip()
-                )
-                hint = "each variable of a header has a name of its own"
+                message = f"the variable {variable} cannot be used {'twice' if variable != ANYTHING else ''}".rstrip()
+                hint = "each variable of a header needs a different name"
                 self.names.findings.add(self.header.place(variable), "K104", f"{message} in a header", hint)
 
     def _number(self, name: str, type_: str, expression: Expression) -> None:
         """A duration or cost: a number, or a variable of a numeric type."""
         value = expression.value
         if isinstance(value, Number) and value.value < 0:
-            hint = f"a {name} is 0 or more"
+            hint = f"a {name} must be 0 or more"
             self.names.findings.add(expression.node.where, "K113", f"the {name} {value} is negative", hint)
         for variable in variables(value):
             if (known := self.typing.type_of(variable)) is None:
@@ -156,7 +154,7 @@ class _OperatorReader:
             self.typing.term(value, type_, expression, Function(name))
 
     def _refuse_strangers(self) -> None:
-        """Variables that stand outside `where:` but not in the header."""
+        """Report variables that occur outside `where:` but not in the header."""
         known = {*self.header.value.arguments, ANYTHING}
         for name in _OUTSIDE_WHERE:
             if expression := self.fields[name]:
@@ -172,7 +170,7 @@ class _OperatorReader:
                 refuse_anything(expression, name, self.names)
 
     def _refuse_unbound(self, parameters: tuple[Parameter, ...]) -> None:
-        """Numbers, times and texts must come from somewhere, and so must the variables of `where:` alone."""
+        """Report numbers, times and texts without a value, and unbound variables that only occur in `where:`."""
         body, precondition = self._value("where", ()), self._value("preconditions", ())
         events = [
             atom
@@ -277,16 +275,16 @@ def _variables_of(value: Any) -> Iterable[Variable]:
 
 
 def refuse_anything(expression: Expression, name: str, names: Names) -> None:
-    """`_` has no value, so nothing can be made of it."""
+    """Report `_` where it cannot be used, because it has no value."""
     if ANYTHING in _variables_of(expression.value):
         hint = "name a variable that something binds"
-        names.findings.add(expression.place(ANYTHING), "K105", f"'_' cannot stand in `{name}`", hint)
+        names.findings.add(expression.place(ANYTHING), "K105", f"'_' cannot be used in `{name}`", hint)
 
 
 def narrowed(
     reader: Reader, names: Names, typing: Typing, path: tuple[str | int, ...], known: Iterable[Variable]
 ) -> None:
-    """Apply the `types:` of an entry whose variables are known."""
+    """Apply the `types:` of an entry. Its variables are `known`."""
     variables_ = [str(each) for each in known]
     for variable, key, node in reader.entries(*path, "types"):
         if variable not in variables_:

@@ -1,4 +1,4 @@
-"""Plan files: the answer of `cellwright plan --format json` becomes a problem and a plan again."""
+"""The problem and the plan in a plan file, which is an answer of `cellwright plan --format json`."""
 
 import json
 import re
@@ -17,7 +17,7 @@ from kb.terms import Function
 
 
 def load_plan(path: Path) -> tuple[Problem, Plan]:
-    """The problem and the plan in a plan file. Raises `InvalidInput` with everything that is wrong with its form."""
+    """The problem and the plan in a plan file. Raises `InvalidInput` with all errors in its form."""
     findings = Findings()
     reader = Reader.of(read_file(path), findings)
     _require_plan(reader)
@@ -34,7 +34,7 @@ def load_plan(path: Path) -> tuple[Problem, Plan]:
 
 
 def _require_plan(reader: Reader) -> None:
-    """An answer without a plan, or another file altogether, is told apart from a plan with mistakes."""
+    """Report an answer without a plan, or another kind of file, with one message. Raises `InvalidInput`."""
     node = reader.root.descend(("data", "plan"))
     if isinstance(node.value, dict) and "steps" in node.value:
         return
@@ -78,11 +78,11 @@ def _number(reader: Reader, node: Node, key: str, default: int) -> int:
 
 
 def _whole(reader: Reader, node: Node) -> int:
-    """A whole number in digits; `1.0` and `1_0` are others' ways to write one."""
+    """A whole number in digits. Python also accepts `1.0` and `1_0`; they are refused here."""
     if re.fullmatch(r"-?[0-9]{1,10}", str(node.value)):
         return int(node.value)
     reader.findings.add(
-        node.where, "K402", f"'{str(node.value)[:40]}' is no whole number", "write it in digits"
+        node.where, "K402", f"'{str(node.value)[:40]}' is not a whole number", "write it in digits"
     )
     return 0
 
@@ -91,11 +91,11 @@ _TERM_HINT = "write it as in ASP, such as move(arm, table)"
 
 
 def _term(reader: Reader, node: Node) -> Function:
-    """A ground term, read by clingo: plans hold thousands of them."""
+    """A ground term. Clingo reads it, because that is fast and plans hold thousands of terms."""
     try:
         found = ground_term(node.value)
     except AspError as error:
-        reader.findings.add(node.where, "K402", f"'{node.value}' is no ground term: {error}", _TERM_HINT)
+        reader.findings.add(node.where, "K402", f"'{node.value}' is not a ground term: {error}", _TERM_HINT)
         return Function("unreadable")
     if not isinstance(found, Function):
         reader.findings.add(

@@ -1,4 +1,4 @@
-"""A problem file becomes a `Problem` on top of its domain."""
+"""The `Problem` in a problem file, with its domain."""
 
 import dataclasses
 import re
@@ -21,7 +21,7 @@ from kb.terms import Atom, Function, is_ground, variables
 
 
 def read_problem(reader: Reader, domain: Domain, domain_names: Names, findings: Findings) -> Problem:
-    """The problem in a file whose shape is right; what is wrong inside is noted."""
+    """The problem in a file of the right form. Errors in its content are added to `findings`."""
     reader.time_unit = domain.time_unit
     names = dataclasses.replace(domain_names, findings=findings).extended(domain.objects)
     objects = read_objects(reader, names)
@@ -39,7 +39,7 @@ def read_problem(reader: Reader, domain: Domain, domain_names: Names, findings: 
     )
     if not any(reader.text(key) or reader.items(key) for key in ("goals", "workflow", "command")):
         hint = "add `goals:`, `workflow:` or `command:`"
-        findings.add(reader.root.where, "K114", "this problem wants nothing", hint, warning=True)
+        findings.add(reader.root.where, "K114", "this problem has no goal", hint, warning=True)
     return commanded(problem, reader)
 
 
@@ -53,11 +53,11 @@ def _facts(reader: Reader, names: Names, section: str, kinds: tuple[Kind, ...]) 
             Typing(names).atom(atom, expression, kinds)
             if not is_ground(atom):
                 variable = next(variables(atom))
-                message = f"a fact has no variables: {variable}"
+                message = f"a fact cannot contain the variable {variable}"
                 hint = "write one fact for each object; names begin with a small letter"
                 names.findings.add(expression.place(variable), "K105", message, hint)
             elif has_arithmetic(atom):
-                message = f"{atom} is not computed here"
+                message = f"the arithmetic in {atom} is not computed here"
                 names.findings.add(expression.place(atom), "K107", message, "write the result")
             elif atom in seen:
                 message, hint = f"{atom} is listed twice", "leave one out"
@@ -74,7 +74,7 @@ _NOT_SIMPLE = re.compile(
 
 
 def _fact(node: Node) -> Expression | None:
-    """The common case, one ground atom, read by clingo: problems hold thousands of them."""
+    """A simple ground atom. Clingo reads it, because that is fast and problems hold thousands of facts."""
     text = node.value
     if not isinstance(text, str) or not _SIMPLE.fullmatch(text) or _NOT_SIMPLE.search(text):
         return None
@@ -102,12 +102,14 @@ def _goal(reader: Reader, names: Names) -> Condition:
 
 
 def goal_condition(expression: Expression, names: Names) -> Condition:
-    """A parsed goal, checked and typed; its variables and `_` mean "some"."""
+    """A parsed goal, checked and typed. Its variables and `_` mean "some"."""
     typing = Typing(names)
     expression = scoped(expression, ())
     condition = And(expression.value)
     typing.condition(condition, expression, READABLE)
     for variable in free_variables(condition):
-        hint = "write '_' for some, or `p(X) : q(X)` for all"
-        names.findings.add(expression.place(variable), "K105", f"a goal has no variables: {variable}", hint)
+        hint = "write '_' for some value, or `p(X) : q(X)` for all values"
+        names.findings.add(
+            expression.place(variable), "K105", f"a goal cannot contain the variable {variable}", hint
+        )
     return typing.quantified(condition, expression)

@@ -1,4 +1,4 @@
-"""Lengths, angles, poses and shapes in files: numbers with units become metres and radians, with their places kept."""
+"""Lengths, angles, poses and shapes in files. Numbers with units become metres and radians; their places are kept."""
 
 import math
 from collections.abc import Callable, Iterator
@@ -27,13 +27,13 @@ from kb.schema.cell import QUANTITY
 
 LENGTHS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": 0.0254}
 ANGLES = {"rad": 1.0, "deg": math.pi / 180}
-LARGEST = 1e6  # metres or radians: no cell is larger, and sums stay exact enough
+LARGEST = 1e6  # metres or radians: no cell is larger, and sums are exact enough
 LENGTH, ANGLE, FACTOR = "length", "angle", "factor"
 
 
 @dataclass(frozen=True)
 class Quantities:
-    """Reads numbers of one file. `length` and `angle` are what a bare number counts."""
+    """Reads the numbers of one file. `length` and `angle` are the units of numbers without a unit."""
 
     findings: Findings
     folder: Path
@@ -41,7 +41,7 @@ class Quantities:
     angle: str = "deg"
 
     def number(self, node: Node, kind: str = LENGTH) -> float:
-        """The quantity of a scalar node in metres or radians (a factor as it stands); 0 when it is none, which is noted."""
+        """The quantity of a scalar node in metres or radians (a factor unchanged). Anything else is reported and becomes 0."""
         found = QUANTITY.fullmatch(str(node.value))
         if found is None:
             self.findings.add(node.where, "K005", "not a number", "write 0.5, 20 mm or 90 deg")
@@ -51,7 +51,7 @@ class Quantities:
         unit = found[2] or bare
         if unit not in units:
             hint = f"one of: {', '.join(units)}" if kind != FACTOR else "leave the unit out"
-            self.findings.add(node.where, "K103", f"'{unit}' is no unit of {_A[kind]}", hint)
+            self.findings.add(node.where, "K103", f"'{unit}' is not a unit of {_A[kind]}", hint)
             return 0.0
         value = float(found[1]) * units[unit]
         if abs(value) > LARGEST:
@@ -60,21 +60,21 @@ class Quantities:
         return value
 
     def positive(self, node: Node) -> float:
-        """A length that must not be zero or less."""
+        """A length, which must be greater than zero."""
         value = self.number(node)
         if value <= 0 and QUANTITY.fullmatch(str(node.value)):
             self.findings.add(node.where, "K702", "a shape needs a positive extent", "give its size")
         return value
 
     def vector(self, node: Node | None, kind: str = LENGTH) -> Vector:
-        """Three quantities; zeros when there is no node."""
+        """Three quantities; zeros if there is no node."""
         if node is None:
             return (0.0, 0.0, 0.0)
         x, y, z = (self.number(item, kind) for item in node.value)
         return (x, y, z)
 
     def pose(self, node: Node | None) -> Pose:
-        """The pose that the keys `at` and `rpy` of a mapping give."""
+        """The pose given by the keys `at` and `rpy` of a mapping."""
         return Pose(self.vector(child(node, "at")), self.vector(child(node, "rpy"), ANGLE))
 
     def shapes(self, node: Node | None) -> tuple[PlacedShape, ...]:
@@ -87,7 +87,7 @@ class Quantities:
         return tuple(found)
 
     def shape(self, node: Node) -> Shape | None:
-        """The one shape among the keys of a mapping; None when there is none or more than one, which is noted."""
+        """The only shape among the keys of a mapping. If there is none or more than one, this is reported and the result is None."""
         given = [key for key in node.value if key in _SHAPES and child(node, key) is not None]
         if len(given) != 1:
             said = "two shapes in one entry" if given else "an entry without a shape"
@@ -108,13 +108,13 @@ def child(node: Node | None, key: str) -> Node | None:
 
 
 def required(node: Node, key: str) -> Node:
-    """The value under a key that the shape of the file guarantees."""
+    """The value under a key that the checked form of the file guarantees."""
     value: Node = node.value[key][1]
     return value
 
 
 def members(node: Node | None) -> Iterator[tuple[str, Node, Node]]:
-    """The (key, key node, value node) of a mapping; none of nothing."""
+    """The (key, key node, value node) of a mapping; empty if there is no node."""
     if node is not None and isinstance(node.value, dict):
         for key, (key_node, value) in node.value.items():
             yield key, key_node, value
@@ -151,7 +151,7 @@ def _polyhedron(read: Quantities, node: Node) -> Shape:
 
 
 def _known(read: Quantities, node: Node, vertices: dict[str, Vector]) -> tuple[str, ...]:
-    """The vertex names of a list; unknown ones are noted and left out."""
+    """The vertex names in a list. Unknown names are reported and left out."""
     from kb.diagnostics import unknown_name
 
     names = []
@@ -168,7 +168,7 @@ def _mesh(read: Quantities, node: Node) -> Shape:
     path = read.folder / file.value
     if not path.is_file():
         read.findings.add(
-            file.where, "K203", f"there is no file '{file.value}'", "name a file beside this one"
+            file.where, "K706", f"there is no file '{file.value}'", "name a file beside this one"
         )
     if scale is None:
         return Mesh(str(path), where=file.where)
@@ -183,7 +183,7 @@ def _height_field(read: Quantities, node: Node) -> Shape:
     rows = required(node, "heights")
     heights = tuple(tuple(read.number(item) for item in row.value) for row in rows.value)
     if len(heights) < 2 or len({len(row) for row in heights}) != 1 or len(heights[0]) < 2:
-        hint = "at least two rows of at least two heights, all of the same length"
+        hint = "write at least two rows of at least two heights, all of the same length"
         read.findings.add(rows.where, "K702", "not a grid of heights", hint)
     floor = child(node, "floor")
     return HeightField((dx, dy), heights, read.number(floor) if floor else 0.0)
@@ -192,7 +192,7 @@ def _height_field(read: Quantities, node: Node) -> Shape:
 def _point_set(read: Quantities, node: Node) -> Shape:
     points = required(node, "points")
     if not points.value:
-        read.findings.add(points.where, "K702", "a point set without points", "leave it out")
+        read.findings.add(points.where, "K702", "the point set is empty", "remove it")
     return PointSet(
         tuple(read.vector(item) for item in points.value), read.positive(required(node, "radius"))
     )

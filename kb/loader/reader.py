@@ -1,4 +1,4 @@
-"""Reads one YAML file into its schema and the expressions inside it, collecting every finding with its place."""
+"""Reads one YAML file: its form by the schema, and the expressions in it. Every finding is collected with its place."""
 
 import re
 from collections.abc import Callable, Iterable, Iterator
@@ -14,7 +14,7 @@ from kb.schema import Deviation, deviations
 from kb.syntax import ExpressionError, Parsed, parse
 from kb.terms import Function, Variable
 
-MAX_OBJECTS = 100_000  # names in one file, ranges written out
+MAX_OBJECTS = 100_000  # names in one file, with all names of ranges
 MAX_FINDINGS = 1000
 
 
@@ -25,17 +25,17 @@ class Findings:
     diagnostics: list[Diagnostic] = field(default_factory=list)
 
     def add(self, where: Source, code: str, message: str, hint: str = "", warning: bool = False) -> None:
-        """Note one finding."""
+        """Add one finding."""
         self.note(Diagnostic(where, code, message, hint, warning))
 
     def note(self, diagnostic: Diagnostic) -> None:
-        """Note one finding. Raises `InvalidInput` when there are more than anyone would read."""
+        """Add one finding. Raises `InvalidInput` when there are too many to read."""
         self.diagnostics.append(diagnostic)
         if len(self.diagnostics) > MAX_FINDINGS:
             raise InvalidInput(self.diagnostics)
 
     def warnings(self) -> tuple[Diagnostic, ...]:
-        """What was found where nothing is an error, each once."""
+        """The findings, each once, if they are only warnings."""
         return tuple(dict.fromkeys(self.diagnostics))
 
 
@@ -48,7 +48,7 @@ class Expression:
     node: Node
 
     def place(self, term: Function | Variable | None = None) -> Source:
-        """Where `term` stands first; the beginning of the string if it does not."""
+        """The first place of `term`; the beginning of the string if it does not occur."""
         offset = self.parsed.places.get(term) if term is not None else None
         return self.node.where if offset is None else self.node.place(offset)
 
@@ -62,13 +62,13 @@ class Reader:
 
     @classmethod
     def of(cls, file: File, findings: Findings) -> "Reader":
-        """A reader of a YAML file. Raises `InvalidInput` when there is no tree in it."""
+        """A reader of a YAML file. Raises `InvalidInput` if the file contains no tree."""
         root, found = read_tree(file)
         findings.diagnostics.extend(found)
         return cls(root, findings)
 
     def expression(self, start: str, *path: str | int) -> Expression | None:
-        """The expression at `path`, or None when there is none or it does not parse (which is noted)."""
+        """The expression at `path`. None if there is none, or if it cannot be parsed, which is reported."""
         node = self.root
         for part in path:
             if isinstance(node.value, str) or (isinstance(node.value, dict) and part not in node.value):
@@ -77,7 +77,7 @@ class Reader:
         return self.parse(start, node)
 
     def parse(self, start: str, node: Node) -> Expression | None:
-        """The expression that a scalar holds."""
+        """The expression in a scalar."""
         if not isinstance(node.value, str) or not node.value.strip():
             return None
         try:
@@ -109,7 +109,7 @@ class Reader:
         return place
 
     def text(self, *path: str | int) -> str:
-        """The scalar at `path`; nothing when there is none."""
+        """The scalar at `path`; empty if there is none."""
         node = self.root.descend(path)
         return node.value if isinstance(node.value, str) and self._reached(path) else ""
 
@@ -123,7 +123,7 @@ class Reader:
         return True
 
     def names(self, node: Node) -> list[tuple[str, Node]]:
-        """The names of a list node, ranges such as `depot_1..4` written out, each with its node."""
+        """The names in a list node, each with its node. Ranges such as `depot_1..4` give all their names."""
         found: list[tuple[str, Node]] = []
         for item in node.value if isinstance(node.value, list) else []:
             if isinstance(item.value, str):
@@ -131,7 +131,7 @@ class Reader:
         return found
 
     def once(self, named: Iterable[tuple[str, Node]]) -> Iterator[tuple[str, Node]]:
-        """Each name once; a warning for every other time."""
+        """Each name once, with a warning for every repetition."""
         seen: set[str] = set()
         for name, node in named:
             if name in seen:
@@ -142,7 +142,7 @@ class Reader:
                 yield name, node
 
     def is_name(self, name: str, node: Node) -> bool:
-        """Whether a user may call something by this name; if not, that is noted."""
+        """Whether users may use this name. If not, this is reported."""
         if name == "not" or name.startswith("_"):
             hint = (
                 "names that begin with '_' belong to the engine" if name != "not" else "choose another name"
@@ -152,7 +152,7 @@ class Reader:
         if re.fullmatch(r"[a-z][A-Za-z0-9_]*", name):
             return True
         hint = "a name is a small letter, then letters, digits and _"
-        self.findings.add(node.where, "K112", f"'{name[:60]}' is no name", hint)
+        self.findings.add(node.where, "K112", f"'{name[:60]}' is not a name", hint)
         return False
 
     def _expand(self, text: str, node: Node) -> list[str]:
@@ -171,7 +171,7 @@ class Reader:
             return []
         self.named += last - first + 1
         if self.named > MAX_OBJECTS:
-            hint = "no planner copes with so many: describe the cell with fewer"
+            hint = "describe the cell with fewer names: no planner can handle so many"
             self.findings.add(node.where, "K007", f"more than {MAX_OBJECTS} names in one file", hint)
             return []
         width = len(range_[2]) if range_[2].startswith("0") else 0
@@ -191,7 +191,7 @@ def _read_aggregate(text: str, offset: int) -> Statement:
 
 
 def validate_shape(reader: Reader, kind: str) -> bool:
-    """Whether the file has the shape of its kind; every deviation is noted at its place."""
+    """Whether the file has the form of its kind. Every deviation is reported at its place."""
     found = deviations(kind, reader.root.plain())
     for each in found:
         reader.findings.add(_place(reader.root, each), "K005", each.message, each.hint)

@@ -8,12 +8,15 @@ from kb.files import is_file
 from kb.loader.reader import Reader
 from kb.targets import DOMAIN_FILE, bundled
 
-SUFFIXES = (".yaml", ".yml")  # messages show lines: a problem may not have those of any file shown
-HEAD_BYTES = 65_536  # where a file that calls itself a domain says so
+SUFFIXES = (
+    ".yaml",
+    ".yml",
+)  # messages show lines of the domain, so only files of this kind may be named: no other file is ever shown
+HEAD_BYTES = 65_536  # the part of a file that is searched for its `domain:` line
 
 
 def domain_file(reader: Reader) -> Path:
-    """A problem's domain: the one around it if the name fits, else a path, else a bundled one. Raises `InvalidInput`."""
+    """The domain of a problem: the one near it if the name fits, else a path, else a bundled one. Raises `InvalidInput`."""
     node = reader.root.descend(("domain",))
     name, here = str(node.value), Path(reader.root.file.path).parent
     for candidate in (here.parent / DOMAIN_FILE, here / DOMAIN_FILE):
@@ -31,7 +34,7 @@ def domain_file(reader: Reader) -> Path:
 
 
 def _is_called(path: Path, name: str) -> bool:
-    """Whether a file says, as a domain of this name would, `domain: name`."""
+    """Whether a file contains the line `domain: name`, as a domain of this name does."""
     if not is_file(path):
         return False
     try:

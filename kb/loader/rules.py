@@ -1,4 +1,4 @@
-"""The ASP files of a domain: statements over statics, for clingo as they stand, and rules that read fluents, compiled."""
+"""The ASP files of a domain: static rules stay text for clingo; rules that read fluents are parsed."""
 
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
@@ -20,7 +20,7 @@ Read = list[Parsed]
 
 
 def read_rules(reader: Reader, names: Names, folder: Path) -> tuple[list[Statement], list[Rule]]:
-    """What the files under `include:` say; derived predicates over statics alone become static ones."""
+    """The statements in the files under `include:`. Derived predicates that only read statics become static."""
     read: Read = []
     included = ((node.value, node) for node in reader.items("include") if isinstance(node.value, str))
     for name, node in reader.once(included):
@@ -35,11 +35,11 @@ def read_rules(reader: Reader, names: Names, folder: Path) -> tuple[list[Stateme
 
 
 def _included(reader: Reader, name: str, node: Node, folder: Path) -> Path | None:
-    """The file that an include names, if it lies in the domain's folder, links followed."""
+    """The file that an include names, if its real path is inside the folder of the domain."""
     try:
         target = (folder / name).resolve()
         inside = target.is_relative_to(folder.resolve()) and not Path(name).is_absolute()
-    except (OSError, RuntimeError, ValueError):  # names too long, links in a circle, bytes that no name has
+    except (OSError, RuntimeError, ValueError):  # names that are too long, links in a circle, invalid bytes
         target, inside = folder, True
     if not inside:
         message = f"'{name[:60]}' leads outside the domain's folder"
@@ -63,7 +63,7 @@ def _statements(file: File, names: Names) -> Read:
                 found.append(each)
     except AspError as error:
         for line, column, message in error.messages:
-            hint = "each statement ends in '.', variables begin with a capital letter"
+            hint = "each statement ends with '.', and variables begin with a capital letter"
             names.findings.add(file.line(line, column), "K201", message, hint)
     return found
 
@@ -123,7 +123,7 @@ def _unknown(use: Signature, known: Iterable[Signature], where: Source, names: N
 
 
 def _check_reserved(statement: Statement, names: Names) -> None:
-    """Predicates, functions and constants whose names belong to the engine."""
+    """Report predicates, functions and constants whose names are reserved for the engine."""
     for name in dict.fromkeys(name for name in statement.names if name.startswith("_")):
         hint = "names that begin with '_' belong to the engine"
         names.findings.add(statement.where, "K112", f"'{name}' is reserved", hint)
@@ -142,7 +142,7 @@ def _check_head(signature: Signature, where: Source, names: Names) -> None:
         hint = f"it is {name}({', '.join(predicate.arguments)})"
         names.findings.add(where, "K102", count_of(name, len(predicate.arguments), arity), hint)
     elif predicate and predicate.kind in (Kind.FLUENT, Kind.EVENT):
-        hint = "let operators or deductive operators change it, or declare it under `derived:`"
+        hint = "operators and deductive operators can change it; or declare it under `derived:`"
         message = f"'{name}' is declared under `{predicate.kind.value}s:`: rules cannot define it"
         names.findings.add(where, "K108", message, hint)
     elif arity == 1 and (name in BUILT_IN_TYPES or (name in names.types and not _counted(name, names))):
@@ -151,13 +151,13 @@ def _check_head(signature: Signature, where: Source, names: Names) -> None:
 
 
 def _counted(type_: str, names: Names) -> bool:
-    """Whether terms of this type are built from numbers, which have no extension: rules say which there are."""
+    """Whether terms of this type contain numbers, which cannot be enumerated: then rules define which terms there are."""
     built = (function for function in names.functions.values() if function.result == type_)
     return any(argument in NUMERIC_TYPES for function in built for argument in function.arguments)
 
 
 def _check_arguments(statement: Statement, names: Names, constants: set[str]) -> None:
-    """Constants in declared predicates: an unknown one may be declared by a problem, one of a wrong type may not."""
+    """Check constants in predicates. An unknown one gets a warning, as a problem may declare it; a wrong type is an error."""
     for (name, arity), number, constant in statement.constants:
         predicate = names.predicates.get(name)
         if predicate is None or len(predicate.arguments) != arity or constant in constants:
@@ -201,18 +201,18 @@ def _rule(parsed: Parsed, name: str, where: Source, names: Names) -> Iterator[Ru
         try:
             yield Rule(*compiled(parsed.tree), where)
         except NotCompilable as error:
-            hint = "over fluents: atoms, comparisons and `not` alone"
+            hint = "a rule over fluents can contain only atoms, comparisons and `not`"
             message = f"this rule reads fluents and cannot be compiled, because of '{error}'"
             names.findings.add(where, "K202", message, hint)
 
 
 def _warn_of_undefined(read: Read, names: Names) -> None:
-    """Derived predicates without a rule are false for ever."""
+    """Warn of derived predicates without a rule, because they are always false."""
     defined = {statement.defines for statement in _values(read)}
     for name in names.derived:
         predicate = names.predicates.get(name)
         if predicate and (name, len(predicate.arguments)) not in defined:
-            message, hint = f"no rule defines '{name}'", "add one to an .lp file under `include:`"
+            message, hint = f"no rule defines '{name}'", "add a rule to an .lp file under `include:`"
             names.findings.add(predicate.where, "K310", message, hint, warning=True)
 
 

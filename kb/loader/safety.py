@@ -1,7 +1,7 @@
-"""Variables that nothing binds (an error: numbers, times and texts have no extension) or that stand only once (a warning).
+"""Variables without a value (an error: numbers, times and texts cannot be enumerated) or used only once (a warning).
 
-Language reference, Meaning 2. What binds a variable: a type that has an extension, an atom that is read positively,
-an event that a workflow names, or an equation whose other side is bound.
+See Meaning 2 in the language reference. These bind a variable: a type whose values can be enumerated, a positive atom, an
+event that a workflow names, or an equation whose other side is bound.
 """
 
 from collections import Counter
@@ -24,7 +24,7 @@ from kb.terms import ANYTHING, Function, Operation, Term, Variable, variables
 
 
 def binding(term: Term) -> Iterator[Variable]:
-    """The variables that a positive atom binds: those outside arithmetic."""
+    """The variables that a positive atom binds: those that are not inside arithmetic."""
     match term:
         case Variable():
             yield term
@@ -36,12 +36,12 @@ def binding(term: Term) -> Iterator[Variable]:
 
 
 def extended(parameters: Iterable[Parameter]) -> set[Variable]:
-    """The parameters that range over the values of their type."""
+    """The parameters whose type has values that can be enumerated."""
     return {parameter.variable for parameter in parameters if parameter.type not in UNLISTED}
 
 
 def closed(bound: Collection[Variable], parts: Iterable[Condition]) -> set[Variable]:
-    """`bound` and what the positive atoms, equations and counted sets among `parts` bind."""
+    """`bound`, and the variables that positive atoms, equations and counted sets among `parts` bind."""
     parts, found = tuple(parts), set(bound)
     for part in parts:
         match part:
@@ -64,7 +64,7 @@ def _solved(equation: Comparison, bound: set[Variable]) -> Iterator[Variable]:
 def refuse_unbound(
     wanted: Iterable[Variable], bound: Collection[Variable], expression: Expression, names: Names, hint: str
 ) -> None:
-    """Note every wanted variable that is not bound."""
+    """Report every wanted variable that is not bound."""
     for variable in dict.fromkeys(wanted):
         if variable != ANYTHING and variable not in bound:
             message = f"nothing binds the variable {variable}"
@@ -73,7 +73,7 @@ def refuse_unbound(
 
 
 def occurrences(values: Iterable[object]) -> Counter[Variable]:
-    """How often each variable stands in terms, atoms and conditions, however nested in tuples; `_` is not counted."""
+    """The number of occurrences of each variable in terms, atoms, conditions and nested tuples of them; `_` is not counted."""
     found: Counter[Variable] = Counter()
     for value in values:
         found.update(variable for variable in _standing(value) if variable != ANYTHING)
@@ -114,12 +114,12 @@ def warn_singletons(
     names: Names,
     advice: str = "write '_' or '_{}' if anything will do",
 ) -> None:
-    """Warn of the suspects that stand only once; a name that begins with `_` says that this is meant."""
+    """Warn of the suspects that occur only once. A name that begins with `_` shows that this is intended."""
     for variable in dict.fromkeys(suspects):
         if counted[variable] == 1 and not variable.name.startswith("_"):
             others = [each.name for each in counted if each != variable]
             hint = nearest(variable.name, others) or advice.format(variable)
-            message = f"the variable {variable} stands only once"
+            message = f"the variable {variable} occurs only once"
             names.findings.add(expression.place(variable), "K110", message, hint, warning=True)
 
 

@@ -1,7 +1,7 @@
-"""Strict YAML: a file becomes a tree of raw strings, sequences and mappings that know where they stand.
+"""Strict YAML: the tree of a file, made of raw strings, sequences and mappings that know their places.
 
-Scalars are never interpreted (`on`, `12:30` and `0755` stay what was written). Anchors, aliases, tags and several
-documents are refused, depth and size are bounded, duplicate keys and comments that swallow ASP are reported.
+Scalars are never interpreted: `on`, `12:30` and `0755` stay as they are written. Anchors, aliases, tags and several
+documents are refused. Depth and size are limited. Duplicate keys, and comments that swallow ASP, are reported.
 """
 
 import functools
@@ -20,7 +20,7 @@ __all__ = ["File", "Node", "read_file", "read_tree"]
 
 MAX_DEPTH = 50
 MAX_NODES = 1_000_000
-MAX_FOUND = 100  # a file with more faults than this in its YAML alone is not read further
+MAX_FOUND = 100  # a file with more YAML errors than this is not read further
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,9 +38,9 @@ class Node:
         return self.file.at(self.start)
 
     def place(self, offset: int) -> Source:
-        """The place of character `offset` of a scalar's value: the same non-blank character, counted in the file.
+        """The place of character `offset` of a scalar's value, found by counting non-blank characters in the file.
 
-        Exact for plain, quoted, folded and literal scalars; escapes inside double quotes shift it.
+        The place is exact for plain, quoted, folded and literal scalars; escapes inside double quotes shift it.
         """
         visible = _visible(self.file.text[self.start : self.end])
         wanted = len("".join(self.value[:offset].split()))
@@ -49,7 +49,7 @@ class Node:
         return self.file.at(self.start + visible[wanted])
 
     def plain(self) -> Any:
-        """Strings, lists and dicts alone; an empty scalar is None."""
+        """The content as strings, lists and dicts; an empty scalar is None."""
         match self.value:
             case str():
                 return self.value or None
@@ -73,7 +73,7 @@ class Node:
 
 @functools.lru_cache(maxsize=4)
 def _visible(raw: str) -> list[int]:
-    """Where the non-blank characters of a scalar's source stand, after its quote or block indicator."""
+    """The places of the non-blank characters in a scalar's source, after its quote or block indicator."""
     found = re.match(r"[|>][-+0-9]*[^\n]*\n|['\"]|", raw)
     skip = found.end() if found else 0
     places = [each.start() for each in re.finditer(r"\S", raw)]
@@ -81,7 +81,7 @@ def _visible(raw: str) -> list[int]:
 
 
 def read_tree(file: File) -> tuple[Node, list[Diagnostic]]:
-    """The tree of a file and what is wrong with it. Raises `InvalidInput` when there is no tree at all."""
+    """The tree of a file and its errors. Raises `InvalidInput` if there is no tree."""
     found: list[Diagnostic] = []
     try:
         root = _Composer(file, found).compose()
@@ -91,7 +91,7 @@ def read_tree(file: File) -> tuple[Node, list[Diagnostic]]:
 
 
 class _Composer:
-    """Builds the tree from parser events with a stack of its own, so depth is bounded by us and not by Python."""
+    """Builds the tree from parser events. An explicit stack limits the depth, instead of Python's recursion limit."""
 
     def __init__(self, file: File, found: list[Diagnostic]) -> None:
         self.file, self.found = file, found
@@ -163,7 +163,7 @@ class _Composer:
             self._note(
                 Diagnostic(where, "K006", f"YAML takes '{comment[1]}' for the start of a comment", hint)
             )
-            return self._node("", event, event)  # the rest of it would only be misread
+            return self._node("", event, event)  # the rest of the value would only be misread
         return self._node(event.value, event, event)
 
     def _node(self, value: Any, opened: yaml.Event, closed: yaml.Event) -> Node:
@@ -181,7 +181,7 @@ class _Composer:
                 self._note(Diagnostic(key.where, "K005", "a key must be a plain string", hint))
             elif key.value in pairs:
                 first = pairs[key.value][0].where
-                message = f"the key '{key.value[:60]}' stands already in line {first.line}"
+                message = f"the key '{key.value[:60]}' is already used in line {first.line}"
                 self._note(
                     Diagnostic(key.where, "K003", message, "remove one, or put both values under one key")
                 )
@@ -209,7 +209,7 @@ def _yaml_error(file: File, error: yaml.YAMLError) -> Diagnostic:
     return Diagnostic(where, "K002", f"not YAML: {problem}", hint)
 
 
-_INDENT = "indent it like its neighbours, and look for a quote or bracket that an earlier line leaves open"
+_INDENT = "indent it like its neighbours, and look for an open quote or bracket in an earlier line"
 _YAML_HINTS = {
     "mapping values": "a value with ': ' or starting with '!', '%', '{' or '[' needs quotes",
     "cannot start any token": "indent with spaces, not tabs; a value starting with '%', '@' or '`' needs quotes",
@@ -221,5 +221,5 @@ _YAML_HINTS = {
     "unexpected end of stream": "close the quote",
     "unexpected document indicator": "close the quote",
     "undefined tag handle": "quote the value if it starts with '!'",
-    "unknown escape": "use single quotes, which know no escapes",
+    "unknown escape": "use single quotes, which have no escapes",
 }

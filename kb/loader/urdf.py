@@ -1,7 +1,7 @@
-"""URDF and SRDF: the chain of an arm, what hangs on it rigidly, and which links may touch.
+"""Arms from URDF and SRDF: the chain of joints, everything fixed rigidly to it, and the links that may touch.
 
-Movable joints off the chain (fingers) are frozen at zero, which is noted as a warning. Lengths are metres and angles
-radians, as the format has it. `package://` paths are looked up in the folders given, then beside the file.
+Movable joints outside the chain (fingers) are kept at zero, with a warning. As the format requires, lengths are metres and
+angles radians. `package://` paths are looked up in the given folders, then beside the file.
 """
 
 import math
@@ -21,7 +21,7 @@ MOVING = {"revolute": JointKind.REVOLUTE, "continuous": JointKind.REVOLUTE, "pri
 
 @dataclass(frozen=True, slots=True)
 class Description:
-    """A robot as its file describes it: links with shapes, joints by the link they carry."""
+    """A robot as its file describes it: links with shapes, and joints by their child link."""
 
     name: str
     links: dict[str, tuple[PlacedShape, ...]]
@@ -30,7 +30,7 @@ class Description:
 
 
 def read_urdf(urdf: Node, entry: Node, folder: Path, findings: Findings) -> Arm:
-    """The arm that an entry of `cell.yaml` describes with `urdf`, `srdf`, `chain` and `packages`; faults are noted."""
+    """The arm of a `cell.yaml` entry with `urdf`, `srdf`, `chain` and `packages`. Errors are added to `findings`."""
     listed = child(entry, "packages")
     packages = [folder / item.value for item in (listed.value if listed else [])]
     chain = child(entry, "chain")
@@ -63,7 +63,7 @@ def arm_of(
 
 @dataclass(frozen=True, slots=True)
 class _Robot:
-    """Reads one description, noting what does not hold together."""
+    """Reads one description and reports its errors."""
 
     read: ElementReader
 
@@ -97,11 +97,11 @@ class _Robot:
                     joint, f"joint '{joint.get('name')}' names no link '{name}'", "declare the link"
                 )
         if below in joints:
-            self.read.note(joint, f"link '{below}' hangs on two joints", "a robot is a tree")
+            self.read.note(joint, f"link '{below}' has two parent joints", "a robot is a tree")
         joints[below] = joint
 
     def longest(self, found: Description) -> tuple[str, str]:
-        """The chain with most moving joints; of equals, the first in the file."""
+        """The chain with the most moving joints; if several are equal, the first in the file."""
         chains = {name: self._ancestry(found, name) for name in found.links}
         moving = {name: sum(_moves(found.joints[each]) for each in chain) for name, chain in chains.items()}
         most = max(moving.values())
@@ -110,19 +110,19 @@ class _Robot:
         return (_end(found.joints[chain[0]], "parent") if chain else last), last
 
     def _ancestry(self, found: Description, link: str) -> list[str]:
-        """The links from below the root down to `link`. Raises `InvalidInput` for a circle."""
+        """The links on the way from the root down to `link`, without the root. Raises `InvalidInput` for a circle."""
         chain: list[str] = []
         while link in found.joints:
             if link in chain:
                 raise self.read.broken(
-                    found.joints[link], f"link '{link}' hangs on itself", "a robot is a tree"
+                    found.joints[link], f"link '{link}' is its own ancestor", "a robot is a tree"
                 )
             chain.append(link)
             link = _end(found.joints[link], "parent")
         return chain[::-1]
 
     def path(self, found: Description, first: str, last: str) -> list[str]:
-        """The links after `first` down to `last`. Raises `InvalidInput` when there is no such chain."""
+        """The links after `first` down to `last`. Raises `InvalidInput` if there is no such chain."""
         for name in (first, last):
             if name not in found.links:
                 near = ", ".join(list(found.links)[:12])
@@ -139,7 +139,7 @@ class _Robot:
         )
 
     def arm(self, found: Description, path: list[str], first: str) -> Arm:
-        """The moving joints of a chain; the rigid poses between them go into origins, links and flange."""
+        """The arm with the moving joints of a chain. Rigid poses between them become part of origins, links and flange."""
         joints: list[Joint] = []
         rigid: list[Pose] = []
         frames: dict[str, tuple[int, tuple[Pose, ...]]] = {first: (0, ())}
@@ -159,7 +159,7 @@ class _Robot:
         return Arm(found.name, tuple(joints), links, tuple(rigid))
 
     def _hang(self, found: Description, frames: dict[str, tuple[int, tuple[Pose, ...]]]) -> None:
-        """Give every link below the chain its place; links above or beside the first one are left out."""
+        """Place every link below the chain. Links above or beside the first link are left out."""
         waiting = True
         while waiting:
             waiting = False
@@ -172,7 +172,9 @@ class _Robot:
                 waiting = True
                 if joint.get("type") != "fixed":
                     message = f"joint '{joint.get('name')}' is not on the chain"
-                    self.read.findings.add(joint.where, "K703", message, "it is kept at zero", warning=True)
+                    self.read.findings.add(
+                        joint.where, "K703", message, "its value is kept at zero", warning=True
+                    )
 
     def _moving(self, joint: Element, origin: Offsets) -> Joint:
         limit, axis = joint.first("limit"), joint.first("axis")
@@ -206,7 +208,7 @@ def _moves(joint: Element) -> bool:
 
 
 def _adjacent(found: Description) -> frozenset[frozenset[str]]:
-    """Links on both sides of a joint always touch there."""
+    """The pairs of links at each joint: they always touch there."""
     return frozenset(frozenset((_end(joint, "parent"), link)) for link, joint in found.joints.items())
 
 
@@ -219,7 +221,7 @@ def _allowed(srdf: Path | None, arm: Arm, findings: Findings) -> frozenset[froze
     for pair in root.all("disable_collisions"):
         names = {pair.get("link1"), pair.get("link2")}
         for name in sorted(names - links):
-            message = f"the SRDF speaks of a link '{name}' that the arm has not"
+            message = f"the SRDF names a link '{name}', which the arm does not have"
             findings.add(pair.where, "K703", message, "is it for this robot?", warning=True)
         found.add(frozenset(names))
     return frozenset(found)

@@ -1,4 +1,4 @@
-"""The parts of URDF elements that hold numbers and shapes: origins, vectors, collision geometry."""
+"""The parts of URDF elements with numbers and shapes: origins, vectors, collision geometry."""
 
 import math
 from dataclasses import dataclass
@@ -14,17 +14,17 @@ MESHES = (".stl", ".obj")
 
 @dataclass(frozen=True, slots=True)
 class ElementReader:
-    """Reads elements, noting what does not hold together; meshes are looked up in `folders`."""
+    """Reads elements and reports their errors. Meshes are looked up in `folders`."""
 
     findings: Findings
     folders: list[Path]
 
     def note(self, element: Element, message: str, hint: str) -> None:
-        """Note a fault of an element."""
+        """Report an error in an element."""
         self.findings.add(element.where, "K703", message, hint)
 
     def broken(self, element: Element, message: str, hint: str) -> InvalidInput:
-        """The exception for a fault after which reading cannot go on."""
+        """The exception for an error after which reading cannot continue."""
         self.note(element, message, hint)
         return InvalidInput(self.findings.diagnostics)
 
@@ -55,13 +55,15 @@ class ElementReader:
             case "mesh":
                 return self._mesh(element)
             case _:
-                self.note(element, f"<{element.tag}> is no shape", "box, sphere, cylinder or mesh")
+                self.note(element, f"<{element.tag}> is not a shape", "box, sphere, cylinder or mesh")
                 return None
 
     def _extent(self, element: Element, *sizes: float) -> bool:
         if min(sizes) > 0:
             return True
-        self.findings.add(element.where, "K702", f"a <{element.tag}> without extent", "give its size")
+        self.findings.add(
+            element.where, "K702", f"a <{element.tag}> without a positive size", "give its size"
+        )
         return False
 
     def _mesh(self, element: Element) -> Mesh | None:
@@ -71,10 +73,10 @@ class ElementReader:
         path = next((each for each in candidates if each.is_file()), None)
         if path is None:
             hint = "name the folder with its packages under `packages`"
-            self.findings.add(element.where, "K203", f"there is no mesh '{name[:80]}'", hint)
+            self.findings.add(element.where, "K706", f"there is no mesh '{name[:80]}'", hint)
             return None
         if path.suffix.lower() not in MESHES:
-            self.note(element, f"'{path.suffix}' is no mesh format read here", "convert it to STL or OBJ")
+            self.note(element, f"'{path.suffix}' is not a supported mesh format", "convert it to STL or OBJ")
             return None
         return Mesh(str(path), self.vector(element, "scale", "1 1 1"), element.where)
 
@@ -91,7 +93,7 @@ class ElementReader:
         return (x, y, z)
 
     def numbers(self, element: Element, key: str, count: int, default: str = "") -> list[float]:
-        """`count` finite numbers of an attribute; zeros when it has not so many, which is noted."""
+        """`count` finite numbers in an attribute. Another number of values is reported, and the result is zeros."""
         text = element.get(key, default)
         try:
             values = [float(part) for part in text.split()]

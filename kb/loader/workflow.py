@@ -1,4 +1,4 @@
-"""The workflow of a problem file: each entry becomes one chain of stages per binding of its variables."""
+"""The workflow of a problem file: for each entry, one chain of stages per binding of its variables."""
 
 import itertools
 import re
@@ -20,7 +20,7 @@ MAX_CHAINS = 10_000
 
 
 def read_chains(reader: Reader, names: Names) -> Iterator[Chain]:
-    """The chains of every entry, in order; `after` names entries that stand before."""
+    """The chains of all entries, in order. `after` names earlier entries."""
     groups: dict[str, list[str]] = {}
     for index, node in enumerate(reader.items("workflow")):
         title = reader.text("workflow", index, "name") or str(index + 1)
@@ -40,7 +40,7 @@ def _after(reader: Reader, names: Names, index: int, groups: dict[str, list[str]
     for title, node in reader.once(listed):
         if title not in groups:
             found = unknown_name("earlier workflow", title, groups, node.where)
-            names.findings.note(replace(found, hint=found.hint or "name an entry that stands above this one"))
+            names.findings.note(replace(found, hint=found.hint or "name an entry above this one"))
         yield from groups.get(title, ())
 
 
@@ -51,7 +51,7 @@ def _entry_chains(reader: Reader, names: Names, index: int, title: str) -> Itera
     choices = _choices(reader, names, index)
     _check(stages, names, set(choices))
     if (count := prod(map(len, choices.values()))) > MAX_CHAINS:
-        message = f"this entry makes {count} chains; the most is {MAX_CHAINS}"
+        message = f"this entry makes {count} chains; at most {MAX_CHAINS} are allowed"
         names.findings.add(stages.node.where, "K007", message, "list fewer objects under `for:`")
         return
     for combination in itertools.product(*choices.values()):
@@ -70,10 +70,10 @@ def _choices(reader: Reader, names: Names, index: int) -> dict[Variable, list[st
     for variable, key, node in reader.entries("workflow", index, "for"):
         if not re.fullmatch(r"_*[A-Z][A-Za-z0-9_']*", variable):
             hint = "a variable begins with a capital letter, such as P"
-            names.findings.add(key.where, "K112", f"'{variable[:60]}' is no variable", hint)
+            names.findings.add(key.where, "K112", f"'{variable[:60]}' is not a variable", hint)
         listed = list(reader.once(reader.names(node)))
         if not node.value:
-            message, hint = f"no object is listed for {variable}", "list some, or leave the entry out"
+            message, hint = f"no object is listed for {variable}", "list some objects, or leave the entry out"
             names.findings.add(key.where, "K114", message, hint)
         choices[Variable(variable)] = [name for name, item in listed if _is_object(name, item, names)]
     return choices
@@ -97,8 +97,10 @@ def _check(stages: Expression, names: Names, bound: set[Variable]) -> None:
                 names.findings.add(stages.place(variable), "K105", message, hint)
         predicate = names.predicates.get(atom.name)
         if predicate and predicate.kind is Kind.EVENT and ANYTHING in variables(atom):
-            hint = "say which, and how long"
-            names.findings.add(stages.place(atom), "K105", "an event as a stage leaves nothing open", hint)
+            hint = "write every argument of the event"
+            names.findings.add(
+                stages.place(atom), "K105", "an event that is a stage cannot contain '_'", hint
+            )
     for variable in sorted(bound - standing, key=str):
         message, hint = f"no stage names the variable {variable}", "every chain would be the same"
         names.findings.add(stages.node.where, "K110", message, hint, warning=True)

@@ -1,4 +1,4 @@
-"""Strict XML: elements that know where they stand. Document types and entities are refused, depth and number bounded."""
+"""Strict XML: elements that know their places. Document types and entities are refused; depth and number are limited."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
@@ -34,7 +34,7 @@ class Element:
 
 
 def read_xml(file: File) -> Element:
-    """The root element of a file. Raises `InvalidInput` when it is not well-formed, or asks for more than elements."""
+    """The root element of a file. Raises `InvalidInput` if it is not well-formed, or has a document type or entities."""
     parser = expat.ParserCreate()
     stack: list[Element] = [Element("", {}, Source(file.path))]
     count = 0

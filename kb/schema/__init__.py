@@ -1,4 +1,4 @@
-"""The shape of the files, as pydantic models; exported as JSON Schema for editors. ASP inside strings is not read here."""
+"""The form of the files as pydantic models, also exported as JSON Schema for editors. ASP in strings is not read here."""
 
 from typing import Any
 

@@ -1,4 +1,4 @@
-"""The shape of `cell.yaml` and of arm files: where things stand, what they look like, how arms move."""
+"""The form of `cell.yaml` and of arm files: the places and shapes of things, and the joints of arms."""
 
 import re
 from typing import Annotated, Any, Literal
@@ -25,7 +25,7 @@ Pair = Annotated[list[str], Field(min_length=2, max_length=2)]
 
 
 class UnitsEntry(Strict):
-    """What numbers without a unit count."""
+    """The units of numbers that are written without a unit."""
 
     length: Literal["m", "cm", "mm", "in"] = Field("m", description="unit of lengths")
     angle: Literal["rad", "deg"] = Field("deg", description="unit of angles")
@@ -34,7 +34,7 @@ class UnitsEntry(Strict):
 class PoseEntry(Strict):
     """A pose in a frame known from the context."""
 
-    at: Triple | None = Field(None, description="x, y, z; the origin when left out")
+    at: Triple | None = Field(None, description="x, y, z; the origin if left out")
     rpy: Triple | None = Field(
         None, description="roll, pitch, yaw about the fixed x, y, z axes, in this order"
     )
@@ -50,7 +50,9 @@ class TubeEntry(Strict):
     """A round body along z."""
 
     radius: Quantity = Field(description="its radius")
-    length: Quantity = Field(description="along z; of a tube between the centres of its round ends")
+    length: Quantity = Field(
+        description="its length along z; for a tube, the distance between the centres of its round ends"
+    )
 
 
 class PolyhedronEntry(Strict):
@@ -62,7 +64,7 @@ class PolyhedronEntry(Strict):
     )
     edges: dict[str, Pair] = Field(default_factory=dict, description="name: its two vertices")
     pieces: list[list[str]] = Field(
-        default_factory=list, description="convex pieces that fill it; itself when left out"
+        default_factory=list, description="convex pieces that fill it; the polyhedron itself if left out"
     )
 
 
@@ -79,15 +81,17 @@ class HeightFieldEntry(Strict):
     spacing: Annotated[list[Quantity], Field(min_length=2, max_length=2)] = Field(
         description="grid width along x and y"
     )
-    heights: list[list[Quantity]] = Field(description="rows along y of heights along x")
-    floor: Quantity = Field("0", description="how deep it is filled")
+    heights: list[list[Quantity]] = Field(
+        description="a list of rows along y, each a list of heights along x"
+    )
+    floor: Quantity = Field("0", description="the depth of the solid below the surface")
 
 
 class PointsEntry(Strict):
     """Measured points."""
 
     points: list[Triple] = Field(description="positions")
-    radius: Quantity = Field(description="of the ball around each")
+    radius: Quantity = Field(description="the radius of the ball around each point")
 
 
 class ShapeEntry(PoseEntry):
@@ -96,7 +100,9 @@ class ShapeEntry(PoseEntry):
     sphere: Quantity | None = Field(None, description="its radius")
     tube: TubeEntry | None = Field(None, description="a cylinder with round ends, along z")
     box: Triple | None = Field(None, description="its size along x, y and z, about its middle")
-    cylinder: TubeEntry | None = Field(None, description="with flat ends, along z, about its middle")
+    cylinder: TubeEntry | None = Field(
+        None, description="a cylinder with flat ends, along z, about its middle"
+    )
     polyhedron: PolyhedronEntry | None = Field(None, description="vertices, faces and edges with names")
     mesh: MeshEntry | None = Field(None, description="a file of triangles")
     height_field: HeightFieldEntry | None = Field(None, description="heights over a grid")
@@ -104,14 +110,14 @@ class ShapeEntry(PoseEntry):
 
 
 class DhEntry(Strict):
-    """One joint in standard Denavit-Hartenberg form: turn theta about z, go d along z and a along x, turn alpha about x."""
+    """One joint in standard Denavit-Hartenberg form: turn theta about z, move d along z and a along x, turn alpha about x."""
 
     a: Quantity = Field("0", description="length along x")
     alpha: Quantity = Field("0", description="angle about x")
     d: Quantity = Field("0", description="length along z")
     theta: Quantity = Field("0", description="angle about z at joint value 0")
-    lower: Quantity | None = Field(None, description="least value; none when left out")
-    upper: Quantity | None = Field(None, description="greatest value; none when left out")
+    lower: Quantity | None = Field(None, description="the least value; no limit if left out")
+    upper: Quantity | None = Field(None, description="the greatest value; no limit if left out")
     speed: Quantity | None = Field(None, description="greatest speed, per second")
     acceleration: Quantity | None = Field(None, description="greatest acceleration, per second squared")
 
@@ -119,8 +125,10 @@ class DhEntry(Strict):
 class LinkEntry(PoseEntry):
     """A rigid link."""
 
-    carrier: str = Field(pattern=r"^[0-9]{1,2}$", description="how many joints move it; 0 for the base")
-    shapes: list[ShapeEntry] = Field(default_factory=list, description="what can collide")
+    carrier: str = Field(
+        pattern=r"^[0-9]{1,2}$", description="the number of joints that move it; 0 for the base"
+    )
+    shapes: list[ShapeEntry] = Field(default_factory=list, description="the shapes that can collide")
 
 
 class ArmFile(Strict):
@@ -128,14 +136,17 @@ class ArmFile(Strict):
 
     arm: str = Field(pattern=r"^[a-z][a-z0-9_]*$", description="the arm's name")
     units: UnitsEntry = Field(
-        default_factory=lambda: UnitsEntry(length="m", angle="deg"), description="what bare numbers count"
+        default_factory=lambda: UnitsEntry(length="m", angle="deg"),
+        description="the units of numbers without a unit",
     )
     dh: list[DhEntry] = Field(min_length=1, description="one entry for each joint, from the base")
     links: dict[str, LinkEntry] = Field(default_factory=dict, description="name: link")
     allowed_contacts: list[Pair] = Field(
-        default_factory=list, description="pairs of links that may touch or never can"
+        default_factory=list, description="pairs of links that may touch or can never touch"
     )
-    assumptions: list[str] = Field(default_factory=list, description="what is assumed, not published")
+    assumptions: list[str] = Field(
+        default_factory=list, description="values that are assumed because they are not published"
+    )
 
 
 class MountedArmEntry(PlacedEntry):
@@ -149,13 +160,13 @@ class MountedArmEntry(PlacedEntry):
         default_factory=list, description="folders in which package:// paths are looked up"
     )
     tool: PoseEntry | None = Field(None, description="the tool point after the flange")
-    home: list[Quantity] = Field(default_factory=list, description="a configuration to rest in")
+    home: list[Quantity] = Field(default_factory=list, description="the configuration in which it rests")
 
 
 class BodyEntry(PlacedEntry):
     """Something solid."""
 
-    shapes: list[ShapeEntry] = Field(default_factory=list, description="what can collide")
+    shapes: list[ShapeEntry] = Field(default_factory=list, description="the shapes that can collide")
     features: dict[str, PoseEntry] = Field(
         default_factory=dict, description="named poses on it; `tip` is what a tool works with"
     )
@@ -171,17 +182,19 @@ class RegionEntry(PlacedEntry, ShapeEntry):
 
 
 class PlaceEntry(PlacedEntry):
-    """Where an arm's tool point goes for a place of the domain."""
+    """The pose of an arm's tool point for a place of the domain."""
 
-    arm: str | None = Field(None, description="which arm; the only one when left out")
+    arm: str | None = Field(None, description="the arm; the only arm of the cell if left out")
     tool: str | None = Field(None, description="the tool in its hand, whose feature `tip` takes the pose")
-    approach: Quantity = Field("0", description="how far back along the tool's z it must also get")
+    approach: Quantity = Field(
+        "0", description="the distance back along the tool's z that the arm must also reach"
+    )
     turns: Truth = Field(False, description="the tool may turn about its own z")
     touches: list[str] = Field(default_factory=list, description="bodies that may be in contact there")
 
 
 class LocationEntry(Strict):
-    """Where a fact of the domain puts a body: give `place` or `in`."""
+    """The place that a fact of the domain gives to a body: give `place` or `in`."""
 
     body: str = Field(description="the body, or a variable of the fact")
     place: Expression | None = Field(None, description="the place whose pose its feature `grip` takes")
@@ -195,14 +208,15 @@ class CellFile(Strict):
 
     cell: str = Field(pattern=r"^[a-z][a-z0-9_]*$", description="the cell's name")
     units: UnitsEntry = Field(
-        default_factory=lambda: UnitsEntry(length="m", angle="deg"), description="what bare numbers count"
+        default_factory=lambda: UnitsEntry(length="m", angle="deg"),
+        description="the units of numbers without a unit",
     )
     arms: dict[str, MountedArmEntry] = Field(default_factory=dict, description="name: arm")
-    frames: dict[str, PlacedEntry] = Field(default_factory=dict, description="name: where it is")
-    fixtures: dict[str, BodyEntry] = Field(default_factory=dict, description="what stands still")
-    parts: dict[str, BodyEntry] = Field(default_factory=dict, description="what is handled")
+    frames: dict[str, PlacedEntry] = Field(default_factory=dict, description="name: its pose")
+    fixtures: dict[str, BodyEntry] = Field(default_factory=dict, description="bodies that never move")
+    parts: dict[str, BodyEntry] = Field(default_factory=dict, description="bodies that are handled")
     tools: dict[str, BodyEntry] = Field(
-        default_factory=dict, description="what an arm takes in hand or wears"
+        default_factory=dict, description="bodies that an arm holds or carries as a tool"
     )
     regions: dict[str, RegionEntry] = Field(default_factory=dict, description="the region tree")
     allowed_contacts: list[Pair] = Field(
@@ -210,8 +224,9 @@ class CellFile(Strict):
     )
     places: dict[Expression, PlaceEntry] = Field(
         default_factory=dict,
-        description="a place of the domain, such as slot(drawer, 1): where the tool goes",
+        description="a place of the domain, such as slot(drawer, 1), and the pose of the tool there",
     )
     locations: dict[Expression, LocationEntry] = Field(
-        default_factory=dict, description="a fact, such as at(Item, Place): where it puts a body"
+        default_factory=dict,
+        description="a fact, such as at(Item, Place), and the place that it gives to a body",
     )

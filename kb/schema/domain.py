@@ -1,4 +1,4 @@
-"""The shape of `domain.yaml`."""
+"""The form of `domain.yaml`."""
 
 from typing import Literal
 
@@ -17,34 +17,40 @@ class FluentEntry(Strict):
     """A fluent or an event."""
 
     weight: WholeNumber | None = Field(
-        None, ge=0, description="criticality: heavier goals are worked on first; derived when left out"
+        None,
+        ge=0,
+        description="criticality: goals of greater weight are worked on first; computed if left out",
     )
 
 
 class UnitsEntry(Strict):
-    """The units that numbers count."""
+    """The units of numbers."""
 
-    time: Literal["ms", "s", "min", "h"] = Field("s", description="what a number of type `time` counts")
+    time: Literal["ms", "s", "min", "h"] = Field("s", description="the unit of numbers of type `time`")
 
 
 class CommandEntry(Strict):
-    """What the executive sends for a step, and the reply it expects."""
+    """The command that the executive sends for a step, and the expected reply."""
 
     stream: Expression = Field(
-        description="where the command goes, with what it needs: arm(pick(Item, Place))"
+        description="the receiver of the command, with the command and its arguments: arm(pick(Item, Place))"
     )
     reply: Expression = Field(
-        "done", description="the pattern of a good reply; its variables are bound by it"
+        "done", description="the pattern of a successful reply, which binds the variables in it"
     )
-    result: Expression | None = Field(None, description="the fact that a reply gives: reads(Sensor, Value)")
+    result: Expression | None = Field(
+        None, description="the fact that follows from a reply: reads(Sensor, Value)"
+    )
 
 
 class EffectEntry(Strict):
     """A conditional effect; variables that are not in the header range over all values."""
 
     when: Expression = Field(description="what must hold before the step")
-    adds: Expression | None = Field(None, description="what becomes true, if it did")
-    deletes: Expression | None = Field(None, description="what becomes false, if it did; add after delete")
+    adds: Expression | None = Field(None, description="what becomes true, if `when` held")
+    deletes: Expression | None = Field(
+        None, description="what becomes false, if `when` held; deletes come before adds"
+    )
 
 
 class OperatorEntry(Strict):
@@ -55,39 +61,39 @@ class OperatorEntry(Strict):
         None,
         description="constraints over statics: an ASP body; variables outside the header are existential",
     )
-    preconditions: Expression | None = Field(None, description="what holds as long as the step lasts")
+    preconditions: Expression | None = Field(None, description="what must hold while the step lasts")
     adds: Expression | None = Field(
-        None, description="what becomes true at its end; deductive operators say what follows"
+        None, description="what becomes true at its end; deductive operators add the consequences"
     )
-    deletes: Expression | None = Field(None, description="explicit deletes; add after delete")
+    deletes: Expression | None = Field(None, description="explicit deletes; deletes come before adds")
     effects: list[EffectEntry] = Field(default_factory=list, description="conditional effects")
     resources: Expression | None = Field(
-        None, description="what the step holds while it lasts: steps that share one never overlap"
+        None, description="what the step occupies while it lasts: steps with a common resource never overlap"
     )
     duration: str | int | None = Field(
         None, description="a number with a unit, such as 15 min, or a variable; 0 when left out"
     )
     cost: str | int | None = Field(None, description="a number or a variable; 1 when left out")
-    command: CommandEntry | None = Field(None, description="what the executive sends")
+    command: CommandEntry | None = Field(None, description="the command that the executive sends")
 
 
 class DeductiveEntry(Strict):
-    """What a new (or, with `not`, a denied) fact implies and denies."""
+    """The facts that a new fact (or, with `not`, a denied fact) implies and denies."""
 
     when: Expression = Field(description="one atom that is added; or `not` and an atom that is denied")
     types: VariableTypes = Field(default_factory=dict)
     where: Expression | None = Field(None, description="constraints over statics: an ASP body")
-    implies: Expression | None = Field(None, description="what is added too; atom, body; atom, body")
+    implies: Expression | None = Field(None, description="what is also added: atom, body; atom, body")
     denies: Expression | None = Field(
-        None, description="what is denied: every atom that matches; atom, body; atom, body"
+        None, description="what is denied, for every matching atom: atom, body; atom, body"
     )
 
 
 class PhraseEntry(Strict):
-    """A sentence pattern, and the goal or workflow stage it stands for."""
+    """A sentence pattern, and the goal or workflow stage that it means."""
 
     say: str = Field(description="words, {Variable:type}, (either|or), [optional]")
-    goal: Expression | None = Field(None, description="what is wanted, when the order does not matter")
+    goal: Expression | None = Field(None, description="the goal, if the order does not matter")
     stage: Expression | None = Field(None, description="a stage of a workflow")
 
 
@@ -95,9 +101,12 @@ class CommandsEntry(Strict):
     """The words and phrases of commands in words."""
 
     words: dict[str, list[str]] = Field(
-        default_factory=dict, description="how people call the objects of a type, or one object"
+        default_factory=dict,
+        description="the words that people use for the objects of a type, or for one object",
     )
-    phrases: list[PhraseEntry] = Field(default_factory=list, description="what sentences mean")
+    phrases: list[PhraseEntry] = Field(
+        default_factory=list, description="sentence patterns and their meaning"
+    )
 
 
 _ROLES: JsonDict = {
@@ -111,7 +120,9 @@ class DomainFile(Strict):
 
     domain: str = Field(pattern=r"^[a-z][a-z0-9_]*$", description="the domain's name")
     include: list[str] = Field(default_factory=list, description="ASP files beside this one: facts and rules")
-    units: UnitsEntry = Field(default_factory=lambda: UnitsEntry(time="s"), description="what numbers count")
+    units: UnitsEntry = Field(
+        default_factory=lambda: UnitsEntry(time="s"), description="the units of numbers"
+    )
     types: dict[str, str | list[str]] = Field(
         default_factory=dict,
         description="name: parent; or a closed list of constants; `term` for a type built by functions",
@@ -133,16 +144,17 @@ class DomainFile(Strict):
     )
     events: dict[str, FluentEntry | None] = Field(
         default_factory=dict,
-        description="facts that are a history: added once per workflow stage, never denied",
+        description="facts that form a history: they are added once per workflow stage and never denied",
     )
     defaults: list[Expression] = Field(
-        default_factory=list, description="true at the start, in this order, unless what is there denies it"
+        default_factory=list,
+        description="facts that are true at the start, added in this order, unless an earlier fact denies them",
     )
     operators: dict[str, OperatorEntry | None] = Field(
-        default_factory=dict, description="what can be done: name(Variable, ...)"
+        default_factory=dict, description="the possible steps: name(Variable, ...)"
     )
     deductive_operators: list[DeductiveEntry] = Field(
-        default_factory=list, description="what a new fact implies and denies, in place of delete lists"
+        default_factory=list, description="what a new fact implies and denies, instead of delete lists"
     )
     conventions: dict[str, str] = Field(
         default_factory=dict,

@@ -1,4 +1,4 @@
-"""The shape of a fault base, `faults.yaml`."""
+"""The form of a fault base, `faults.yaml`."""
 
 from typing import Annotated
 
@@ -6,44 +6,46 @@ from pydantic import Field
 
 from kb.schema.shapes import Expression, Strict, Truth, WholeNumber
 
-Cost = Annotated[WholeNumber, Field(ge=0, description="what it costs, in units of the domain's time")]
-Say = Annotated[str, Field(description="what people call it, in a few words")]
+Cost = Annotated[WholeNumber, Field(ge=0, description="its cost, in units of the domain's time")]
+Say = Annotated[str, Field(description="a description for people, in a few words")]
 Chance = Annotated[str, Field(pattern=r"^[0-9](\.[0-9]{1,6})?$", description="a probability, such as 0.95")]
 Duration = Annotated[
     WholeNumber | None,
-    Field(description="how long it takes, in units of the domain's time; its cost if left out"),
+    Field(description="its duration, in units of the domain's time; equal to its cost if left out"),
 ]
-Needs = Annotated[Expression | None, Field(description="what must hold before; the planner brings it about")]
+Needs = Annotated[Expression | None, Field(description="what must hold before; the planner makes it true")]
 Step = Annotated[Expression | None, Field(description="the step of the domain that carries it out")]
 Asks = Annotated[Truth, Field(description="a person is asked to do it")]
 
 
 class ExceptionEntry(Strict):
-    """An exception: how it is met, and what may be behind it."""
+    """An exception: how it is recognised, and its possible causes."""
 
     say: Say = ""
     of: Expression | None = Field(
         None, description="the operator that is interrupted: us_measure(Tool, Arm, Id)"
     )
-    reply: str = Field("timeout", description="the exceptional reply; `timeout` when none comes")
+    reply: str = Field("timeout", description="the exceptional reply; `timeout` if no reply comes")
     causes: dict[str, WholeNumber] = Field(
-        min_length=1, description="cause: how often it was found behind this exception"
+        min_length=1, description="cause: how often it was the cause of this exception"
     )
 
 
 class CauseEntry(Strict):
-    """A fault and what it does to the world model."""
+    """A fault and its effects on the world model."""
 
     say: Say = ""
-    doubts: Expression | None = Field(None, description="assertions that are uncertain while it is possible")
+    doubts: Expression | None = Field(
+        None, description="assertions that are uncertain while this cause is possible"
+    )
     adds: Expression | None = Field(None, description="facts that hold if it is the cause")
     denies: Expression | None = Field(None, description="facts that do not hold if it is the cause")
     loses: list[Expression] = Field(default_factory=list, description="objects that can no longer be used")
-    stops: Truth = Field(False, description="nobody in the cell can repair it: stop safely and ask a person")
+    stops: Truth = Field(False, description="nothing in the cell can repair it: stop safely and ask a person")
 
 
 class TestEntry(Strict):
-    """A test: what it costs and what it shows."""
+    """A test: its cost and its outcomes."""
 
     say: Say = ""
     cost: Cost
@@ -51,15 +53,15 @@ class TestEntry(Strict):
     preconditions: Needs = None
     by: Step = None
     asks: Asks = False
-    outcomes: list[str] = Field(min_length=2, max_length=8, description="what may come out")
-    otherwise: str = Field(description="the outcome under causes that `gives` does not name")
+    outcomes: list[str] = Field(min_length=2, max_length=8, description="the possible outcomes")
+    otherwise: str = Field(description="the outcome for causes that `gives` does not name")
     gives: dict[str, str] = Field(
-        description="cause: outcome; or outcomes with probabilities, as in `weak 0.9`, the rest being `otherwise`"
+        description="cause: outcome; or outcomes with probabilities, as in `weak 0.9`; the rest goes to `otherwise`"
     )
 
 
 class RepairEntry(Strict):
-    """A repair: what it costs and what it cures."""
+    """A repair: its cost and the causes that it cures."""
 
     say: Say = ""
     cost: Cost
@@ -76,10 +78,12 @@ class FaultsFile(Strict):
     """A `faults.yaml` beside a domain: exceptions, causes, tests and repairs."""
 
     faults: str = Field(description="the name of the domain beside this file")
-    smoothing: Chance = Field("1", description="added to every count, so that nothing is impossible unseen")
+    smoothing: Chance = Field(
+        "1", description="a number added to every count, so that causes not seen yet stay possible"
+    )
     lies: Chance = Field("0.01", description="the probability that an observation is wrong")
     stop: Cost = 600
-    exceptions: dict[str, ExceptionEntry] = Field(min_length=1, description="what stops a plan")
-    causes: dict[str, CauseEntry | None] = Field(min_length=1, description="what may be behind it")
-    tests: dict[str, TestEntry] = Field(default_factory=dict, description="what tells causes apart")
-    repairs: dict[str, RepairEntry] = Field(default_factory=dict, description="what puts causes right")
+    exceptions: dict[str, ExceptionEntry] = Field(min_length=1, description="events that stop a plan")
+    causes: dict[str, CauseEntry | None] = Field(min_length=1, description="possible causes")
+    tests: dict[str, TestEntry] = Field(default_factory=dict, description="tests that distinguish causes")
+    repairs: dict[str, RepairEntry] = Field(default_factory=dict, description="repairs that cure causes")

@@ -1,4 +1,4 @@
-"""The shape of a plan file: what `cellwright plan --format json` writes and `cellwright validate` reads."""
+"""The form of a plan file, which `cellwright plan --format json` writes and `cellwright validate` reads."""
 
 from typing import Any
 
@@ -23,7 +23,7 @@ class StepEntry(_Strict):
     duration: int = Field(0, ge=0, description="in the domain's unit of time")
     cost: int = Field(1, ge=0, description="what the step adds to the cost of the plan")
     start: int | None = Field(
-        None, description="earliest start, in the domain's unit of time; derived, not read back"
+        None, description="earliest start, in the domain's unit of time; computed, not read back"
     )
 
 
@@ -39,23 +39,23 @@ class PlanEntry(_Strict):
     """A partially ordered plan and the problem that it solves."""
 
     problem: ProblemFile = Field(description="the problem that the plan solves, as in a problem file")
-    steps: list[StepEntry] = Field(description="every step after those it waits for")
-    links: list[LinkEntry] = Field(default_factory=list, description="why each step is there")
-    cost: int | None = Field(None, description="sum of the steps' costs; derived")
+    steps: list[StepEntry] = Field(description="the steps, each after the steps that it waits for")
+    links: list[LinkEntry] = Field(default_factory=list, description="the reasons for each step")
+    cost: int | None = Field(None, description="the sum of the steps' costs; computed")
     makespan: int | None = Field(
-        None, description="end of the last step when each starts as early as it may; derived"
+        None, description="the end of the last step if each step starts as early as possible; computed"
     )
     histories: list[dict[str, Any]] = Field(
-        default_factory=list, description="what was done to each object; derived"
+        default_factory=list, description="what was done to each object; computed"
     )
 
 
 class AnswerData(BaseModel):
-    """What an answer carries beside the plan is not read back."""
+    """The data of an answer. Only the plan in it is read back."""
 
     model_config = ConfigDict(extra="ignore", frozen=True)
 
-    plan: PlanEntry = Field(description="the plan; what else an answer holds is not read back")
+    plan: PlanEntry = Field(description="the plan; the other data of an answer is not read back")
 
 
 class PlanFile(BaseModel):
@@ -63,6 +63,6 @@ class PlanFile(BaseModel):
 
     model_config = ConfigDict(extra="ignore", frozen=True)
 
-    version: int = Field(description="of the envelope; 1")
+    version: int = Field(description="the version of the envelope: 1")
     status: str = Field("", description="how the search ended; not read back")
     data: AnswerData = Field(description="the answer itself")

@@ -1,4 +1,4 @@
-"""What the shapes of all files share: strict models, and values with a description that editors show."""
+"""The common parts of all schemas: strict models, and values with a description that editors show."""
 
 import re
 from typing import Annotated, Any
@@ -10,7 +10,7 @@ LARGEST = 2**31 - 1  # clingo counts in 32 bits
 
 
 class Strict(BaseModel):
-    """A mapping with known keys alone."""
+    """A mapping that allows only known keys."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
@@ -35,5 +35,5 @@ Names = Annotated[list[str], Field(description="names, or ranges such as depot_1
 WholeNumber = Annotated[int, BeforeValidator(_whole), Field(le=LARGEST)]
 Truth = Annotated[bool, BeforeValidator(_truth)]
 VariableTypes = Annotated[
-    dict[str, str], Field(description="variable: type; narrows what the atoms of the entry say about it")
+    dict[str, str], Field(description="variable: type; it narrows the type that the atoms of the entry give")
 ]

@@ -1,4 +1,4 @@
-"""Compares what a file holds with the shape of its kind; deviations come out as plain values that name no library."""
+"""Compares the content of a file with the form of its kind. Deviations are plain values, independent of any library."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -13,7 +13,7 @@ Path = tuple[str | int, ...]
 
 @dataclass(frozen=True, slots=True)
 class Deviation:
-    """What is wrong at `path`, and what to try. `at_key`: the key at the end of the path is meant, not its value."""
+    """An error at `path`, and what to try. If `at_key`, it concerns the last key of the path, not its value."""
 
     path: Path
     message: str
@@ -22,7 +22,7 @@ class Deviation:
 
 
 def deviations(kind: str, content: Any) -> list[Deviation]:
-    """How plain content (strings, lists and dicts; None for an empty scalar) differs from its kind's shape."""
+    """The differences of plain content (strings, lists, dicts, None for an empty scalar) from the form of its kind."""
     model = model_of(kind)
     try:
         model.model_validate(content)
@@ -32,7 +32,7 @@ def deviations(kind: str, content: Any) -> list[Deviation]:
 
 
 def model_of(kind: str) -> type[BaseModel]:
-    """The model of a kind of file; only what is asked for is imported. Raises `KeyError`."""
+    """The model of a kind of file, imported when it is needed. Raises `KeyError`."""
     match kind:
         case "domain":
             from kb.schema.domain import DomainFile
@@ -63,7 +63,7 @@ def model_of(kind: str) -> type[BaseModel]:
 
 
 def _merged(errors: Sequence[Any], model: type[BaseModel], content: Any) -> Iterator[Deviation]:
-    """One deviation per place: the alternatives of a union are errors of their own."""
+    """One deviation per place. Pydantic reports one error for each alternative of a union; they are merged."""
     places: dict[Path, list[Any]] = {}
     for error in errors:
         places.setdefault(_place(error, content), []).append(error)
@@ -78,7 +78,7 @@ def _merged(errors: Sequence[Any], model: type[BaseModel], content: Any) -> Iter
 
 
 def _place(error: Any, content: Any) -> Path:
-    """The location without the names of a union's alternatives, which are no part of the file."""
+    """The location without the names of a union's alternatives, which are not part of the file."""
     path: list[str | int] = []
     for number, part in enumerate(error["loc"], 1):
         inside = isinstance(content, Mapping) and part in content
@@ -131,9 +131,9 @@ def _described(error: Any) -> str:
     limits = error.get("ctx", {})
     match error["type"]:
         case "string_pattern_mismatch":
-            return f"'{shown}' is no name"
+            return f"'{shown}' is not a name"
         case "literal_error":
-            return f"'{shown}' is none of {limits['expected']}".replace(" or ", ", ")
+            return f"'{shown}' is not one of {limits['expected']}".replace(" or ", ", ")
         case "greater_than_equal" | "greater_than":
             return f"{shown} is too small: the least is {limits.get('ge', limits.get('gt', -1) + 1)}"
         case "less_than_equal":
@@ -174,7 +174,7 @@ def _advice(expected: Sequence[str], found: Any) -> str:
 
 
 def known_keys(model: type[BaseModel], path: Path) -> list[str]:
-    """The keys that a mapping at `path` may have; none where keys are free."""
+    """The keys that a mapping at `path` may have; empty if it may have any keys."""
     schema = model.model_json_schema(by_alias=True)
     at: Any = schema
     for part in path:

@@ -1,4 +1,4 @@
-"""Libraries of MACROPs in a database: SQLite in one file, or PostgreSQL by URL. The only doorway to SQLAlchemy."""
+"""Libraries of MACROPs in a database: SQLite in one file, or PostgreSQL by URL. Only this package uses SQLAlchemy."""
 
 from kb.store.documents import document, dumps, loads, macrop_of
 from kb.store.library import Figures, Library, Record, Stored, Use

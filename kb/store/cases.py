@@ -1,4 +1,4 @@
-"""Closed cases in the same database as the MACROPs: what was behind each exception, and what finding it out took."""
+"""Closed cases in the same database as the MACROPs: the causes of each exception, and the cost of finding them."""
 
 import json
 from collections.abc import Iterable, Mapping, Sequence
@@ -30,8 +30,10 @@ cases = Table(
     Column("id", Integer, primary_key=True),
     Column("domain", String, nullable=False, index=True),
     Column("exception", String, nullable=False),
-    Column("causes", Text, nullable=False),  # a JSON list: several may be there at once
-    Column("weight", Float, nullable=False),  # how many cases this row counts for; ageing makes it less
+    Column("causes", Text, nullable=False),  # a JSON list, because several causes may be present at once
+    Column(
+        "weight", Float, nullable=False
+    ),  # the number of cases that this row counts for; ageing reduces it
     Column("cost", Float, nullable=False),
     Column("observations", Text, nullable=False),  # a JSON list of [action, outcome]
 )
@@ -39,7 +41,7 @@ cases = Table(
 
 @dataclass(frozen=True, slots=True)
 class ClosedCase:
-    """A case that is over. `weight` says for how many it counts."""
+    """A finished case. `weight` is the number of cases that it counts for."""
 
     domain: str
     exception: str
@@ -50,7 +52,7 @@ class ClosedCase:
 
 
 class Cases:
-    """The closed cases of a database, a file or a URL. Raises `InvalidInput` where it refuses."""
+    """The closed cases in a database, given by a file or a URL. Raises `InvalidInput` if the database reports an error."""
 
     def __init__(self, target: str) -> None:
         self.target = target
@@ -67,7 +69,7 @@ class Cases:
         self._engine.dispose()
 
     def add(self, closed: Iterable[ClosedCase]) -> None:
-        """Keep cases."""
+        """Store cases."""
         rows = [
             {
                 "domain": each.domain,
@@ -84,7 +86,7 @@ class Cases:
                 connection.execute(cases.insert(), rows)
 
     def history(self, domain: str, exception: str = "") -> tuple[ClosedCase, ...]:
-        """The cases of a domain, of one exception if that is named, the oldest first."""
+        """The cases of a domain, or of one exception if it is named, the oldest first."""
         asked = select(cases).where(cases.c.domain == domain).order_by(cases.c.id)
         if exception:
             asked = asked.where(cases.c.exception == exception)
@@ -103,13 +105,13 @@ class Cases:
         )
 
     def age(self, domain: str, factor: float) -> None:
-        """Let every case of a domain count for less."""
+        """Multiply the weight of every case of a domain by a factor."""
         changed = update(cases).where(cases.c.domain == domain).values(weight=cases.c.weight * factor)
         with transaction(self._engine, self.target, writes=True) as connection:
             connection.execute(changed)
 
     def reset(self, domain: str) -> int:
-        """Forget every case of a domain; how many there were."""
+        """Remove all cases of a domain; returns their number."""
         mine = cases.c.domain == domain
         with transaction(self._engine, self.target, writes=True) as connection:
             count = connection.execute(select(func.count()).where(mine)).scalar_one()
@@ -118,7 +120,7 @@ class Cases:
 
 
 def counts(given: Mapping[str, float], closed: Sequence[ClosedCase]) -> dict[str, float]:
-    """The counts of a fault base with those of closed cases added; a case of several causes counts for each of them."""
+    """The counts of a fault base plus those of closed cases. A case with several causes counts for each of them."""
     found = dict(given)
     for each in closed:
         for cause in each.causes:

@@ -1,4 +1,4 @@
-"""MACROPs as readable documents: JSON of texts, the same bytes for the same MACROP."""
+"""MACROPs as readable JSON documents. The same MACROP gives the same bytes."""
 
 import json
 from collections.abc import Iterable, Mapping
@@ -12,7 +12,7 @@ from kb.terms import Variable
 
 
 def document(macrop: Macrop) -> dict[str, Any]:
-    """A MACROP as figure 4 of ITA has it, for JSON; empty parts are left out."""
+    """A MACROP in the form of ITA's figure 4, for JSON. Empty parts are left out."""
     found: dict[str, Any] = {
         "macrop": str(macrop.name),
         "domain": macrop.domain,
@@ -63,7 +63,7 @@ def _chain_document(chain: MacroChain) -> dict[str, Any]:
 
 
 def macrop_of(found: Mapping[str, Any]) -> Macrop:
-    """The MACROP that a document describes. Raises `NotationError` if it is none."""
+    """The MACROP that a document describes. Raises `NotationError` if the document is not a MACROP."""
     try:
         return _read(found)
     except (KeyError, TypeError, AttributeError, ValueError) as error:
@@ -75,7 +75,7 @@ def macrop_of(found: Mapping[str, Any]) -> Macrop:
 def _read(found: Mapping[str, Any]) -> Macrop:
     different = [read_part(each) for each in found.get("different", ())]
     if not all(isinstance(each, Comparison) for each in different):
-        raise NotationError("what is different is written X != Y")
+        raise NotationError("a difference is written X != Y")
     unary = found.get("unary constraints", {})
     return Macrop(
         read_atom(found["macrop"]),

@@ -1,7 +1,7 @@
-"""Connections to SQLite (one file, write-ahead log) and PostgreSQL (through pg8000), with transactions that mean it.
+"""Connections to SQLite (one file, write-ahead log) and PostgreSQL (through pg8000), with strict transactions.
 
-SQLite writers take the lock when they begin, so that reading and then writing is one undisturbed act; readers see one
-state and block nobody. A process that is killed leaves its last transaction undone, never half done.
+SQLite writers take the lock at the beginning, so that no other process can write between their reads and writes. Readers
+see one consistent state and block no one. If a process is killed, its last transaction is undone completely.
 """
 
 import contextlib
@@ -18,14 +18,14 @@ from sqlalchemy.exc import ArgumentError, SQLAlchemyError
 
 from kb.diagnostics import Diagnostic, InvalidInput, Source
 
-BUSY_S = 60.0  # that a SQLite writer waits for others
-LOCK = 0x43656C6C  # PostgreSQL's advisory lock around migration
+BUSY_S = 60.0  # how long a SQLite writer waits for others
+LOCK = 0x43656C6C  # the key of PostgreSQL's advisory lock during migration
 POSTGRES = ("postgres", "postgresql", "postgresql+pg8000")
 
 
-def refusal(where: str, message: str, hint: str = "") -> InvalidInput:
-    """What stands against a library, for people."""
-    return InvalidInput([Diagnostic(Source(where), "K403", message, hint)])
+def refusal(where: str, message: str, hint: str = "", code: str = "K416") -> InvalidInput:
+    """The error for a library that cannot be used, with the reason."""
+    return InvalidInput([Diagnostic(Source(where), code, message, hint)])
 
 
 def address(target: str) -> URL:
@@ -35,21 +35,21 @@ def address(target: str) -> URL:
     try:
         url = make_url(target)
     except ArgumentError:
-        raise refusal("--store", "this is no URL of a library", _WAYS) from None
+        raise refusal("--store", "this is not the URL of a library", _WAYS) from None
     if url.drivername in POSTGRES:
         if not url.username:
             raise refusal("--store", "the address names no user", _WAYS)
         return url.set(drivername="postgresql+pg8000")
     if url.drivername == "sqlite":
         return url
-    raise refusal("--store", f"no library is kept in '{url.drivername}'", _WAYS)
+    raise refusal("--store", f"a library cannot be kept in '{url.drivername}'", _WAYS)
 
 
 _WAYS = "give a file, or postgresql://USER@HOST/DATABASE"
 
 
 def connected(target: str) -> Engine:
-    """The engine of a library. Raises `InvalidInput` where the driver is missing or the place cannot hold a file."""
+    """The engine of a library. Raises `InvalidInput` if the driver or the folder is missing."""
     url = address(target)
     if url.drivername == "sqlite":
         return _sqlite(url)
@@ -57,13 +57,13 @@ def connected(target: str) -> Engine:
         return create_engine(url, pool_pre_ping=True)
     except ModuleNotFoundError:
         hint = "install the extra: pip install 'cellwright[postgres]'"
-        raise refusal("--store", "the driver for PostgreSQL is not installed", hint) from None
+        raise refusal("--store", "the driver for PostgreSQL is not installed", hint, "K414") from None
 
 
 def _sqlite(url: URL) -> Engine:
     file = Path(url.database or "")
     if not file.parent.is_dir():
-        raise refusal(str(url.database), "there is no such folder for a library", "make the folder first")
+        raise refusal(str(url.database), "the folder of this file does not exist", "make the folder first")
     engine = create_engine(
         _reading(file) if _is_kept_from_writing(file) else url, connect_args={"timeout": BUSY_S}
     )
@@ -73,15 +73,15 @@ def _sqlite(url: URL) -> Engine:
 
 
 def _is_kept_from_writing(file: Path) -> bool:
-    """Whether a file is there that may be read only; the log beside it needs a folder that may be written, too."""
+    """Whether a file exists but cannot be written. Its folder must be writable too, because the log is beside the file."""
     try:
         return file.is_file() and not all(os.access(each, os.W_OK) for each in (file, file.parent))
-    except (OSError, ValueError):  # opening it says why
+    except (OSError, ValueError):  # opening the file will report the reason
         return False
 
 
 def _reading(file: Path) -> URL:
-    """A file as it stands, or, where a log beside it shows that others write, with what they write."""
+    """The URL for reading a file: unchanging, or, if a log beside it shows that others write, with their changes."""
     logged = file.with_name(f"{file.name}-wal").exists()
     asked = "mode=ro" if logged else "mode=ro&immutable=1"
     return URL.create("sqlite", database=f"file:{quote(str(file))}?{asked}", query={"uri": "true"})
@@ -93,7 +93,7 @@ def is_writable(engine: Engine) -> bool:
 
 
 def _prepare(raw: Any, _record: object) -> None:
-    raw.isolation_level = None  # else the driver begins late, and upgrades where that can fail
+    raw.isolation_level = None  # otherwise the driver begins late and upgrades the lock later, which can fail
     raw.execute(f"PRAGMA busy_timeout = {int(BUSY_S * 1000)}")
     raw.execute("PRAGMA foreign_keys = ON")
     raw.execute("PRAGMA synchronous = NORMAL")
@@ -105,7 +105,7 @@ def _begin(connection: Connection) -> None:
 
 
 def write_ahead(engine: Engine) -> None:
-    """Let a SQLite file keep a write-ahead log; the busy timeout does not cover this switch, so it is tried again."""
+    """Switch a SQLite file to a write-ahead log. The busy timeout does not cover this, so it is tried repeatedly."""
     if engine.dialect.name != "sqlite":
         return
     deadline = time.monotonic() + BUSY_S
@@ -122,7 +122,7 @@ def write_ahead(engine: Engine) -> None:
 
 @contextlib.contextmanager
 def transaction(engine: Engine, where: str, writes: bool = False) -> Iterator[Connection]:
-    """One transaction, undone if anything goes wrong. Raises `InvalidInput` where the database refuses."""
+    """One transaction, undone after any error. Raises `InvalidInput` if the database reports an error."""
     try:
         with engine.connect().execution_options(writes=writes) as connection, connection.begin():
             yield connection
@@ -130,11 +130,13 @@ def transaction(engine: Engine, where: str, writes: bool = False) -> Iterator[Co
         cause = getattr(error, "orig", None) or error
         said = " ".join(str(cause).split())[:200]
         raise refusal(
-            where, f"the library cannot be used: {said}", "is it a library, and may you write it?"
+            where,
+            f"the library cannot be used: {said}",
+            "check that it is a library and that you may write it",
         ) from error
 
 
 def lock_schema(connection: Connection) -> None:
-    """Let one process at a time migrate; SQLite's write lock is enough there."""
+    """Allow only one process at a time to migrate. In SQLite, the write lock does that."""
     if connection.dialect.name == "postgresql":
         connection.execute(text(f"SELECT pg_advisory_xact_lock({LOCK})"))

@@ -1,4 +1,4 @@
-"""A library of MACROPs: what was learned, what each proof depends on, and how often it served."""
+"""A library of MACROPs: the MACROPs, what each proof depends on, and how often each was used."""
 
 from collections.abc import Callable, Collection, Iterable, Mapping
 from contextlib import AbstractContextManager
@@ -19,9 +19,9 @@ from kb.store.schema import depends_text, fingerprint, macrops, outlines, trials
 
 @dataclass(frozen=True, slots=True)
 class Record:
-    """A MACROP to be kept, under the signature of its goals. `planning_s` is what planning took when it was learned.
+    """A MACROP to be stored under the signature of its goals. `planning_s` is the planning time when it was learned.
 
-    `requirements` are what an index demands of a query; without, they are worked out when it is first looked up.
+    `requirements` are the conditions of the index on a query; if missing, they are computed at the first lookup.
     """
 
     macrop: Macrop
@@ -32,7 +32,7 @@ class Record:
 
 @dataclass(frozen=True, slots=True)
 class Stored:
-    """A MACROP of a library with its number there, and what it has been good for."""
+    """A MACROP of a library with its number and its uses."""
 
     id: int
     macrop: Macrop
@@ -43,13 +43,13 @@ class Stored:
 
     @property
     def saved_s(self) -> float:
-        """Seconds of planning that it has saved, less what looking it up took."""
+        """The planning time that it has saved in seconds, minus the time for looking it up."""
         return self.uses * self.planning_s - self.lookup_s
 
 
 @dataclass(frozen=True, slots=True)
 class Use:
-    """How often a MACROP served, and the seconds that looking it up took in all."""
+    """How often a MACROP was used, and the total time for looking it up in seconds."""
 
     times: int
     lookup_s: float
@@ -57,7 +57,7 @@ class Use:
 
 @dataclass(frozen=True, slots=True)
 class Figures:
-    """A library in numbers. `domains` counts MACROPs by domain."""
+    """The figures of a library. `domains` counts MACROPs by domain."""
 
     macrops: int
     shapes: int
@@ -68,13 +68,13 @@ class Figures:
 
 
 class Library:
-    """A library in a database. Every method is one transaction; all of them raise `InvalidInput` where it refuses.
+    """A library in a database. Every method is one transaction, and raises `InvalidInput` if the database reports an error.
 
-    A library that is not `writable` serves all the same; what it has been good for is not counted then.
+    A library that is not `writable` can still be read; then uses are not counted.
     """
 
     def __init__(self, target: str) -> None:
-        """Open a library, make it, or bring it to the current schema. `target` is a file or a URL."""
+        """Open a library. It is made if it does not exist, and updated to the current schema. `target` is a file or a URL."""
         self.target = target
         self._engine = opened(target)
         self.writable = is_writable(self._engine)
@@ -89,15 +89,15 @@ class Library:
         self.close()
 
     def close(self) -> None:
-        """Give up all connections."""
+        """Close all connections."""
         self._engine.dispose()
 
     def transaction(self, writes: bool = False) -> AbstractContextManager[Connection]:
-        """One transaction, for what else is kept about MACROPs. Raises `InvalidInput` where the database refuses."""
+        """One transaction, for other data about MACROPs. Raises `InvalidInput` if the database reports an error."""
         return transaction(self._engine, self.target, writes)
 
     def add(self, records: Iterable[Record]) -> list[int | None]:
-        """Keep MACROPs; the number of each, None for those that are there already."""
+        """Store MACROPs. Returns the number of each, None for those that were stored before."""
         texts = [(each, dumps(each.macrop)) for each in records]
         try:
             with transaction(self._engine, self.target, writes=True) as connection:
@@ -109,7 +109,7 @@ class Library:
         return numbers
 
     def _describe(self, connection: Connection, new: list[tuple[int, Record]]) -> None:
-        """Keep the outlines of new MACROPs, and that they have not been used."""
+        """Store the outlines of new MACROPs, and zero uses for each."""
         if not new:
             return
         proofs = {number: depends_text(record.macrop.depends) for number, record in new}
@@ -129,7 +129,7 @@ class Library:
         connection.execute(usage.insert(), unused)
 
     def outlines(self, domain: str, signature: str | None = None, above: int = 0) -> list[Outline]:
-        """The MACROPs of a domain, for goals of one signature if that is given, in order of number; those beyond a number only."""
+        """The MACROPs of a domain with numbers greater than `above`, by number; only for goals of one signature if it is given."""
         where = (macrops.c.domain == domain) & (macrops.c.id > above)
         if signature is not None:
             where &= macrops.c.signature == signature
@@ -137,7 +137,7 @@ class Library:
             return self._shared.outlines(connection, where)
 
     def outlined(self, found: Iterable[tuple[Macrop, int, tuple[Requirement, ...]]]) -> None:
-        """Keep the requirements that were worked out for MACROPs of older versions, with their numbers."""
+        """Store requirements that were computed for MACROPs of older versions, by number."""
         new = list(found) if self.writable else []
         if not new:
             return
@@ -159,11 +159,11 @@ class Library:
             raise
 
     def serving(self, domain: str, signature: str) -> list[Stored]:
-        """The MACROPs kept under one signature, with their documents, in order of number."""
+        """The MACROPs stored under one signature, with their documents, by number."""
         return self._read((macrops.c.domain == domain) & (macrops.c.signature == signature))
 
     def all(self, domain: str = "") -> list[Stored]:
-        """Every MACROP, of one domain if that is named, in order of number."""
+        """All MACROPs, or those of one domain if it is named, by number."""
         return self._read(macrops.c.domain == domain if domain else None)
 
     def among(self, numbers: Collection[int]) -> list[Stored]:
@@ -176,7 +176,7 @@ class Library:
         return next(iter(self._read(macrops.c.id == number)), None)
 
     def macrop(self, number: int) -> Macrop | None:
-        """One MACROP by its number, without what it has been good for."""
+        """One MACROP by its number, without its uses."""
         with transaction(self._engine, self.target) as connection:
             text = connection.scalar(select(macrops.c.document).where(macrops.c.id == number))
         return self._parsed(number, text) if text is not None else None
@@ -211,7 +211,7 @@ class Library:
             raise refusal(self.target, f"MACROP {number} cannot be read: {error}", hint) from error
 
     def outdated(self, domain: str, digest: Callable[[str], str]) -> dict[int, tuple[str, ...]]:
-        """The MACROPs of a domain that rest on parts which `digest` knows otherwise now, with the names of these parts."""
+        """The MACROPs of a domain that depend on parts with a new `digest`, with the names of these parts."""
         own = select(outlines.c.macrop, outlines.c.depends).join_from(outlines, macrops)
         with transaction(self._engine, self.target) as connection:
             rests = connection.execute(own.where(macrops.c.domain == domain)).all()
@@ -223,7 +223,7 @@ class Library:
         return {number: changed[proof] for number, proof in sorted(map(tuple, rests)) if changed[proof]}
 
     def forget(self, numbers: Collection[int]) -> int:
-        """Remove MACROPs; how many were there."""
+        """Remove MACROPs; returns how many were found."""
         with transaction(self._engine, self.target, writes=True) as connection:
             return sum(
                 connection.execute(delete(macrops).where(macrops.c.id.in_(chunk))).rowcount
@@ -231,7 +231,7 @@ class Library:
             )
 
     def used(self, uses: Mapping[int, Use]) -> None:
-        """Add to what MACROPs have been good for."""
+        """Add uses to MACROPs."""
         more = {
             "uses": usage.c.uses + bindparam("times"),
             "lookup_s": usage.c.lookup_s + bindparam("seconds"),
@@ -246,7 +246,7 @@ class Library:
             connection.execute(usage.update().where(usage.c.macrop == bindparam("number")).values(more), rows)
 
     def tried(self, domain: str, signature: str) -> tuple[int, int]:
-        """How often plans for goals of a kind could be composed of MACROPs, and how often not."""
+        """How often plans for goals of one signature could be composed of MACROPs, and how often not."""
         own = (trials.c.domain == domain) & (trials.c.signature == signature)
         with transaction(self._engine, self.target) as connection:
             row = connection.execute(select(trials.c.successes, trials.c.failures).where(own)).first()
@@ -264,7 +264,7 @@ class Library:
             connection.execute(made.on_conflict_do_update(index_elements=["domain", "signature"], set_=more))
 
     def figures(self) -> Figures:
-        """The library in numbers."""
+        """The figures of the library."""
         shapes = select(macrops.c.domain, macrops.c.signature).distinct().subquery()
         saved = func.sum(usage.c.uses * usage.c.planning_s - usage.c.lookup_s)
         by_domain = (
@@ -279,7 +279,7 @@ class Library:
 
 
 def _insert(connection: Connection, record: Record, text: str) -> int | None:
-    """The number of a new MACROP; None if it is there."""
+    """The number of a new MACROP; None if it was stored before."""
     macrop = record.macrop
     insert = sqlite.insert if connection.dialect.name == "sqlite" else postgresql.insert
     made = insert(macrops).values(

@@ -1,7 +1,7 @@
-"""Terms and literals of stored MACROPs, read back from the text that `str` gives of them.
+"""Terms and literals of stored MACROPs, read from the text that `str` made of them.
 
-Libraries hold hundreds of thousands of short texts, few of them different, so this is a small hand-written reader with a
-memory. What people write is read by `kb.syntax`.
+Libraries contain hundreds of thousands of short texts, but few different ones. So this is a small hand-written reader with
+a cache. Texts written by people are read by `kb.syntax`.
 """
 
 import functools
@@ -21,7 +21,7 @@ END = ""
 
 
 class NotationError(ValueError):
-    """A text that is no term or literal."""
+    """The text is not a term or literal."""
 
 
 class _Tokens:
@@ -37,11 +37,11 @@ class _Tokens:
         return self.found[self.place] if self.place < len(self.found) else END
 
     def kind(self) -> str | None:
-        """What the next token is: number, text, name, sign, or none."""
+        """The kind of the next token: number, text, name or sign; None at the end."""
         return self.kinds[self.place] if self.place < len(self.kinds) else None
 
     def take(self, wanted: str = "") -> str:
-        """The next token, which must be the wanted one if one is given."""
+        """The next token. If `wanted` is given, the token must be equal to it."""
         token = self.look()
         if token == END or (wanted and token != wanted):
             raise NotationError(f"'{self.text}': {wanted or 'more'} is missing")
@@ -51,7 +51,7 @@ class _Tokens:
 
 @functools.lru_cache(maxsize=65_536)
 def read_term(text: str) -> Term:
-    """The term that a text stands for. Raises `NotationError`."""
+    """The term in a text. Raises `NotationError`."""
     tokens = _Tokens(text)
     found = _term(tokens)
     _finish(tokens)
@@ -59,22 +59,22 @@ def read_term(text: str) -> Term:
 
 
 def read_atom(text: str) -> Atom:
-    """The atom that a text stands for. Raises `NotationError`."""
+    """The atom in a text. Raises `NotationError`."""
     found = read_term(text)
     if not isinstance(found, Function):
-        raise NotationError(f"'{text}' is no atom")
+        raise NotationError(f"'{text}' is not an atom")
     return found
 
 
 def read_literal(text: str) -> Literal:
-    """The literal that a text stands for. Raises `NotationError`."""
+    """The literal in a text. Raises `NotationError`."""
     negative = text.startswith("not ")
     return Literal(read_atom(text[4:] if negative else text), not negative)
 
 
 @functools.lru_cache(maxsize=65_536)
 def read_part(text: str) -> BodyPart:
-    """The literal or comparison that a text stands for. Raises `NotationError`."""
+    """The literal or comparison in a text. Raises `NotationError`."""
     if text.startswith("not "):
         return read_literal(text)
     tokens = _Tokens(text)
@@ -124,7 +124,7 @@ def _arguments(tokens: _Tokens) -> tuple[Term, ...]:
 
 
 def _bracket(tokens: _Tokens) -> Term:
-    """An operation, or a tuple."""
+    """An operation or a tuple in brackets."""
     first = _term(tokens)
     if tokens.look()[:1] in _OPERATORS:
         return _operation(first, tokens)
@@ -137,7 +137,7 @@ def _bracket(tokens: _Tokens) -> Term:
 
 
 def _operation(left: Term, tokens: _Tokens) -> Term:
-    """`left` and what follows it; a sign and digits in one token are a subtraction."""
+    """The operation that begins with `left`. A sign and digits in one token are a subtraction."""
     if tokens.kind() == "number":
         token = tokens.take()
         right: Term = Number(int(token[1:]))

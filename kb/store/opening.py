@@ -1,4 +1,4 @@
-"""Opening a database of Cellwright: made where there is none, brought to the current schema where it is older."""
+"""Opens a database of Cellwright. It is made if there is none, and updated if its schema is older."""
 
 import sqlite3
 
@@ -10,7 +10,7 @@ from kb.store.schema import CURRENT, NewerSchema, migrate, version_of
 
 
 def opened(target: str) -> Engine:
-    """The engine of a database, a file or a URL, with all tables in it; a file that may not be written is only read.
+    """The engine of a database, given by a file or a URL, with all tables. A file that cannot be written is only read.
 
     Raises `InvalidInput`.
     """
@@ -30,8 +30,10 @@ def _require_current(engine: Engine, target: str) -> None:
     with transaction(engine, target) as connection:
         version = version_of(connection)
     if version != CURRENT:
-        said = f"the library has schema {version}, not {CURRENT}, and may not be written"
-        raise refusal(target, said, "let someone who may write it open it once")
+        said = (
+            f"the library has schema {version}, not {CURRENT}, and cannot be updated because it is read-only"
+        )
+        raise refusal(target, said, "open it once as a user who may write it")
 
 
 def _prepared(engine: Engine, target: str) -> None:

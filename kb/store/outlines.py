@@ -1,7 +1,7 @@
-"""Outlines of stored MACROPs: what has to be known before a document is read, in rows so short that thousands are read at once.
+"""Outlines of stored MACROPs: the data needed before a document is read, in rows so short that thousands are read at once.
 
-What the MACROPs of a domain have in common (what they depend on, what an index demands of a query) is kept once as a
-text with a number.
+Data that many MACROPs of a domain share (what they depend on, the conditions of the index) is stored once, as a text with
+a number.
 """
 
 import json
@@ -14,7 +14,7 @@ from sqlalchemy.dialects import postgresql, sqlite
 
 from kb.store.schema import fingerprint, macrops, outlines, shared, usage
 
-CHUNK = 500  # rows named in one statement
+CHUNK = 500  # the number of rows in one statement
 
 Requirement = tuple[str, int]
 
@@ -23,8 +23,8 @@ Requirement = tuple[str, int]
 class Outline:
     """A MACROP of a library without its document.
 
-    `requirements` are the index's own, with the least number of each; None where they have not been worked out. Those
-    with the same `proof` depend on the same.
+    `requirements` are the conditions of the index, each with its least number; None if they are not computed yet. MACROPs
+    with the same `proof` depend on the same parts.
     """
 
     id: int
@@ -41,12 +41,12 @@ class Outline:
 
     @property
     def saved_s(self) -> float:
-        """Seconds of planning that it has saved, less what looking it up took."""
+        """The planning time that it has saved in seconds, minus the time for looking it up."""
         return self.uses * self.planning_s - self.lookup_s
 
 
 class SharedTexts:
-    """The shared texts of a library that were met so far, both ways."""
+    """The shared texts of a library that were read so far, by number and by text."""
 
     def __init__(self) -> None:
         self._numbers: dict[str, int] = {}
@@ -55,11 +55,11 @@ class SharedTexts:
         self._required: dict[str, Requirement] = {}
 
     def forget(self) -> None:
-        """Forget numbers that an undone transaction may have given."""
+        """Forget all numbers, because an undone transaction may have given some of them."""
         self._numbers.clear()
 
     def numbers(self, connection: Connection, texts: Collection[str]) -> Mapping[str, int]:
-        """The numbers of texts, given where they have none."""
+        """The numbers of texts. New texts get new numbers."""
         new = {fingerprint(text): text for text in sorted(set(texts) - self._numbers.keys())}
         if new:
             insert = sqlite.insert if connection.dialect.name == "sqlite" else postgresql.insert
@@ -71,7 +71,7 @@ class SharedTexts:
         return self._numbers
 
     def outlines(self, connection: Connection, where: object) -> list[Outline]:
-        """The outlines of MACROPs in order of number."""
+        """The outlines of MACROPs, by number."""
         columns = (macrops.c.id, macrops.c.signature, macrops.c.name, macrops.c.steps)
         figures = (usage.c.uses, usage.c.planning_s, usage.c.lookup_s)
         own = (outlines.c.cost, outlines.c.depends, outlines.c.requirements)
@@ -81,7 +81,7 @@ class SharedTexts:
         return [self._outline(*row) for row in rows]
 
     def depends(self, connection: Connection, numbers: Iterable[int]) -> dict[int, Mapping[str, str]]:
-        """What the proofs of these numbers depend on."""
+        """The parts that the proofs with these numbers depend on."""
         wanted = set(numbers)
         self._read(connection, wanted - self._depends.keys())
         for number in wanted - self._depends.keys():
@@ -89,7 +89,7 @@ class SharedTexts:
         return {number: self._depends[number] for number in wanted}
 
     def _meet(self, connection: Connection, rows: Collection[tuple[Any, ...]]) -> None:
-        """Read the shared texts that rows name for the first time."""
+        """Read the shared texts in the rows that were not read before."""
         words = {word for row in rows for word in (row[6] or "").split()} - self._required.keys()
         parsed = {word: tuple(map(int, f"{word}*1".split("*")[:2])) for word in words}
         self._read(connection, {number for number, _ in parsed.values()} - self._texts.keys())
@@ -122,13 +122,13 @@ class SharedTexts:
 
 
 def words_of(requirements: Iterable[Requirement], numbers: Mapping[str, int]) -> str:
-    """Requirements as a column has them: the numbers of their texts, and how often each if not once."""
+    """Requirements as text for a column: the numbers of their texts, each with its count if that is not one."""
     return " ".join(
         f"{numbers[text]}*{least}" if least != 1 else str(numbers[text]) for text, least in requirements
     )
 
 
 def chunks(found: list[Any]) -> Iterator[list[Any]]:
-    """A list in pieces that one statement can name."""
+    """A list in pieces of a size that one statement can contain."""
     for start in range(0, len(found), CHUNK):
         yield found[start : start + CHUNK]

@@ -1,6 +1,6 @@
-"""The tables of a library and the way from each version of them to the next.
+"""The tables of a library, and the migrations from each version to the next.
 
-A new library goes through every migration from nothing, so the path that old files take is the one taken daily.
+A new library goes through all migrations, so that the migrations for old files are used, and tested, every day.
 """
 
 import hashlib
@@ -76,7 +76,9 @@ sequences = Table(
     metadata,
     Column("domain", String, primary_key=True),
     Column("problem", String, primary_key=True),
-    Column("version", Integer, nullable=False),  # counts the changes: who writes must have read the last one
+    Column(
+        "version", Integer, nullable=False
+    ),  # counts the changes: a writer must have read the last version
     Column("document", Text, nullable=False),
 )
 
@@ -92,7 +94,7 @@ utility = Table(
     Column("beside", Integer, nullable=False, default=0),
 )
 
-# Texts that many MACROPs share: what they depend on, and what the index demands. Only ever added to.
+# Texts that many MACROPs share: what they depend on, and conditions of the index. Texts are only added.
 shared = Table(
     "shared",
     metadata,
@@ -108,7 +110,7 @@ outlines = Table(
     Column("macrop", Integer, ForeignKey("macrops.id", ondelete="CASCADE"), primary_key=True),
     Column("depends", Integer, ForeignKey("shared.id"), nullable=False, index=True),
     Column("cost", Integer),
-    Column("requirements", Text),  # numbers of shared texts; nothing in what older versions have written
+    Column("requirements", Text),  # numbers of shared texts; NULL in rows of older versions
 )
 
 
@@ -135,7 +137,7 @@ def _with_utility(connection: Connection) -> None:
 
 
 def _with_outlines(connection: Connection) -> None:
-    """What MACROPs depend on is kept once for all that depend on the same."""
+    """Store what MACROPs depend on once for all MACROPs that depend on the same parts."""
     metadata.create_all(connection, [shared, outlines])
     depends: dict[int, dict[str, str]] = {n: {} for (n,) in connection.execute(select(macrops.c.id))}
     for number, part, digest in connection.execute(select(dependencies)):
@@ -152,12 +154,12 @@ def _with_outlines(connection: Connection) -> None:
 
 
 def depends_text(depends: Mapping[str, str]) -> str:
-    """What a MACROP depends on, as a text: the same for the same."""
+    """The parts that a MACROP depends on, as text. The same parts give the same text."""
     return json.dumps(dict(sorted(depends.items())), ensure_ascii=False)
 
 
 def fingerprint(text: str) -> str:
-    """What tells texts apart."""
+    """A hash that distinguishes texts."""
     return hashlib.sha256(text.encode()).hexdigest()[:32]
 
 
@@ -180,14 +182,14 @@ class NewerSchema(Exception):
 
 
 def version_of(connection: Connection) -> int:
-    """The version of the tables; 0 where there are none."""
+    """The version of the tables; 0 if there are none."""
     if not inspect(connection).has_table(versions.name):
         return 0
     return connection.execute(select(versions.c.version)).scalar_one_or_none() or 0
 
 
 def migrate(connection: Connection) -> None:
-    """Bring the tables to the current version, inside the caller's transaction. Raises `NewerSchema`."""
+    """Update the tables to the current version, inside the caller's transaction. Raises `NewerSchema`."""
     version = version_of(connection)
     if version > CURRENT:
         raise NewerSchema(version)

@@ -1,7 +1,7 @@
-"""Sequence plans in the same database as the MACROPs: what was visited, what comes next, and what is left out and why.
+"""Sequence plans in the same database as the MACROPs: visits that are done, visits that are left, and excluded visits.
 
-Nobody waits while another process sequences: a sequence is read, changed and written back only if it is still the one
-that was read.
+No process waits while another one computes a sequence. A sequence is read, changed, and written back only if it has not
+changed since it was read.
 """
 
 import json
@@ -20,7 +20,7 @@ from kb.store.schema import sequences
 
 @dataclass(frozen=True, slots=True)
 class PlannedVisit:
-    """A visit as it was planned: by which tool, and where (metres)."""
+    """A planned visit: its tool, and its position in metres."""
 
     name: str
     tool: str
@@ -31,8 +31,8 @@ class PlannedVisit:
 class SequencePlan:
     """The visits that are `done` and the `rest`, both in order.
 
-    `lost` are tools and resources that are not there any more; `bad` and `impossible` are visits left out, with the
-    reason. `changes` is what a change of tools costs (tool, other tool, cost), `version` counts how often the plan was
+    `lost` holds tools and resources that cannot be used any more. `bad` and `impossible` hold visits that are left out, with
+    the reason. `changes` holds the costs of tool changes (tool, other tool, cost). `version` counts how often the plan was
     written.
     """
 
@@ -48,7 +48,7 @@ class SequencePlan:
 
 
 class Sequences:
-    """The sequence plans of a database, a file or a URL. Raises `InvalidInput` where it refuses."""
+    """The sequence plans in a database, given by a file or a URL. Raises `InvalidInput` if the database reports an error."""
 
     def __init__(self, target: str) -> None:
         self.target = target
@@ -63,7 +63,7 @@ class Sequences:
         self._engine.dispose()
 
     def of(self, domain: str, problem: str) -> SequencePlan | None:
-        """The plan for a problem; None if none is kept."""
+        """The plan for a problem; None if none is stored."""
         mine = (sequences.c.domain == domain) & (sequences.c.problem == problem)
         with transaction(self._engine, self.target) as connection:
             row = connection.execute(select(sequences.c.document, sequences.c.version).where(mine)).first()
@@ -76,7 +76,7 @@ class Sequences:
             raise refusal(self.target, said, "give another file") from error
 
     def keep(self, plan: SequencePlan) -> bool:
-        """Write a plan in place of the version that it was made from; False, and nothing done, if that is not the last."""
+        """Replace the version that a plan was made from. If that is not the last version, do nothing and return False."""
         row = {
             "domain": plan.domain,
             "problem": plan.problem,

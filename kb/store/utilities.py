@@ -1,6 +1,6 @@
-"""What sub-sequences are worth to searches: how often each was offered and used, and the work that trials found it to spare.
+"""The usefulness of sub-sequences in searches: how often each was offered and used, and the work that it saved in trials.
 
-Figures are only ever added to, so that any number of processes may count at once.
+Figures are only increased by additions, so that any number of processes may count at the same time.
 """
 
 from collections.abc import Iterable, Mapping
@@ -12,13 +12,13 @@ from sqlalchemy.dialects import postgresql, sqlite
 from kb.store.library import Library
 from kb.store.schema import macrops, utility
 
-RARELY, SELDOM = 8, 4  # offers after which a MACROP must have served once in so many
-PAYS = 0.85  # of the work without it, that with it may be
+RARELY, SELDOM = 8, 4  # after 8 offers, at least one in 4 must have been used
+PAYS = 0.85  # the largest share of the work without it that pays
 
 
 @dataclass(frozen=True, slots=True)
 class Utility:
-    """Figures of one MACROP in one kind of search; work in nodes generated, summed over trials."""
+    """The figures of one MACROP in one kind of search. Work is counted in generated nodes, summed over trials."""
 
     offered: int = 0
     used: int = 0
@@ -37,28 +37,28 @@ class Utility:
 
     @property
     def pays(self) -> bool:
-        """Whether it is worth offering: it spared work in trials, and is not offered in vain time and again."""
+        """Whether it should be offered: it saved work in trials, and is not too often offered without being used."""
         in_vain = self.offered >= RARELY and self.used * SELDOM < self.offered
         return self.beside < PAYS * self.without and not in_vain
 
     @property
     def share(self) -> float:
-        """The work with it, as a share of the work without."""
+        """The work with it, as a share of the work without it."""
         return self.beside / self.without if self.without else 1.0
 
 
 Figures = Mapping[tuple[int, str], Utility]
-"""By the number of the MACROP and the kind of search."""
+"""Figures by the number of the MACROP and the kind of search."""
 
 
 class Utilities:
-    """The figures in a library. Raises `InvalidInput` where the database refuses."""
+    """The figures in a library. Raises `InvalidInput` if the database reports an error."""
 
     def __init__(self, library: Library) -> None:
         self._library = library
 
     def of(self, domain: str = "") -> dict[tuple[int, str], Utility]:
-        """All figures, of one domain if that is named."""
+        """All figures, or those of one domain if it is named."""
         asked = select(utility).join_from(utility, macrops).order_by(utility.c.macrop, utility.c.search)
         if domain:
             asked = asked.where(macrops.c.domain == domain)
@@ -67,7 +67,7 @@ class Utilities:
         return {(int(row[0]), str(row[1])): Utility(*map(int, row[2:])) for row in rows}
 
     def note(self, more: Figures) -> None:
-        """Add to figures; those of MACROPs that are gone are dropped."""
+        """Add to the figures. Figures of removed MACROPs are dropped."""
         if not more:
             return
         with self._library.transaction(writes=True) as connection:

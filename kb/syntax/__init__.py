@@ -1,4 +1,4 @@
-"""The small language inside YAML strings, read with one LALR grammar. Knows shapes only: no names, no types, no files."""
+"""The small language inside YAML strings, read with one LALR grammar. It only knows forms: no names, types or files."""
 
 import functools
 import re
@@ -38,12 +38,12 @@ STARTS = ["header", "trigger", "conditions", "body", "clauses", "atoms", "atom",
 MAX_LENGTH = 65_536  # characters of one expression
 MAX_NESTING = 50  # brackets in brackets
 MAX_OPERATIONS = 100  # arithmetic signs in one expression
-LARGEST = 2**31 - 1  # clingo counts in 32 bits, and does not say when it cannot
+LARGEST = 2**31 - 1  # clingo counts in 32 bits, and overflows silently
 SECONDS = {"ms": Fraction(1, 1000), "s": Fraction(1), "min": Fraction(60), "h": Fraction(3600)}
 
 
 class ExpressionError(Exception):
-    """The text is not an expression; `offset` is the first character that does not fit, `code` the diagnostic's."""
+    """The text is not an expression. `offset` is the first character that does not fit; `code` is the diagnostic code."""
 
     def __init__(self, offset: int, message: str, hint: str = "", code: str = "K107") -> None:
         super().__init__(message)
@@ -56,7 +56,7 @@ ReadAggregate = Callable[[str, int], Statement]
 
 @dataclass(frozen=True, slots=True)
 class Parsed:
-    """What a text means, and where in it each function and variable first stands (offsets in characters)."""
+    """The value of a text, and the first place of each function and variable in it (offsets in characters)."""
 
     value: Any
     places: Mapping[Function | Variable, int] = field(default_factory=dict)
@@ -76,7 +76,7 @@ _SPELLINGS = {"s": "sec|secs|seconds?", "min": "mins|minutes?", "h": "hours?"}
 
 @v_args(inline=True)
 class _Reader(Transformer[Token, Any]):
-    """Builds terms and conditions bottom-up and notes where each function and variable stands."""
+    """Builds terms and conditions bottom-up, and notes the place of each function and variable."""
 
     def __init__(self, time_unit: str, read_aggregate: ReadAggregate | None) -> None:
         super().__init__()
@@ -87,7 +87,9 @@ class _Reader(Transformer[Token, Any]):
     def _place(self, function: Function, token: Token) -> Function:
         offset = token.start_pos or 0
         if function.name == "not":
-            raise ExpressionError(offset, "'not' is no name", "write `not p(X)`: a space and an atom", "K112")
+            raise ExpressionError(
+                offset, "'not' is not a name", "write `not p(X)`: a space and an atom", "K112"
+            )
         if function.name.startswith("_"):
             hint = "names that begin with '_' belong to the engine"
             raise ExpressionError(offset, f"'{function.name}' is reserved", hint, "K112")
@@ -120,7 +122,7 @@ class _Reader(Transformer[Token, Any]):
         )
 
     def decimal(self, token: Token) -> Function:
-        return Function(str(token))  # only in result patterns, which clingo never sees
+        return Function(str(token))  # only in reply patterns, which clingo never reads
 
     def text(self, token: Token) -> Text:
         return Text(re.sub(r"\\(.)", lambda found: "\n" if found[1] == "n" else found[1], token[1:-1]))
@@ -186,7 +188,7 @@ class _Reader(Transformer[Token, Any]):
 
 
 def _digits(text: str) -> str:
-    """The digits of a number; of too many, as many as show that it is too large."""
+    """The digits of a number. If there are too many, only enough of them to show that it is too large."""
     return text if len(text) <= 20 else "9" * 20
 
 
@@ -226,7 +228,7 @@ def _check_size(text: str) -> None:
 
 
 def without_texts(text: str) -> str:
-    """The same characters with every quoted text blanked out."""
+    """The same characters with every quoted text replaced by blanks."""
     return _TEXT.sub(lambda found: " " * len(found[0]), text)
 
 
@@ -258,9 +260,7 @@ def _explained(error: UnexpectedInput, text: str, start: str) -> ExpressionError
     return ExpressionError(offset, said, hint)
 
 
-_NOT_HINT = (
-    "`not` stands in conditions; facts that are not listed are false, `deletes` and `denies` make them so"
-)
+_NOT_HINT = "`not` is only allowed in conditions; facts that are not listed are false, and `deletes` and `denies` make facts false"
 _ATOMS, _CONDITIONS = (
     "atoms, such as at(Item, To), with commas between",
     "atoms and comparisons, such as not heavy(Item), X != Y",
@@ -278,18 +278,18 @@ _SHAPES = {
     "body": _CONDITIONS,
 }  # what each kind of expression looks like
 _CHARACTER_HINTS = {
-    ".": "no full stop ends an expression; ranges such as p_1..4 stand in lists of objects",
+    ".": "an expression does not end with a full stop; ranges such as p_1..4 are only allowed in lists of objects",
     "&": "write ',' for and, '|' for or",
     "!": "write `not` before the atom",
     "-": "write `not` before the atom",
-    "'": "texts stand in double quotes",
+    "'": "write texts in double quotes",
     "@": "there are no external functions",
     "#": "only #count, #sum, #min and #max are known, each with { }",
-    "{": "a set stands behind #count, #sum, #min or #max",
+    "{": "write #count, #sum, #min or #max before a set",
 }
 _TOKEN_HINTS = {
     ";": "';' separates alternatives of `implies` and `denies`; elsewhere ',' means and",
-    ":": "rules stand in .lp files; `p(X) : q(X)` is a condition",
+    ":": "write rules in .lp files; `p(X) : q(X)` is a condition",
     "|": "write `a(X) | b(X)` between atoms of a condition",
 }
 _CLOSING = {"(": ")", "{": "}", "[": "]"}
@@ -304,7 +304,7 @@ def _check_brackets(text: str) -> None:
         if character in _CLOSING:
             open_at.append((_CLOSING[character], offset))
         elif not open_at or open_at.pop()[0] != character:
-            raise ExpressionError(offset, f"'{character}' closes nothing", _SPLIT_HINT, "K106")
+            raise ExpressionError(offset, f"'{character}' closes no open bracket", _SPLIT_HINT, "K106")
         if len(open_at) > MAX_NESTING:
             raise ExpressionError(offset, f"nested deeper than {MAX_NESTING} brackets", _DEPTH_HINT, "K007")
     if open_at:

@@ -1,5 +1,4 @@
-"""A new domain to grow from: a small commented cell that checks, plans, diagnoses, and has a golden plan and
-its own schemas."""
+"""A new domain to start from: a small commented cell with a problem, a fault base, a golden plan and schemas."""
 
 import json
 import re
@@ -15,9 +14,9 @@ SCHEMAS = ("domain", "problem", "faults")
 
 
 def create(folder: Path) -> list[Path]:
-    """Write a new domain into a folder, which must be new or empty; the files written. Raises `InvalidInput`, `OSError`."""
+    """Write a new domain into a new or empty folder and return the files written. Raises `InvalidInput`, `OSError`."""
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
-        message = "there is something here already, and nothing of it is overwritten"
+        message = "the folder is not empty, and existing files are not overwritten"
         raise InvalidInput([Diagnostic(Source(str(folder)), "K403", message, "name a new folder")])
     written = list(_copy(resources.files("engine.authoring.starter") / "cell", folder, _name(folder)))
     for kind in SCHEMAS:
@@ -31,7 +30,7 @@ def create(folder: Path) -> list[Path]:
 
 
 def _name(folder: Path) -> str:
-    """A domain name made from the folder's."""
+    """The name of the domain, made from the name of the folder."""
     name = re.sub(r"[^a-z0-9_]+", "_", folder.resolve().name.lower()).strip("_")
     return name if re.match(r"[a-z]", name) else f"cell_{name}".rstrip("_")
 

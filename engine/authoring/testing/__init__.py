@@ -1,1 +1,1 @@
-"""Golden plans: a domain's problems are planned again and compared with the answers that were once accepted."""
+"""Golden plans: the problems of a domain are planned again, and the answers are compared with those accepted before."""

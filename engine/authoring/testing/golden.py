@@ -1,7 +1,7 @@
 """Golden files: `golden/PROBLEM.json` beside `domain.yaml` holds the accepted answer of `problems/PROBLEM.yaml`.
 
-A golden file is an ordinary answer, so `cellwright validate` checks the plan in it. Answers depend on work limits
-alone, never on time, so that they are the same on every machine.
+A golden file is an ordinary answer, so `cellwright validate` checks the plan in it. The search is limited by
+work, never by time, so that the answers are the same on every machine.
 """
 
 import difflib
@@ -24,7 +24,7 @@ FOLDER = "golden"
 
 @dataclass(frozen=True, slots=True)
 class Comparison:
-    """One problem's answer beside its golden file. `verdict` is same, different, new, or orphan (no such problem)."""
+    """The answer to one problem and its golden file. `verdict` is same, different, new, or orphan (no such problem)."""
 
     name: str
     file: Path
@@ -44,7 +44,7 @@ def problems(target: str) -> tuple[Path, list[Path]]:
 
 
 def compare_all(target: str) -> Iterator[Comparison]:
-    """Every problem of a target compared, then golden files that no problem answers to. Raises `InvalidInput`."""
+    """A comparison for each problem of a target, then one for each golden file without a problem. Raises `InvalidInput`."""
     folder, files = problems(target)
     wrong: list[Diagnostic] = []
     for file in files:
@@ -75,7 +75,7 @@ def compare(problem_file: Path, golden: Path) -> Comparison:
 
 
 def answer(problem_file: Path) -> str:
-    """The answer to a problem as a golden file."""
+    """The answer to a problem, as the text of a golden file."""
     problem = planning.problem_of(str(problem_file))
     result = planning.plan(problem, Limits())
     return envelope(status(result), outcome(result, problem, problem.domain.name)) + "\n"
@@ -86,11 +86,11 @@ def _parsed(text: str, file: Path) -> Any:
         return json.loads(text)
     except (ValueError, RecursionError) as error:
         hint = "restore it, or rewrite it with --update"
-        raise InvalidInput([Diagnostic(Source(str(file)), "K402", f"not JSON: {error}", hint)]) from None
+        raise InvalidInput([Diagnostic(Source(str(file)), "K413", f"not JSON: {error}", hint)]) from None
 
 
 def update(comparison: Comparison) -> None:
-    """Accept an answer: write its golden file whole or not at all, or remove an orphan. Raises `OSError`."""
+    """Accept an answer: write its golden file (completely or not at all), or remove an orphan. Raises `OSError`."""
     if comparison.verdict == "orphan":
         comparison.file.unlink()
         return

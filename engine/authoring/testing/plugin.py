@@ -1,6 +1,6 @@
-"""A pytest plugin: every `domain.yaml` that pytest comes across and that has a `golden` folder is tested by it.
+"""A pytest plugin: it tests every `domain.yaml` that pytest finds beside a `golden` folder.
 
-One test per problem; `--update-plans` accepts the new answers, and is refused in continuous integration.
+There is one test per problem. `--update-plans` accepts the new answers; it is refused in continuous integration.
 """
 
 import os
@@ -46,7 +46,7 @@ class GoldenPlan(pytest.Item):
         self.problem_file = problem_file
 
     def runtest(self) -> None:
-        """Compare, or accept."""
+        """Compare the answer with the golden file, or accept it."""
         from engine.authoring.testing.golden import FOLDER, compare, update
 
         golden = self.problem_file.parent.parent / FOLDER / f"{self.problem_file.stem}.json"
@@ -59,11 +59,11 @@ class GoldenPlan(pytest.Item):
             raise Differs("\n".join([", ".join(comparison.meaning), *comparison.diff]))
 
     def repr_failure(self, excinfo: Any, style: Any = None) -> Any:
-        """The difference alone, without a traceback."""
+        """Only the difference, without a traceback."""
         if isinstance(excinfo.value, Differs):
             return str(excinfo.value)
         return super().repr_failure(excinfo, style)
 
     def reportinfo(self) -> tuple[Path, int, str]:
-        """Where the problem stands."""
+        """The file of the problem."""
         return self.problem_file, 0, f"golden plan of {self.problem_file.stem}"

@@ -1,10 +1,10 @@
-"""The command `cellwright`: parse, call, print, exit. Heavy imports wait until a command needs them."""
+"""The command `cellwright`: parse, call, print, exit. Large modules are imported only when a command needs them."""
 
 import signal
 
 
 def main() -> None:
-    """Run the command line. Until a verb has begun, and when it has ended, Ctrl-C ends the process without a word."""
+    """Run the command line. Before a verb begins and after it ends, Ctrl-C ends the process without a message."""
     signal.signal(signal.SIGINT, signal.SIG_DFL)
     from engine.faces.cli.command import run
 
@@ -12,7 +12,7 @@ def main() -> None:
 
 
 def __getattr__(name: str) -> object:
-    """The application is made when it is asked for."""
+    """The typer application, made at the first access."""
     if name == "app":
         from engine.faces.cli.command import app
 

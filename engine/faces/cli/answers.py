@@ -1,6 +1,6 @@
 """How every command answers: one `Answer`, printed as text or as one JSON envelope, and an exit code.
 
-Standard output carries the answer alone; diagnostics and progress go to standard error. Bad input, interrupts, want of
+Only the answer goes to standard output; diagnostics and progress go to standard error. Bad input, interrupts, lack of
 memory and bugs become exit codes here, so that no command prints a traceback.
 """
 
@@ -35,7 +35,7 @@ class Form(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Answer:
-    """What a command found. `text` is made only when it is printed; `raw` is printed as it stands in either form."""
+    """What a command found. `text` is made only when it is printed; `raw` is printed unchanged in both forms."""
 
     status: str
     content: Mapping[str, Any] = field(default_factory=dict)
@@ -50,7 +50,7 @@ def give(make: Callable[[], Answer], form: Form) -> NoReturn:
     with _hearing():
         answer = _made(make)
     if form is Form.TEXT or answer.raw is not None:
-        with suppress(OSError):  # whoever cannot be told why still gets the exit code
+        with suppress(OSError):  # even if the reason cannot be printed, the exit code is right
             _report(answer)
     with writing():
         _print(answer, form)
@@ -60,7 +60,7 @@ def give(make: Callable[[], Answer], form: Form) -> NoReturn:
 
 @contextmanager
 def writing() -> Iterator[None]:
-    """A context that writes to standard output: what cannot be written, as on a full disk, exits with 2."""
+    """A context that writes to standard output. If that fails, for example on a full disk, the process exits with 2."""
     try:
         yield
     except OSError as error:
@@ -71,19 +71,19 @@ def writing() -> Iterator[None]:
             raise typer.Exit(BAD_INPUT) from None
 
 
-def refuse(wrong: str, command: str) -> NoReturn:
-    """Answer a command line that makes no sense to a program that asked for JSON."""
+def refuse(wrong: str, command: str, code: str) -> NoReturn:
+    """Report a wrong command line to a program that asked for JSON."""
     from kb.diagnostics import Diagnostic, InvalidInput, Source
 
     def make() -> Answer:
-        hint = f"`{command} --help` says what it takes"
-        raise InvalidInput([Diagnostic(Source("command line"), "K401", wrong, hint)])
+        hint = f"`{command} --help` shows what it takes"
+        raise InvalidInput([Diagnostic(Source("command line"), code, wrong, hint)])
 
     give(make, Form.JSON)
 
 
 def open_streams() -> None:
-    """Let no answer fail for its characters, or for a standard stream that was closed before the start."""
+    """Prepare the standard streams, so that neither unusual characters nor a closed stream makes an answer fail."""
     for name, mode in (("stdin", "r"), ("stdout", "w"), ("stderr", "w")):
         if getattr(sys, name) is None:
             setattr(sys, name, open(os.devnull, mode))  # noqa: SIM115 - open as long as the process
@@ -93,7 +93,7 @@ def open_streams() -> None:
 
 @contextmanager
 def _hearing() -> Iterator[None]:
-    """A context in which Ctrl-C is an exception: there is an answer to give then."""
+    """A context in which Ctrl-C raises an exception, so that an answer can still be given."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
@@ -115,15 +115,15 @@ def _made(make: Callable[[], Answer]) -> Answer:
         return Answer("interrupted", code=INTERRUPTED)
     except MemoryError:
         found = Diagnostic(
-            Source("memory"), "K307", "out of memory", "raise --memory-limit, or make the problem smaller"
+            Source("memory"), "K419", "out of memory", "raise --memory-limit, or make the problem smaller"
         )
         return Answer("stopped", code=LIMIT, diagnostics=(found,))
     except OSError as error:
         message, hint = (
-            f"the system refuses: {error.strerror or error}",
-            "name another place, or make room there",
+            f"the operating system reports: {error.strerror or error}",
+            "name another place, or make room on the disk",
         )
-        found = Diagnostic(Source(str(error.filename or "a file")), "K403", message, hint)
+        found = Diagnostic(Source(str(error.filename or "a file")), "K415", message, hint)
         return Answer("bad input", code=BAD_INPUT, diagnostics=(found,))
     except Exception as error:
         if os.environ.get("CELLWRIGHT_TRACEBACK"):
@@ -145,14 +145,14 @@ def _print(answer: Answer, form: Form) -> None:
 
 
 def _write(text: str) -> None:
-    """Write data, which is UTF-8 whatever the terminal speaks."""
+    """Write data as UTF-8, whatever the encoding of the terminal is."""
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(encoding="utf-8", errors="replace")
     sys.stdout.write(text)
 
 
 def _report(answer: Answer) -> None:
-    """Diagnostics and mishaps, on standard error."""
+    """Print diagnostics and failures on standard error."""
     if not answer.diagnostics and answer.code not in (INTERRUPTED, INTERNAL):
         return
     from rich.console import Console
@@ -170,5 +170,5 @@ def _report(answer: Answer) -> None:
 
 
 def _abandon_output() -> None:
-    """Nobody can read standard output any more: keep the interpreter from complaining when it closes it."""
+    """Give up standard output, which cannot be written any more, so that closing it causes no further error message."""
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

@@ -1,4 +1,4 @@
-"""`cellwright cell`: a look at a cell."""
+"""`cellwright cell`: pictures of a cell."""
 
 from enum import StrEnum
 from pathlib import Path
@@ -16,7 +16,7 @@ app = typer.Typer(add_completion=False, no_args_is_help=True)
 
 
 class Picture(StrEnum):
-    """How a cell is shown."""
+    """The forms in which a cell is shown."""
 
     TEXT = "text"
     JSON = "json"
@@ -31,7 +31,7 @@ Configurations = Annotated[
         "--configuration", help='joint values in degrees and metres: "0, 90, 0, 0, 45, 0" or "ARM: ..."'
     ),
 ]
-AtPlace = Annotated[str, typer.Option("--place", help="show the arm where it reaches this place")]
+AtPlace = Annotated[str, typer.Option("--place", help="show the arm at this place")]
 Output = Annotated[Path | None, typer.Option("--output", "-o", help="the file to write; a PNG needs one")]
 AZIMUTH, ELEVATION = -60.0, 28.0
 Azimuth = Annotated[
@@ -40,7 +40,7 @@ Azimuth = Annotated[
         min=-360,
         max=360,
         callback=number,
-        help="from where it is seen, in degrees about z from the x axis",
+        help="the direction of view: degrees about z, counted from the x axis",
         show_default=str(AZIMUTH),
     ),
 ]
@@ -50,7 +50,7 @@ Elevation = Annotated[
         min=-90,
         max=90,
         callback=number,
-        help="from how high it is seen, in degrees",
+        help="the height of the viewpoint, in degrees above the horizon",
         show_default=str(ELEVATION),
     ),
 ]
@@ -58,7 +58,7 @@ Elevation = Annotated[
 
 @app.callback()
 def cell() -> None:
-    """A look at the geometry of a cell."""
+    """Look at the geometry of a cell."""
 
 
 @app.command()
@@ -71,7 +71,7 @@ def show(
     azimuth: Azimuth = None,
     elevation: Elevation = None,
 ) -> None:
-    """Show the cell of TARGET, as its problem begins, with arms at a configuration; mark what is in collision."""
+    """Show the cell of TARGET at the start of its problem, with the arms in a configuration; mark collisions."""
     form = Form.JSON if format is Picture.JSON else Form.TEXT
     if form is Form.JSON or format is Picture.TEXT:
         refuse_idle({"--output": output}, "without a picture: give --format png, svg or gltf")
@@ -126,10 +126,10 @@ def _drawn(shown: "View", kind: Picture, seen: tuple[float, float]) -> str | byt
 
 
 def _as_text(drawn: str | bytes) -> str:
-    """A picture for standard output. Raises `InvalidInput` for one that is no text."""
+    """A picture for standard output. Raises `InvalidInput` for a picture that is not text."""
     from kb.diagnostics import Diagnostic, InvalidInput, Source
 
     if isinstance(drawn, bytes):
         hint = "give --output FILE, or --format svg"
-        raise InvalidInput([Diagnostic(Source("--format"), "K403", "a PNG is no text", hint)])
+        raise InvalidInput([Diagnostic(Source("--format"), "K403", "a PNG is not text", hint)])
     return drawn

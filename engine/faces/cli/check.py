@@ -11,12 +11,12 @@ from engine.faces.cli.exits import BAD_INPUT, FINDINGS
 from engine.faces.cli.options import Format, Target
 
 NoReach = Annotated[
-    bool, typer.Option("--no-reach", help="do not ask which places of the cell the arms reach")
+    bool, typer.Option("--no-reach", help="do not check which places of the cell the arms reach")
 ]
 
 
 def check(target: Target, no_reach: NoReach = False, format: Format = Form.TEXT) -> None:
-    """Report everything that is wrong with TARGET: files, names, types, rules, what its problems ground to, its cell."""
+    """Report all errors in TARGET: in files, names, types, rules, grounded problems, the cell and the fault base."""
     give(lambda: _check(target, not no_reach), format)
 
 

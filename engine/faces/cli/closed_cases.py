@@ -1,4 +1,4 @@
-"""`cellwright diagnose --history`, `--age`, `--reset`, `--import`: what closed cases have taught."""
+"""`cellwright diagnose --history`, `--age`, `--reset`, `--import`: what was learned from closed cases."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -12,14 +12,14 @@ if TYPE_CHECKING:
 def kept(
     target: str, store: str, history: bool, reset: bool, age: float | None, given: Path | None
 ) -> Answer:
-    """Forget, age or add closed cases of a domain, in this order, and list them. Raises `InvalidInput`."""
+    """Forget, age or add closed cases of a domain, in this order, then list them. Raises `InvalidInput`."""
     from engine.pipelines.troubleshooting import fault_model
     from engine.pipelines.troubleshooting.given import imported
     from kb.diagnostics import Diagnostic, InvalidInput, Source
     from kb.store.cases import Cases
 
     if not store:
-        raise InvalidInput([Diagnostic(Source("--store"), "K401", "which store?", "give --store FILE")])
+        raise InvalidInput([Diagnostic(Source("--store"), "K409", "no store is given", "give --store FILE")])
     model = fault_model(target)
     with Cases(store) as cases:
         said = []
@@ -27,7 +27,7 @@ def kept(
             said.append(f"{cases.reset(model.domain)} cases forgotten")
         if age is not None:
             cases.age(model.domain, age)
-            said.append(f"cases count for {age:g} of what they did")
+            said.append(f"the weights of cases are multiplied by {age:g}")
         if given is not None:
             added = imported(model, given)
             cases.add(added)

@@ -1,4 +1,4 @@
-"""All verbs as one command line, and its run from the first word to the exit code."""
+"""All verbs as one command line, and the function that runs it until the exit code."""
 
 import gc
 
@@ -20,7 +20,7 @@ def cellwright() -> None:
 
 def run() -> None:
     """Run the command line."""
-    gc.set_threshold(100_000)  # hardly anything here is part of a cycle
+    gc.set_threshold(100_000)  # rarely: few objects here refer to each other in circles
     open_streams()
     try:
         app()

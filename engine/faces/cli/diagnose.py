@@ -1,4 +1,4 @@
-"""`cellwright diagnose`: find what is behind an exception with the cheapest tests."""
+"""`cellwright diagnose`: find the cause of an exception with the cheapest tests."""
 
 from dataclasses import dataclass
 from enum import StrEnum
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 class DiagnosisForm(StrEnum):
-    """How a diagnosis is written; a picture is made of the whole tree alone."""
+    """How a diagnosis is written. A picture can only show the whole tree."""
 
     TEXT = "text"
     JSON = "json"
@@ -28,7 +28,7 @@ class DiagnosisForm(StrEnum):
 
 
 class Goal(StrEnum):
-    """What a case is for."""
+    """What a case should achieve."""
 
     ISOLATE = "isolate"
     REPAIR = "repair"
@@ -42,26 +42,33 @@ Outcomes = Annotated[
     str, typer.Option("--outcomes", help="scripted outcomes: look_at_spot=dry, tool_self_test=passed")
 ]
 Hidden = Annotated[
-    str, typer.Option("--hidden", help="simulate: the causes that are really there, with commas between")
+    str, typer.Option("--hidden", help="simulate: the causes that are really present, separated by commas")
 ]
 WholeTree = Annotated[bool, typer.Option("--tree", help="print the whole decision tree")]
 Explain = Annotated[bool, typer.Option("--explain", help="say why this test is next")]
-Objective = Annotated[Goal, typer.Option("--objective", help="find the cause, or get rid of the trouble")]
+Objective = Annotated[Goal, typer.Option("--objective", help="find the cause, or repair the fault")]
 Recover = Annotated[
-    bool, typer.Option("--recover", help="plan on from what was found to the problem's goals")
+    bool, typer.Option("--recover", help="then plan from the state found to the goals of the problem")
 ]
 FailedPlan = Annotated[
     Path | None,
-    typer.Option("--plan", help="the plan that failed, in JSON: it is revised before planning anew"),
+    typer.Option("--plan", help="the plan that failed, in JSON: its repair is tried before a new plan"),
 ]
 Done = Annotated[
-    str, typer.Option("--done", help="its steps that are done, such as 1..4, 7; else those before --step")
+    str,
+    typer.Option(
+        "--done", help="the steps of the plan that are done, such as 1..4, 7; if not given, all before --step"
+    ),
 ]
-Store = Annotated[str, typer.Option("--store", help="learn: keep closed cases in this file or database")]
+Store = Annotated[
+    str, typer.Option("--store", help="keep closed cases in this file or database, and learn from them")
+]
 History = Annotated[bool, typer.Option("--history", help="print the closed cases of the store")]
 Age = Annotated[
     float | None,
-    typer.Option("--age", min=0, max=1, callback=number, help="let closed cases count so much less"),
+    typer.Option(
+        "--age", min=0, max=1, callback=number, help="multiply the weights of closed cases by this number"
+    ),
 ]
 Reset = Annotated[bool, typer.Option("--reset", help="forget the closed cases of this domain")]
 Counts = Annotated[Path | None, typer.Option("--import", help="JSON to add: {exception: {cause: count}}")]
@@ -90,7 +97,7 @@ def diagnose(
     time_limit: TimeLimit = None,
     seed: Seed = 0,
 ) -> None:
-    """Find what is behind an exception of TARGET: ask for outcomes, take them from a list, or print the whole tree."""
+    """Find the cause of an exception of TARGET: ask for outcomes, read them from a list, or print the whole tree."""
     form = Form.JSON if format is DiagnosisForm.JSON else Form.TEXT
     asked = Asked(target, exception, step, objective, plan, done, store, expansions, time_limit)
     manner = Manner(tree, explain, outcomes, hidden, recover, seed, format is DiagnosisForm.SVG)
@@ -105,7 +112,7 @@ def diagnose(
 
 @dataclass(frozen=True, slots=True)
 class Asked:
-    """The case: what happened where, and what its search may take."""
+    """The case: what happened and where, and the limits of the search."""
 
     target: str
     exception: str
@@ -120,7 +127,7 @@ class Asked:
 
 @dataclass(frozen=True, slots=True)
 class Manner:
-    """How the case is gone through, and what is shown of it."""
+    """How the case is worked through, and what is shown of it."""
 
     tree: bool
     explain: bool
@@ -132,32 +139,32 @@ class Manner:
 
 
 def _refuse_case(asked: Asked, manner: Manner) -> None:
-    """Refuse what belongs to a case in hand."""
+    """Refuse the options that belong to an open case."""
     case = {"--exception": asked.exception, "--step": asked.step, "--plan": asked.plan, "--done": asked.done}
     how = {"--outcomes": manner.outcomes, "--hidden": manner.hidden, "--tree": manner.tree}
     rest = {"--explain": manner.explain, "--recover": manner.recover, "--format svg": manner.picture}
     refuse_idle(
-        {**case, **how, **rest}, "on closed cases: --history, --age, --reset and --import stand alone"
+        {**case, **how, **rest}, "on closed cases: --history, --age, --reset and --import open no new case"
     )
 
 
 def _refuse_idle(asked: Asked, manner: Manner) -> None:
     if not asked.exception:
-        raise typer.BadParameter("--exception names what happened")
+        raise typer.BadParameter("give --exception: it names what happened")
     if asked.done and asked.plan is None:
-        raise typer.BadParameter("--done counts the steps of a plan: give --plan")
+        raise typer.BadParameter("--done needs a plan: give --plan")
     if manner.picture and not manner.tree:
-        raise typer.BadParameter("a picture is made of the whole tree: give --tree")
+        raise typer.BadParameter("a picture shows the whole tree: give --tree")
     answered = {"--outcomes": manner.outcomes, "--hidden": manner.hidden}
     if manner.tree:
-        refuse_idle({**answered, "--explain": manner.explain}, "with --tree, which holds every outcome")
+        refuse_idle({**answered, "--explain": manner.explain}, "with --tree, which shows every outcome")
     if manner.explain:
         refuse_idle(answered, "with --explain, which is about the first test")
     if manner.tree or manner.explain:
         why = "before the case is closed: leave out --tree and --explain"
         refuse_idle({"--recover": manner.recover}, why)
     if manner.outcomes:
-        refuse_idle({"--hidden": manner.hidden}, "with --outcomes, which are the answers")
+        refuse_idle({"--hidden": manner.hidden}, "with --outcomes, which gives the answers")
 
 
 def _diagnosed(asked: Asked, manner: Manner) -> Answer:
@@ -197,7 +204,7 @@ def _tree(found: "Desk", picture: bool) -> Answer:
 
 
 def _explained(session: "Session") -> Answer:
-    """What to do first, and what beginning with each other action would cost."""
+    """The best first action, and the expected costs with each other action first."""
     from rich.console import Group
     from rich.text import Text
 
@@ -234,7 +241,7 @@ def _answerer(found: "Desk", manner: Manner) -> "Answerer":
 
 
 def _asking(found: "Desk") -> "Answerer":
-    """Ask the person at the terminal; an empty line, or the end of the input, ends the case."""
+    """A function that asks the person at the terminal. An empty line or the end of the input ends the case."""
     import sys
 
     from rich.console import Console

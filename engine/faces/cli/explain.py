@@ -1,4 +1,4 @@
-"""`cellwright explain`: why there is no plan, or why a step is in one."""
+"""`cellwright explain`: why there is no plan, or why a step is in a plan."""
 
 from pathlib import Path
 from typing import Annotated
@@ -19,10 +19,10 @@ def explain(
     time_limit: TimeLimit = None,
     expansions: Expansions = 1_000_000,
 ) -> None:
-    """Say why TARGET has no plan and what would have to be different; or why STEP is in the plan TARGET."""
+    """Explain why TARGET has no plan and which changes would allow one; or why STEP is in the plan TARGET."""
     if step is None:
         give(lambda: _problem(target, goals, command, time_limit, expansions), format)
-    refuse_idle({"--goals": goals, "--command": command}, "on a step: the plan has its goals")
+    refuse_idle({"--goals": goals, "--command": command}, "on a step: the plan contains its goals")
     give(lambda: _step(Path(target), step), format)
 
 

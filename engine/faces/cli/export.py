@@ -1,4 +1,4 @@
-"""`cellwright export`: our problems in the languages of others."""
+"""`cellwright export`: problems in the languages of other planners."""
 
 from enum import StrEnum
 from pathlib import Path
@@ -11,7 +11,7 @@ from engine.faces.cli.options import Command, Format, Goals, Ground, Target
 
 
 class Language(StrEnum):
-    """What a problem can be written in."""
+    """The languages in which a problem can be written."""
 
     PDDL = "pddl"
 
@@ -46,5 +46,7 @@ def _export(target: str, goals: str, command: str, ground: bool, output: Path) -
     }
     said = f"{domain}\n{problem}"
     if exported.why_ground:
-        said += f"\nwritten ground, as lifted PDDL cannot say this: {exported.why_ground}"
+        said += (
+            f"\nwritten without variables, because PDDL with variables cannot express {exported.why_ground}"
+        )
     return Answer("ok", content, lambda: Text(said))

@@ -20,7 +20,7 @@ def golden_plans(
     update: Annotated[bool, typer.Option("--update", help="accept the answers as they are now")] = False,
     format: Format = Form.TEXT,
 ) -> None:
-    """Plan every problem of TARGET again and compare with its golden file."""
+    """Plan every problem of TARGET again and compare the answer with its golden file."""
     give(lambda: _test(target, update), format)
 
 
@@ -29,7 +29,7 @@ def _test(target: str, update: bool) -> Answer:
     from kb.diagnostics import Diagnostic, InvalidInput, Source
 
     if update and os.environ.get("CI"):
-        hint = "run it where a person reads the difference, and commit the golden files"
+        hint = "run it on your machine, read the differences, and commit the golden files"
         found = Diagnostic(
             Source("--update"), "K403", "golden files are not rewritten in continuous integration", hint
         )

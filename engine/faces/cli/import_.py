@@ -1,4 +1,4 @@
-"""`cellwright import`: files of other systems become problems."""
+"""`cellwright import`: make problems from files of other systems."""
 
 from pathlib import Path
 from typing import Annotated
@@ -30,7 +30,7 @@ def qif(
 ) -> None:
     """Write a problem with the points at which the features of FILE are measured."""
     if file.suffix.lower() != ".csv":
-        refuse_idle({"--unit": unit}, "on a QIF document, which names its units")
+        refuse_idle({"--unit": unit}, "on a QIF document, which states its own units")
     give(lambda: _qif(file, output, domain, unit or "mm"), format)
 
 
@@ -56,4 +56,4 @@ def _write(target: Path, text: str) -> None:
         target.write_text(text, "utf-8")
     except OSError as error:
         said = f"cannot be written: {(error.strerror or str(error)).lower()}"
-        raise InvalidInput([Diagnostic(Source(str(target)), "K403", said)]) from None
+        raise InvalidInput([Diagnostic(Source(str(target)), "K415", said)]) from None

@@ -12,7 +12,7 @@ from engine.faces.cli.options import Format
 def init(
     folder: Annotated[Path, typer.Argument(help="a folder that is new or empty")], format: Format = Form.TEXT
 ) -> None:
-    """Write a small commented domain into FOLDER: it checks, plans, diagnoses, and has a golden plan."""
+    """Write a small commented domain into FOLDER, with problems, a fault base and a golden plan."""
     give(lambda: _init(folder), format)
 
 

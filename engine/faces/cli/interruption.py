@@ -1,4 +1,4 @@
-"""Ctrl-C, a request to terminate and the time limit, as the question that a search asks now and then; progress on a terminal meanwhile."""
+"""Interruption of a search by Ctrl-C, by a request to terminate or by the time limit; progress on a terminal meanwhile."""
 
 import signal
 import sys
@@ -13,11 +13,11 @@ if TYPE_CHECKING:
 
 
 class Interruption:
-    """A context in which the first Ctrl-C asks the search to stop with what it has; the second stops everything.
+    """A context in which the first Ctrl-C asks the search to stop with its best answer; the second stops everything.
 
-    A batch system's request to terminate (SIGTERM) is heard like Ctrl-C, so that it gets the best answer so far.
+    A request to terminate (SIGTERM), as from a batch system, works like Ctrl-C: it gets the best answer so far.
 
-    Called, it says whether to stop. `seconds` is the time limit, counted from its creation.
+    A search calls it now and then; it returns whether to stop. `seconds` is the time limit, counted from its creation.
     """
 
     def __init__(self, seconds: float | None = None) -> None:
@@ -45,7 +45,7 @@ class Interruption:
         return self.heard or (self.deadline is not None and time.monotonic() >= self.deadline)
 
     def tell(self, plan: "Plan") -> None:
-        """Tell on standard error of a better plan."""
+        """Report a better plan on standard error."""
         if self._progress:
             self._progress.clear()
         seconds = time.monotonic() - self.started
@@ -58,7 +58,7 @@ class Interruption:
 
 
 class _Progress:
-    """One line on standard error that says how long the search has been going on, once it takes long."""
+    """One line on standard error that shows how long a long search has taken so far."""
 
     def __init__(self) -> None:
         self.started = self.shown = time.monotonic()
@@ -75,14 +75,14 @@ class _Progress:
 
 
 def _say(text: str) -> None:
-    """Write on standard error. Whoever cannot be told still gets the answer."""
+    """Write on standard error. If that fails, the answer is still given."""
     with suppress(OSError):
         sys.stderr.write(text)
         sys.stderr.flush()
 
 
 def limit_memory(megabytes: int | None) -> None:
-    """Let this process and those it starts take no more than so much memory; beyond it a `MemoryError` is raised."""
+    """Limit the memory of this process and of those it starts. Beyond the limit a `MemoryError` is raised."""
     if megabytes is not None:
         import resource
 

@@ -1,4 +1,4 @@
-"""`cellwright sequence --store`: a sequence that is kept, and goes on as its visits are done and the world changes."""
+"""`cellwright sequence --store`: a stored sequence, updated as visits are done and the world changes."""
 
 from collections.abc import Iterable
 from typing import TYPE_CHECKING
@@ -19,7 +19,7 @@ def carried_on(
     next_alone: bool,
     anew: bool,
 ) -> Answer:
-    """What is to be visited now. `said` is the text of --done, --lost, --bad and --restored."""
+    """The visits that are left. `said` holds the texts of --done, --lost, --bad and --restored."""
     from engine.faces.cli.interruption import Interruption
     from engine.formats.report import progress as report
     from engine.pipelines.inspection.keeping import carry_on

@@ -18,9 +18,9 @@ if TYPE_CHECKING:
     from kb.store import Stored
     from kb.store.utilities import Utility
 
-LARGEST = 2**63 - 1  # number that a database keeps
+LARGEST = 2**63 - 1  # the largest number that a database can store
 DomainOf = Annotated[
-    str, typer.Option("--domain", help="a domain, by path or bundled name: its MACROPs alone")
+    str, typer.Option("--domain", help="only the MACROPs of this domain (a path or a bundled name)")
 ]
 
 app = typer.Typer(add_completion=False, no_args_is_help=True)
@@ -28,12 +28,12 @@ app = typer.Typer(add_completion=False, no_args_is_help=True)
 
 @app.callback()
 def macros() -> None:
-    """What a library of MACROPs has learned, and what is to stay."""
+    """Look at a library of learned MACROPs, and change it."""
 
 
 @app.command("list")
 def list_(store: Library, domain: DomainOf = "", format: Format = Form.TEXT) -> None:
-    """List the library; with --domain, say which MACROPs are stale and what has changed."""
+    """List the library; with --domain, also show which MACROPs are stale and what has changed."""
     give(lambda: _list(store, domain), format)
 
 
@@ -53,7 +53,7 @@ def learn(
     store: Library,
     format: Format = Form.TEXT,
 ) -> None:
-    """Check the plans in FILES, generalise them and keep the MACROPs."""
+    """Check the plans in FILES, generalise them and store the MACROPs."""
     give(lambda: _learn(files, store), format)
 
 
@@ -61,10 +61,10 @@ def learn(
 def forget(
     store: Library,
     numbers: Annotated[list[int] | None, typer.Argument(max=LARGEST, help="the numbers of MACROPs")] = None,
-    stale: Annotated[str, typer.Option(help="forget what this domain has outgrown")] = "",
+    stale: Annotated[str, typer.Option(help="remove the MACROPs that are stale in this domain")] = "",
     format: Format = Form.TEXT,
 ) -> None:
-    """Remove MACROPs by number, or all that a domain has outgrown."""
+    """Remove MACROPs by number, or all MACROPs that are stale in a domain."""
     if not numbers and not stale:
         raise typer.BadParameter("give numbers, or --stale with a domain")
     give(lambda: _forget(numbers or [], stale, store), format)
@@ -93,7 +93,7 @@ def import_(
 
 @app.command()
 def stats(store: Library, format: Format = Form.TEXT) -> None:
-    """Say how large a library is, and what it has saved."""
+    """Print how large a library is, and how much planning time it has saved."""
     give(lambda: _stats(store), format)
 
 
@@ -138,7 +138,7 @@ def _list(store: str, target: str) -> Answer:
 
 
 def _in_search(number: int, utilities: "Mapping[tuple[int, str], Utility]") -> dict[str, Any]:
-    """What searches had of a sub-sequence; nothing for other MACROPs."""
+    """How useful a sub-sequence was in searches; empty for other MACROPs."""
     from dataclasses import asdict
 
     found = {
@@ -161,18 +161,13 @@ def _show(number: int, store: str) -> Answer:
 
 
 def _numbered(library: "Opened", number: int) -> "Stored":
-    found = library.numbered(number)
-    if found is None:
-        raise _unknown(
-            library.target, f"there is no MACROP {number}", "`cellwright macros list` has the numbers"
-        )
-    return found
-
-
-def _unknown(where: str, message: str, hint: str) -> Exception:
     from kb.diagnostics import Diagnostic, InvalidInput, Source
 
-    return InvalidInput([Diagnostic(Source(where), "K401", message, hint)])
+    found = library.numbered(number)
+    if found is None:
+        message, hint = f"there is no MACROP {number}", "`cellwright macros list` lists the numbers"
+        raise InvalidInput([Diagnostic(Source(library.target), "K417", message, hint)])
+    return found
 
 
 def _learn(files: list[Path], store: str) -> Answer:

@@ -1,4 +1,4 @@
-"""`cellwright measurement`: what a problem measures, and changes of it."""
+"""`cellwright measurement`: list and change the measurements of a problem."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -14,27 +14,33 @@ if TYPE_CHECKING:
 
 app = typer.Typer(add_completion=False, no_args_is_help=True)
 File = Annotated[Path, typer.Argument(help="a problem file as `import qif` writes it")]
-Name = Annotated[str, typer.Argument(help="the measurement")]
-At = Annotated[tuple[float, float, float], typer.Option("--at", help="where: x y z in millimetres")]
-Normal = Annotated[tuple[float, float, float], typer.Option("--normal", help="away from the material: x y z")]
+Name = Annotated[str, typer.Argument(help="the name of the measurement")]
+At = Annotated[tuple[float, float, float], typer.Option("--at", help="the position: x y z in millimetres")]
+Normal = Annotated[
+    tuple[float, float, float], typer.Option("--normal", help="the direction away from the material: x y z")
+]
 Kind = Annotated[str, typer.Option("--kind", help="what is measured there: profile, thickness")]
-Tolerance = Annotated[float | None, typer.Option("--tolerance", help="width of the zone in millimetres")]
-Bore = Annotated[float | None, typer.Option("--bore", help="width of the hole it lies in, in millimetres")]
+Tolerance = Annotated[
+    float | None, typer.Option("--tolerance", help="width of the tolerance zone in millimetres")
+]
+Bore = Annotated[
+    float | None, typer.Option("--bore", help="width of the hole around the point, in millimetres")
+]
 
 
 @app.callback()
 def measurement() -> None:
-    """What a problem measures, and changes of it."""
+    """List and change the measurements of a problem."""
 
 
 @app.command("list")
 def list_(target: Target, format: Format = Form.TEXT) -> None:
-    """List the measurements of TARGET by tool, those done, and those that are impossible, with the reason."""
+    """List the measurements of TARGET: by tool, those that are done, and those that are impossible, with the reason."""
     give(lambda: _list(target), format)
 
 
 def _writing(how: str, says: str) -> Callable[..., None]:
-    """A command that writes a measurement with all its particulars into a file."""
+    """A command that writes a measurement with all its details into a file."""
 
     def write(
         file: File,
@@ -56,14 +62,15 @@ def _writing(how: str, says: str) -> Callable[..., None]:
 app.command("add")(_writing("added", "Add the measurement NAME, and a goal for it, to the problem FILE."))
 app.command("edit")(
     _writing(
-        "replaced", "Give the measurement NAME of the problem FILE another place, kind, tolerance and bore."
+        "replaced",
+        "Change the position, kind, tolerance and bore of the measurement NAME in the problem FILE.",
     )
 )
 
 
 @app.command()
 def remove(file: File, name: Name, format: Format = Form.TEXT) -> None:
-    """Remove the measurement NAME, and all that is said of it, from the problem FILE."""
+    """Remove the measurement NAME and everything about it from the problem FILE."""
     give(lambda: _change(file, "removed", name), format)
 
 
@@ -80,7 +87,7 @@ def _list(target: str) -> Answer:
     problem = load(find(target)).problem
     if problem is None:
         raise InvalidInput(
-            [Diagnostic(Source(target), "K401", "this is a domain, not a problem", "name a problem")]
+            [Diagnostic(Source(target), "K404", "this is a domain, not a problem", "name a problem")]
         )
     found = partition(with_places(problem))
     rows = [(name, tool, "") for tool, names in found.groups.items() for name in names]
@@ -111,7 +118,7 @@ def _point(
 
 
 def _change(file: Path, how: str, what: "MeasurementPoint | str") -> Answer:
-    """Change the lines of a file, and write them if the domain still understands them."""
+    """Change the lines of a file, and write them if the changed file can still be read."""
     from rich.text import Text
 
     from engine.formats.interop.inspections import rewrite

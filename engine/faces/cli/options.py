@@ -10,17 +10,21 @@ from engine.faces.cli.answers import Form
 
 
 def number(value: float | None) -> float | None:
-    """The value of an option; NaN, which passes every comparison with a range, is refused."""
+    """The value of an option. NaN is refused, because it would pass every check of a range."""
     if value is not None and isnan(value):
         raise typer.BadParameter("nan is not a number")
     return value
 
 
+class IdleOption(typer.BadParameter):
+    """An option that would change nothing."""
+
+
 def refuse_idle(options: Mapping[str, object], why: str) -> None:
-    """Refuse the first of the options that is given, as it would change nothing. Raises `typer.BadParameter`."""
+    """Refuse the first of the options that is given, because it would change nothing. Raises `IdleOption`."""
     for name, value in options.items():
         if value:
-            raise typer.BadParameter(f"{name} has no effect {why}")
+            raise IdleOption(f"{name} has no effect {why}")
 
 
 Target = Annotated[
@@ -31,11 +35,11 @@ Target = Annotated[
 ]
 Format = Annotated[Form, typer.Option("--format", help="how the answer is written")]
 Goals = Annotated[str, typer.Option(help="goals, written as in a problem file")]
-Command = Annotated[str, typer.Option(help="what is wanted, in the words of the domain")]
-Stats = Annotated[bool, typer.Option("--stats", help="print what a researcher wants: counts and times")]
+Command = Annotated[str, typer.Option(help="the goals as a command, in the words of the domain")]
+Stats = Annotated[bool, typer.Option("--stats", help="print statistics: counts and times")]
 TimeLimit = Annotated[
     float | None,
-    typer.Option(min=0, callback=number, help="seconds after which the search ends with the best it has"),
+    typer.Option(min=0, callback=number, help="seconds after which the search stops with its best answer"),
 ]
 Seed = Annotated[int, typer.Option(min=0, help="the same seed gives the same answer on any machine")]
 Pddl = Annotated[bool, typer.Option("--pddl", help="the arguments are a PDDL domain and a PDDL problem")]
@@ -52,10 +56,12 @@ Race = Annotated[
 Anytime = Annotated[
     bool,
     typer.Option(
-        "--anytime", help="improve the plan until the time limit or Ctrl-C, and tell of every better one"
+        "--anytime", help="improve the plan until the time limit or Ctrl-C, and report every better plan"
     ),
 ]
-MemoryLimit = Annotated[int | None, typer.Option(min=128, help="megabytes that the command may take")]
+MemoryLimit = Annotated[
+    int | None, typer.Option(min=128, help="megabytes of memory that the command may use")
+]
 Expansions = Annotated[int, typer.Option(min=0, help="states that the search may expand before it gives up")]
 Library = Annotated[
     str,

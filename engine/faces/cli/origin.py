@@ -1,4 +1,4 @@
-"""Plans with a library of MACROPs or without one, and what is said of where they come from."""
+"""Plans made with or without a library of MACROPs, and the text about where they come from."""
 
 from typing import TYPE_CHECKING, Any
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 def planned(
     problem: "Problem", limits: "Limits", store: str, folded: bool
 ) -> "tuple[Outcome, dict[str, Any]]":
-    """The outcome for a problem and, with a library, where it comes from, as data; its parts, if it is to be `folded`."""
+    """The outcome for a problem. With a library, also where it comes from; with `folded`, also its parts, as data."""
     from engine.pipelines import planning
 
     if not store:
@@ -35,7 +35,7 @@ def planned(
 
 
 def origin_text(content: "Mapping[str, Any]") -> "list[RenderableType]":
-    """A line on where a plan comes from, if a library was asked, and the parts that it is made of."""
+    """A line about where a plan comes from, if a library was used, and the parts of the plan."""
     found = content.get("source")
     if not found:
         return []

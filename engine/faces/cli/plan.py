@@ -40,7 +40,7 @@ if TYPE_CHECKING:
 
 
 class PlanForm(StrEnum):
-    """How a plan is written: as a table, as data, or as a picture of its partial order, or as PDDL planners do."""
+    """How a plan is written: as a table, as data, as a picture of its partial order, or in the format of PDDL planners."""
 
     TEXT = "text"
     JSON = "json"
@@ -67,7 +67,7 @@ def plan(
     store: Library = "",
     folded: Annotated[
         bool,
-        typer.Option("--folded", help="with --store: print the MACROPs in the plan in place of its steps"),
+        typer.Option("--folded", help="with --store: print the MACROPs in the plan instead of its steps"),
     ] = False,
 ) -> None:
     """Print a plan for TARGET, or, with --pddl, for the PDDL domain TARGET and the PDDL problem TASK."""
@@ -89,7 +89,7 @@ def plan(
 
 
 def _refuse_unseen(form: PlanForm, stats: bool, folded: bool, store: str) -> None:
-    """Refuse what the form of the answer has no place for."""
+    """Refuse options that the form of the answer cannot show."""
     if folded and not store:
         raise typer.BadParameter("--folded needs a library of MACROPs: give --store")
     if form is not PlanForm.TEXT:
@@ -100,7 +100,7 @@ def _refuse_unseen(form: PlanForm, stats: bool, folded: bool, store: str) -> Non
 
 @dataclass(frozen=True, slots=True)
 class Wanted:
-    """What is to be planned: a target, and goals or words in place of its own."""
+    """What is to be planned: a target, and goals or a command that replace its own."""
 
     target: str
     goals: str = ""
@@ -110,7 +110,7 @@ class Wanted:
 
 @dataclass(frozen=True, slots=True)
 class Work:
-    """What the search may take: seconds, megabytes, expansions; and how it is made."""
+    """The limits of the search (seconds, megabytes, expansions), and how it searches."""
 
     seconds: float | None
     megabytes: int | None
@@ -176,18 +176,18 @@ def _require_strategy(name: str) -> None:
 
     if name not in (*STRATEGIES, RACE):
         hint = nearest(name, list(STRATEGIES)) or f"one of {', '.join(STRATEGIES)}"
-        raise InvalidInput([Diagnostic(Source("--strategy"), "K401", f"no strategy '{name}'", hint)])
+        raise InvalidInput([Diagnostic(Source("--strategy"), "K406", f"no strategy '{name}'", hint)])
 
 
 def _ipc(outcome: "Outcome", task: "PddlProblem | None") -> str | None:
-    """The plan as the planning competitions write it."""
+    """The plan in the format of the planning competitions."""
     from engine.formats.interop.pddl.plans import write_plan
     from engine.model.outcome import Found
     from kb.diagnostics import Diagnostic, InvalidInput, Source
 
     if task is None:
         raise InvalidInput(
-            [Diagnostic(Source("--format"), "K401", "ipc is a format for PDDL tasks", "give --pddl")]
+            [Diagnostic(Source("--format"), "K409", "ipc is a format for PDDL tasks", "give --pddl")]
         )
     return write_plan(task, outcome.plan) if isinstance(outcome, Found) else None
 
@@ -207,7 +207,7 @@ def _text(
 
 
 def _picture(outcome: "Outcome", problem: "Problem", form: PlanForm) -> str | None:
-    """The plan as DOT or SVG, if it was asked for and there is one."""
+    """The plan as DOT or SVG, if there is a plan and this form was asked for."""
     from engine.model.outcome import Found
 
     if not isinstance(outcome, Found):
@@ -226,13 +226,13 @@ def _picture(outcome: "Outcome", problem: "Problem", form: PlanForm) -> str | No
 def validate(
     file: Annotated[Path, typer.Argument(help="a plan in JSON; with --pddl the PDDL domain")],
     task: Annotated[Path | None, typer.Argument(help="with --pddl: the PDDL problem")] = None,
-    made: Annotated[Path | None, typer.Argument(help="with --pddl: the plan, one action a line")] = None,
+    made: Annotated[Path | None, typer.Argument(help="with --pddl: the plan, one action per line")] = None,
     pddl: Pddl = False,
     problem: Annotated[
         str, typer.Option(help="check it against this problem instead of the one it carries")
     ] = "",
     export: Annotated[
-        str, typer.Option(help="FILE is what a PDDL planner found for the export of this target")
+        str, typer.Option(help="FILE is a plan that a PDDL planner found for the export of this target")
     ] = "",
     goals: Goals = "",
     command: Command = "",
@@ -244,7 +244,7 @@ def validate(
         raise typer.BadParameter("--pddl takes a domain, a problem and a plan; without it there is one file")
     if not export:
         own = {"--goals": goals, "--command": command, "--ground": ground}
-        refuse_idle(own, "without --export: a plan carries its problem")
+        refuse_idle(own, "without --export: a plan contains its problem")
     refuse_idle(
         {"--problem": problem and (pddl or export)}, "with --pddl or --export, which name the problem"
     )

@@ -1,4 +1,4 @@
-"""`cellwright prepare`: a problem set planned offline."""
+"""`cellwright prepare`: plan a set of problems before the plans are needed."""
 
 import os
 import sys
@@ -24,7 +24,9 @@ def prepare(
         str, typer.Argument(help="a domain (all its problems), a folder of problems, or one problem")
     ],
     store: Library,
-    jobs: Annotated[int, typer.Option(min=0, help="processes; 0: as many as there are processors")] = 0,
+    jobs: Annotated[
+        int, typer.Option(min=0, help="number of processes; 0 means as many as there are processors")
+    ] = 0,
     time_limit: TimeLimit = None,
     expansions: Expansions = 1_000_000,
     seed: Seed = 0,
@@ -68,14 +70,14 @@ def _problems(target: str) -> list[Path]:
         path = find(target)
         found = [path] if load(path).problem is not None else problem_files(path)
     if not found:
-        hint = "problems are .yaml files, beside a domain in its folder problems"
-        raise InvalidInput([Diagnostic(Source(target), "K401", "there are no problems here", hint)])
+        hint = "problems are .yaml files in the folder `problems` beside a domain"
+        raise InvalidInput([Diagnostic(Source(target), "K405", "there are no problems here", hint)])
     return found
 
 
 @contextmanager
 def _progress() -> "Iterator[Callable[[int, int], None]]":
-    """A bar on a terminal, nothing in a pipe."""
+    """A progress bar on a terminal; nothing in a pipe."""
     if not sys.stderr.isatty():
         from engine.pipelines.preparation import silent
 
@@ -138,6 +140,10 @@ def _text(found: "Preparation") -> "RenderableType":
 def _sequence_said(kept: "KeptSequence | None") -> str:
     if kept is None:
         return ""
-    ways = {"made": "new", "kept": "as it was kept", "resequenced": "anew, what was kept was stale"}
+    ways = {
+        "made": "new",
+        "kept": "unchanged",
+        "resequenced": "sequenced anew because the kept sequence was stale",
+    }
     changes = "".join(f", {count} {what}" for what, count in kept.changes.items())
     return f"{kept.left} visits, {ways[kept.way]}{changes}"

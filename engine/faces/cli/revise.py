@@ -1,4 +1,4 @@
-"""`cellwright revise`: the world has changed in the middle of a plan."""
+"""`cellwright revise`: repair a plan after the world has changed during its execution."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -18,17 +18,17 @@ if TYPE_CHECKING:
 def revise(
     file: Annotated[Path, typer.Argument(help="a plan in JSON")],
     done: Annotated[str, typer.Option(help="the steps that are done, such as 1..4, 7")] = "",
-    holds: Annotated[str, typer.Option(help="facts that hold against expectation")] = "",
-    gone: Annotated[str, typer.Option(help="facts that do not hold against expectation")] = "",
+    holds: Annotated[str, typer.Option(help="facts that hold unexpectedly")] = "",
+    gone: Annotated[str, typer.Option(help="facts that unexpectedly do not hold")] = "",
     both: Annotated[
-        bool, typer.Option("--both", help="replan in any case, and take what is cheaper")
+        bool, typer.Option("--both", help="always replan too, and take the cheaper plan")
     ] = False,
     time_limit: TimeLimit = None,
     expansions: Expansions = 1_000_000,
     seed: Seed = 0,
     format: Format = Form.TEXT,
 ) -> None:
-    """Repair the plan in FILE for the state it is in, or replan, whichever is cheaper."""
+    """Repair the plan in FILE for the observed state, or replan, whichever is cheaper."""
     give(lambda: _revise(file, done, (holds, gone), both, (time_limit, expansions, seed)), format)
 
 

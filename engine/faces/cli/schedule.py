@@ -1,4 +1,4 @@
-"""`cellwright schedule`: when everything happens."""
+"""`cellwright schedule`: when each step happens."""
 
 from dataclasses import dataclass, replace
 from enum import StrEnum
@@ -33,11 +33,13 @@ class ScheduleForm(StrEnum):
 Work = Annotated[
     float,
     typer.Option(
-        min=0, callback=number, help="work of the solver, about seconds of one core; answers repeat"
+        min=0,
+        callback=number,
+        help="work of the solver, about seconds of one core; the same work gives the same answer",
     ),
 ]
 Race = Annotated[
-    int, typer.Option(min=1, help="workers that race: sooner an answer, not always the same one")
+    int, typer.Option(min=1, help="parallel workers: an answer comes sooner, but not always the same one")
 ]
 Instance = Annotated[str, typer.Option(help="the instance in a file of several job shops")]
 
@@ -59,7 +61,7 @@ def schedule(
     expansions: Expansions = 1_000_000,
     seed: Seed = 0,
 ) -> None:
-    """Print when every step of a plan for TARGET happens, or every stage of a shop, so that all is done soon."""
+    """Print a short schedule for the steps of a plan for TARGET, or for the stages of a shop."""
     form = Form.JSON if format is ScheduleForm.JSON else Form.TEXT
     if format is ScheduleForm.SVG:
         refuse_idle({"--stats": stats}, "on svg, only on text and json")
@@ -79,7 +81,7 @@ class Wanted:
 
 @dataclass(frozen=True, slots=True)
 class Effort:
-    """How long it may take: seconds, work of the solver, workers, expansions of the planner; and the seed."""
+    """The limits: seconds, work of the solver, workers, expansions of the planner; and the seed."""
 
     seconds: float | None
     work: float
@@ -100,15 +102,17 @@ def _schedule(wanted: Wanted, form: ScheduleForm, stats: bool, effort: Effort) -
         shop = shop_of(Path(wanted.target), wanted.instance)
         if shop is not None:
             _refuse(
-                {"--goals": wanted.goals, "--command": wanted.command}, "on a shop, whose jobs are all done"
+                {"--goals": wanted.goals, "--command": wanted.command},
+                "on a shop: all its jobs are always scheduled",
             )
             answer = _shop(shop, limits, form, stats)
         else:
-            _refuse({"--instance": wanted.instance}, "here: it names one in a file of several job shops")
+            _refuse({"--instance": wanted.instance}, "here: it chooses one in a file of several job shops")
             problem, plan = timetable.subject_of(wanted.target, wanted.goals, wanted.command)
             if plan is not None:
                 _refuse(
-                    {"--goals": wanted.goals, "--command": wanted.command}, "on a plan, which has its own"
+                    {"--goals": wanted.goals, "--command": wanted.command},
+                    "on a plan, which has its own goals",
                 )
             planning = Limits(effort.expansions, interrupted=interrupted, seed=effort.seed)
             made = timetable.timetable(problem, plan, planning, limits)
@@ -117,12 +121,12 @@ def _schedule(wanted: Wanted, form: ScheduleForm, stats: bool, effort: Effort) -
 
 
 def _refuse(options: "Mapping[str, str]", why: str) -> None:
-    """Refuse options that would change nothing, now that the kind of target is known. Raises `InvalidInput`."""
+    """Refuse options that would change nothing for this kind of target. Raises `InvalidInput`."""
     from kb.diagnostics import Diagnostic, InvalidInput, Source
 
     if idle := [name for name, given in options.items() if given]:
         found = f"{idle[0]} has no effect {why}"
-        raise InvalidInput([Diagnostic(Source(idle[0]), "K401", found, "leave it out")])
+        raise InvalidInput([Diagnostic(Source(idle[0]), "K408", found, "leave it out")])
 
 
 def _shop(shop: "Shop", limits: "ScheduleLimits", form: ScheduleForm, stats: bool) -> Answer:
@@ -195,5 +199,5 @@ def _text(
 
     parts: list[RenderableType] = [Gantt(shop, made, unit), Text(), Text(summary(made, unit))]
     if note:
-        parts.append(Text(f"The plan keeps its own order: {note}."))
+        parts.append(Text(f"The order of the plan is kept: {note}."))
     return Group(*parts, *([text.statistics(statistics)] if statistics else []))

@@ -1,4 +1,4 @@
-"""`cellwright sequence`: the order of visits at least cost."""
+"""`cellwright sequence`: the cheapest order of visits."""
 
 from enum import StrEnum
 from pathlib import Path
@@ -27,7 +27,7 @@ class TourForm(StrEnum):
 
 
 class TravelCost(StrEnum):
-    """What counts between two measurements."""
+    """What is counted as the cost between two measurements."""
 
     STRAIGHT = "straight"
     JOINTS = "joints"
@@ -38,29 +38,33 @@ TourOf = Annotated[
     str, typer.Argument(metavar="TARGET", help="a TSPLIB file, or a problem with points to be measured")
 ]
 Method = Annotated[str, typer.Option("--method", help="auto, chain1987 or exact")]
-Closed = Annotated[bool, typer.Option("--closed", help="back to the first visit, as in TSPLIB files")]
+Closed = Annotated[bool, typer.Option("--closed", help="return to the first visit, as in TSPLIB files")]
 Open = Annotated[bool, typer.Option("--open", help="end at the last visit, as measurements do")]
 Start = Annotated[str, typer.Option("--start", help="the visit to begin with")]
 End = Annotated[str, typer.Option("--end", help="the visit to end with")]
 Cost = Annotated[
     TravelCost,
-    typer.Option("--cost", help="of measurements: straight lines, or joints: the time that the arm needs"),
+    typer.Option(
+        "--cost", help="cost between measurements: straight lines, or joints (the time that the arm needs)"
+    ),
 ]
 Work = Annotated[
-    int, typer.Option("--work", min=0, help="kicks of the search; 0: as suits the number of visits")
+    int, typer.Option("--work", min=0, help="work of the search; 0 means that it fits the number of visits")
 ]
 Store = Annotated[
     str, typer.Option("--store", help="keep the sequence of a problem in this file or database")
 ]
-Next = Annotated[bool, typer.Option("--next", help="of the kept sequence, the next visit alone")]
-Done = Annotated[list[str] | None, typer.Option("--done", help="visits that are done, commas between")]
+Next = Annotated[bool, typer.Option("--next", help="print only the next visit of the kept sequence")]
+Done = Annotated[list[str] | None, typer.Option("--done", help="visits that are done, separated by commas")]
 Lost = Annotated[list[str] | None, typer.Option("--lost", help="tools and resources that are lost")]
 Bad = Annotated[
     list[str] | None,
-    typer.Option("--bad", help="visits found bad, left out: 'm3, m4=the surface is dirty'"),
+    typer.Option(
+        "--bad", help="visits to leave out because they were found bad: 'm3, m4=the surface is dirty'"
+    ),
 ]
 Restored = Annotated[
-    list[str] | None, typer.Option("--restored", help="what was lost or found bad and is well again")
+    list[str] | None, typer.Option("--restored", help="visits, tools and resources that can be used again")
 ]
 Anew = Annotated[bool, typer.Option("--anew", help="forget the kept sequence")]
 Shown = Annotated[TourForm, typer.Option("--format", help="how the tour is written")]
@@ -86,9 +90,9 @@ def sequence(
     anew: Anew = False,
     format: Shown = TourForm.TEXT,
 ) -> None:
-    """Print the best order found for the visits of TARGET, with a lower bound on the cost of any."""
+    """Print the best order found for the visits of TARGET, with a lower bound on the cost of any order."""
     if closed and open_:
-        raise typer.BadParameter("a tour is closed or open")
+        raise typer.BadParameter("a tour is either closed or open")
     news = (done or [], lost or [], bad or [], restored or [])
     kept = {"--next": next_, "--anew": anew, **dict(zip(NEWS, news, strict=True))}
     given = {"--closed": closed, "--start": start, "--end": end, "--format svg": format is TourForm.SVG}
@@ -96,11 +100,13 @@ def sequence(
     form, effort = Form.JSON if format is TourForm.JSON else Form.TEXT, (time_limit, work, seed)
     joints = cost is TravelCost.JOINTS
     if store:
-        refuse_idle({**given, "--cost": joints}, "with --store: a kept sequence is open, in straight lines")
+        refuse_idle(
+            {**given, "--cost": joints}, "with --store: a kept sequence is open and counts straight lines"
+        )
         from engine.faces.cli.kept_sequence import carried_on
 
         give(lambda: carried_on(_problem_of(target), store, news, effort, next_, anew), form)
-    refuse_idle(kept, "without --store: only a sequence that is kept goes on")
+    refuse_idle(kept, "without --store: only a kept sequence can be continued")
     if joints:
         refuse_idle({**given, "--open": open_}, "with --cost joints, whose tours are closed")
         give(lambda: _posed(target, effort), form)
@@ -121,7 +127,7 @@ def _sequence(
 
     if method not in METHODS:
         hint = nearest(method, list(METHODS)) or f"one of {', '.join(METHODS)}"
-        raise InvalidInput([Diagnostic(Source("--method"), "K401", f"no method '{method}'", hint)])
+        raise InvalidInput([Diagnostic(Source("--method"), "K406", f"no method '{method}'", hint)])
     with Interruption(effort[0]) as interrupted:
         limits = Limits(effort[1], effort[2], interrupted)
         problem, parts, answer = _solve(target, method, ends, limits)
@@ -129,7 +135,7 @@ def _sequence(
 
 
 def _posed(target: str, effort: tuple[float | None, int, int]) -> Answer:
-    """Measurements whose places the cell describes, each in one of the arm's configurations."""
+    """Tours through measurements whose places the cell describes, with an arm configuration for each."""
     from engine.faces.cli.interruption import Interruption
     from engine.formats.report import inspection
     from engine.pipelines.inspection.poses import posed_tours
@@ -168,7 +174,7 @@ def _solve(
 
 
 def _read(target: str) -> "tuple[TourProblem, Partition | None]":
-    """A TSPLIB instance, or the measurements of a problem with how tools part them."""
+    """A TSPLIB instance, or the measurements of a problem and how they are divided among the tools."""
     from engine.formats.interop.tsplib import read_tsplib
     from engine.pipelines.inspection import partition, tour_problem
     from engine.pipelines.inspection.places import with_places
@@ -188,7 +194,7 @@ def _problem_of(target: str) -> "Problem":
     problem = load(find(target)).problem
     if problem is None:
         said = "this is a domain, not a problem"
-        raise InvalidInput([Diagnostic(Source(target), "K401", said, "name a problem")])
+        raise InvalidInput([Diagnostic(Source(target), "K404", said, "name a problem")])
     return problem
 
 

@@ -1,4 +1,4 @@
-"""The verbs of the command line, each imported when it is called: what one needs, the others do not wait for."""
+"""The verbs of the command line. Each is imported only when it is called, so that no verb waits for the modules of another."""
 
 import sys
 from collections.abc import Iterator, MutableMapping
@@ -10,6 +10,7 @@ import typer
 from typer.core import TyperGroup
 
 from engine.faces.cli.answers import refuse, writing
+from engine.faces.cli.options import IdleOption
 
 USAGE: Any = typer.BadParameter.__base__  # a wrong command line; typer has no public name for it
 
@@ -32,7 +33,7 @@ VERBS = {
     "test": "golden:golden_plans",
     "validate": "plan:validate",
 }
-"""Name of a verb, and the module and function (or group of verbs) that it is."""
+"""For each verb, its module and its function (or its group of verbs)."""
 
 
 class Verbs(TyperGroup):
@@ -43,7 +44,7 @@ class Verbs(TyperGroup):
         self.commands = _Loaded(self.commands)
 
     def main(self, *arguments: Any, **settings: Any) -> Any:
-        """Run the command line; a full disk can also hit a page of help."""
+        """Run the command line. A page of help can also fail on a full disk."""
         try:
             with writing():
                 return super().main(*arguments, **settings)
@@ -51,20 +52,21 @@ class Verbs(TyperGroup):
             sys.exit(unwritten.exit_code)
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        """Parse what stands before the verb, and remember whether all of it asks for JSON."""
+        """Parse the arguments before the verb, and note whether the command line asks for JSON."""
         ctx.meta["json"] = (
             any(two == ("--format", "json") for two in pairwise(args)) or "--format=json" in args
         )
         return super().parse_args(ctx, args)
 
     def invoke(self, ctx: Any) -> Any:
-        """Run the verb. Who asked for JSON gets it on a wrong command line, too."""
+        """Run the verb. If JSON was asked for, a wrong command line is reported as JSON, too."""
         try:
             return super().invoke(ctx)
         except USAGE as wrong:
             if not ctx.meta["json"]:
                 raise
-            refuse(wrong.format_message(), wrong.ctx.command_path if wrong.ctx else "cellwright")
+            code = "K408" if isinstance(wrong, IdleOption) else "K407"
+            refuse(wrong.format_message(), wrong.ctx.command_path if wrong.ctx else "cellwright", code)
 
 
 class _Loaded(MutableMapping[str, Any]):

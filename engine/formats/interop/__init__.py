@@ -1,1 +1,1 @@
-"""Other formats and systems: PDDL in and out."""
+"""Other formats and systems: PDDL, QIF, TSPLIB, job shops, S-LAB tables and unified-planning."""

@@ -1,4 +1,4 @@
-"""Edits of the measurements in a problem file, line by line, so that comments and all other lines stay as they are.
+"""Edits of the measurements in a problem file, line by line, so that comments and all other lines do not change.
 
 Measurements stand one a line in a block list under their type under `objects:`, as `import qif` writes them; facts and
 goals about them one a line. Other layouts are refused.
@@ -25,7 +25,7 @@ def added(lines: Sequence[str], point: MeasurementPoint, path: str, words: Conve
 
 
 def removed(lines: Sequence[str], name: str, path: str, words: Conventions) -> list[str]:
-    """The lines without a measurement and everything that is said of it."""
+    """The lines without a measurement and without the facts and goals about it."""
     listed = _section(lines, ("objects:", f"{words.measurement}:"), path)
     if not any(lines[index].strip() == f"- {name}" for index in listed):
         raise _refused(path, f"'{name}' does not stand in a line of its own under `{words.measurement}:`")
@@ -34,7 +34,7 @@ def removed(lines: Sequence[str], name: str, path: str, words: Conventions) -> l
 
 
 def replaced(lines: Sequence[str], point: MeasurementPoint, path: str, words: Conventions) -> list[str]:
-    """The lines with other facts about a measurement that is there; its goal and what else is said of it stay."""
+    """The lines with new facts about an existing measurement; its goal and all its other facts are kept."""
     told = {words.needs, words.position, words.normal, words.tolerance, words.bore}
     own = re.compile(rf"^\s*- (?:{'|'.join(sorted(told))})\({re.escape(point.name)},")
     found = [line for line in lines if not own.match(line)]
@@ -47,8 +47,8 @@ def _without_texts(line: str) -> str:
 
 
 def _refused(path: str, message: str) -> InvalidInput:
-    hint = "write one measurement, fact or goal a line"
-    return InvalidInput([Diagnostic(Source(path), "K403", message, hint)])
+    hint = "write one measurement, one fact or one goal per line"
+    return InvalidInput([Diagnostic(Source(path), "K418", message, hint)])
 
 
 def _section(lines: Sequence[str], keys: Sequence[str], path: str) -> range:
@@ -75,7 +75,7 @@ def _depth(line: str) -> int:
 
 
 def _insert(lines: list[str], keys: Sequence[str], items: Sequence[str], path: str) -> None:
-    """Put items at the end of a block list, as deep as those before."""
+    """Put items at the end of a block list, with the indentation of the items before them."""
     block = _section(lines, keys, path)
     found = ITEM.match(lines[block.stop - 1]) if len(block) else None
     margin = found[1] if found else " " * (2 * len(keys))

@@ -1,4 +1,4 @@
-"""Files of measurements become problems, and problem files are changed measurement by measurement."""
+"""Problems made from files of measurements, and changes of single measurements in problem files."""
 
 from pathlib import Path
 
@@ -6,9 +6,9 @@ from engine.formats.interop import editing
 from engine.formats.interop.measurements import all_facts, names, problem_text, read_table
 from engine.formats.interop.qif import inspection_of
 from engine.model.measurement import Inspection, MeasurementPoint
-from engine.pipelines.inspection import Partition, partition
+from engine.pipelines.inspection import Partition, measurements_of, partition
 from kb.asp import ground_term
-from kb.diagnostics import Diagnostic, InvalidInput, Source
+from kb.diagnostics import Diagnostic, InvalidInput, Source, nearest
 from kb.files import read_file
 from kb.loader import find, load
 from kb.model.domain import Domain
@@ -17,7 +17,7 @@ from kb.terms import Function
 
 
 def import_file(path: Path, domain: str, unit: str = "mm") -> tuple[Inspection, Partition, str]:
-    """What a QIF document or a CSV table asks to measure, how it is parted, and the text of a problem.
+    """The points to measure in a QIF document or a CSV table, their division among the tools, and the text of a problem.
 
     The goals are the measurements that some tool can make. Raises `InvalidInput`.
     """
@@ -42,14 +42,13 @@ def _problem(inspection: Inspection, domain: Domain) -> Problem:
 def rewrite(path: Path, how: str, what: MeasurementPoint | str) -> None:
     """Add (`added`), change (`replaced`) or remove (`removed`) a measurement in a problem file.
 
-    The new text is read before it takes the place of the old one. Raises `InvalidInput`.
+    The new text is read as a trial before it replaces the old one. Raises `InvalidInput`.
     """
     name = what if isinstance(what, str) else what.name
     problem = load(path).problem
     there = problem is not None and problem.objects.get(name) == problem.domain.conventions.measurement
     if problem is None or there == (how == "added"):
-        said = "is there already" if there else "is no measurement of this problem"
-        raise InvalidInput([Diagnostic(Source(str(path)), "K401", f"'{name}' {said}")])
+        raise InvalidInput([_misnamed(name, problem, Source(str(path)))])
     lines, words = read_file(path).text.splitlines(), problem.domain.conventions
     if isinstance(what, str):
         lines = editing.removed(lines, what, str(path), words)
@@ -62,3 +61,16 @@ def rewrite(path: Path, how: str, what: MeasurementPoint | str) -> None:
         trial.replace(path)
     finally:
         trial.unlink(missing_ok=True)
+
+
+def _misnamed(name: str, problem: Problem | None, where: Source) -> Diagnostic:
+    """The diagnostic for a new measurement whose name is taken, or for a name that is not a measurement."""
+    known = measurements_of(problem) if problem else []
+    if name in known:
+        return Diagnostic(
+            where,
+            "K104",
+            f"the problem already has a measurement '{name}'",
+            "choose another name, or change it with `edit`",
+        )
+    return Diagnostic(where, "K101", f"'{name}' is not a measurement of this problem", nearest(name, known))

@@ -24,7 +24,8 @@ NAME = re.compile(r"[a-z][A-Za-z0-9_]*")
 def read_table(path: Path, unit: str = "mm") -> Inspection:
     """The points of a CSV table with the columns NEEDED and any of OPTIONAL, lengths in `unit`. Raises `InvalidInput`."""
     if unit not in UNITS_M:
-        raise InvalidInput([_wrong(Source("--unit"), f"no unit '{unit}'", f"one of {', '.join(UNITS_M)}")])
+        hint = f"one of {', '.join(UNITS_M)}"
+        raise InvalidInput([Diagnostic(Source("--unit"), "K406", f"no unit '{unit}'", hint)])
     file = read_file(path)
     rows = csv.DictReader(io.StringIO(file.text))
     missing = [column for column in NEEDED if column not in (rows.fieldnames or ())]
@@ -35,7 +36,7 @@ def read_table(path: Path, unit: str = "mm") -> Inspection:
     points = tuple(each for each in found if isinstance(each, MeasurementPoint))
     wrong = [each for each in found if isinstance(each, Diagnostic)]
     wrong += [
-        _wrong(Source(file.path), f"'{name}' is there twice")
+        _wrong(Source(file.path), f"the name '{name}' is used twice")
         for name in _repeated(each.name for each in points)
     ]
     if wrong:
@@ -44,7 +45,7 @@ def read_table(path: Path, unit: str = "mm") -> Inspection:
 
 
 def _wrong(where: Source, message: str, hint: str = "") -> Diagnostic:
-    return Diagnostic(where, "K804", message, hint)
+    return Diagnostic(where, "K805", message, hint)
 
 
 def _repeated(names: Iterable[str]) -> list[str]:
@@ -59,11 +60,11 @@ def _row(row: Mapping[str, str | None], where: Source, unit_m: float) -> Measure
         values = {key: float(text) for key, text in numbers.items() if text or key in NEEDED}
     except ValueError:
         bad = next(text for text in numbers.values() if not _is_number(text))
-        return _wrong(where, f"'{bad}' is no number")
+        return _wrong(where, f"'{bad}' is not a number")
     if not all(math.isfinite(value) for value in values.values()):
         return _wrong(where, "a number is not finite")
     if not NAME.fullmatch(cells["name"]):
-        return _wrong(where, f"'{cells['name']}' is no name", "a small letter, then letters, digits and _")
+        return _wrong(where, f"'{cells['name']}' is not a name", "a small letter, then letters, digits and _")
     length = math.hypot(values["nx"], values["ny"], values["nz"])
     if length == 0:
         return _wrong(where, "the normal has no length")
@@ -89,7 +90,7 @@ def _is_number(text: str) -> bool:
 
 
 def facts(point: MeasurementPoint, words: Conventions) -> list[str]:
-    """What a problem says of a point."""
+    """The facts of a problem about a point."""
     name = point.name
     found = [
         f"{words.needs}({name}, {words.kind(point.kind)})",
@@ -113,12 +114,12 @@ def _whole(v: Triple, scale: float) -> str:
 
 
 def names(inspection: Inspection) -> list[str]:
-    """The measurements: points, then features without any."""
+    """The measurements: first the points, then the features without points."""
     return [*(point.name for point in inspection.points), *(each.feature for each in inspection.excluded)]
 
 
 def all_facts(inspection: Inspection, words: Conventions) -> Iterator[str]:
-    """What a problem says of all points and excluded features."""
+    """The facts of a problem about all points and all excluded features."""
     for point in inspection.points:
         yield from facts(point, words)
     for each in inspection.excluded:

@@ -1,4 +1,4 @@
-"""Shops in files of other systems, whatever their format."""
+"""Shops in files of other systems, in any supported format."""
 
 from pathlib import Path
 

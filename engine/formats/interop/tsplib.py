@@ -1,6 +1,6 @@
 """TSPLIB files (Reinelt 1991): symmetric and asymmetric instances, and the tours that go with them.
 
-Distances are computed as the library prescribes, whole numbers all of them.
+All distances are whole numbers, computed as the library prescribes.
 """
 
 import re
@@ -39,7 +39,7 @@ def _wrong(where: Source, message: str, hint: str = "") -> InvalidInput:
 
 
 def _parts(file: File) -> tuple[dict[str, str], dict[str, tuple[int, str]]]:
-    """The entries of the head, and each section's place and text."""
+    """The entries of the head, and the place and text of each section."""
     text = file.text.split("\nEOF")[0]
     marks = [*SECTION.finditer(text)]
     head_text = text[: marks[0].start()] if marks else text
@@ -58,7 +58,7 @@ def _count(file: File, head: dict[str, str]) -> int:
     if kind not in (["TSP"], ["ATSP"]):
         raise _wrong(Source(file.path), "TYPE is neither TSP nor ATSP", "name a TSPLIB instance")
     if not size.isdecimal() or not 1 <= int(size) <= MAX_CITIES:
-        raise _wrong(Source(file.path), f"DIMENSION is no number from 1 to {MAX_CITIES}")
+        raise _wrong(Source(file.path), f"DIMENSION is not a number from 1 to {MAX_CITIES}")
     return int(size)
 
 
@@ -71,9 +71,9 @@ def _numbers(file: File, sections: dict[str, tuple[int, str]], name: str, count:
         found = np.array(text.split(), dtype=float)
     except ValueError:
         bad = next(each for each in re.finditer(r"\S+", text) if not _is_number(each[0]))
-        raise _wrong(file.at(start + bad.start()), f"'{bad[0]}' is no number") from None
+        raise _wrong(file.at(start + bad.start()), f"'{bad[0]}' is not a number") from None
     if len(found) != count or not np.isfinite(found).all():
-        raise _wrong(file.at(start), f"{name} has {len(found)} numbers, {count} are needed")
+        raise _wrong(file.at(start), f"{name} has {len(found)} numbers, but {count} are needed")
     return found
 
 
@@ -88,13 +88,13 @@ def _is_number(text: str) -> bool:
 def _distances(
     file: File, head: dict[str, str], sections: dict[str, tuple[int, str]], n: int
 ) -> tuple[Longs, Floats | None]:
-    """The costs, and the rows of coordinates if they were computed from such."""
+    """The costs, and the coordinates if the costs were computed from coordinates."""
     kind = head.get("EDGE_WEIGHT_TYPE", "EXPLICIT" if "ATSP" in head.get("TYPE", "") else "")
     if kind == "EXPLICIT":
         return _explicit(file, head, sections, n), None
     if kind not in METRICS:
         known = ", ".join(("EXPLICIT", *METRICS))
-        raise _wrong(Source(file.path), f"EDGE_WEIGHT_TYPE '{kind}' is not read", f"one of {known}")
+        raise _wrong(Source(file.path), f"EDGE_WEIGHT_TYPE '{kind}' is not supported", f"one of {known}")
     rows = _numbers(file, sections, "NODE_COORD_SECTION", 3 * n)
     if rows is None:
         raise _wrong(Source(file.path), "there is no NODE_COORD_SECTION")
@@ -137,7 +137,7 @@ def _pseudo_euclidean(a: Floats, b: Floats) -> Floats:
 
 
 def _geographical(a: Floats, b: Floats) -> Floats:
-    """Kilometres on the sphere; coordinates are DDD.MM, and pi is 3.141592."""
+    """Distances on the sphere in kilometres; coordinates are DDD.MM, and pi is 3.141592."""
 
     def radians(x: Floats) -> Floats:
         degrees = np.trunc(x)
@@ -163,11 +163,11 @@ METRICS: dict[str, Callable[[Floats, Floats], Floats]] = {
 
 
 def _explicit(file: File, head: dict[str, str], sections: dict[str, tuple[int, str]], n: int) -> Longs:
-    """The matrix of costs as it is written."""
+    """The matrix of costs that the file gives explicitly."""
     shape = head.get("EDGE_WEIGHT_FORMAT", "FULL_MATRIX")
     if shape not in SHAPES:
         raise _wrong(
-            Source(file.path), f"EDGE_WEIGHT_FORMAT '{shape}' is not read", f"one of {', '.join(SHAPES)}"
+            Source(file.path), f"EDGE_WEIGHT_FORMAT '{shape}' is not supported", f"one of {', '.join(SHAPES)}"
         )
     cells = [*SHAPES[shape](n)]
     numbers = _numbers(file, sections, "EDGE_WEIGHT_SECTION", len(cells))
@@ -180,7 +180,7 @@ def _explicit(file: File, head: dict[str, str], sections: dict[str, tuple[int, s
         travel[columns, rows] = np.rint(numbers)
     np.fill_diagonal(travel, 0)
     if travel.min(initial=0) < 0 or travel.max(initial=0) > 2**40:
-        raise _wrong(Source(file.path), "a cost is negative or beyond all bounds")
+        raise _wrong(Source(file.path), "a cost is negative or too large")
     return travel
 
 

@@ -1,9 +1,9 @@
-"""Where causal links leave and enter boxes, which rows they take in the channels between layers, and which tracks.
+"""Ports where causal links leave and enter boxes, their rows in the channels between layers, and their tracks.
 
 Channel routing by the left edge algorithm (Hashimoto & Stevens 1971). A net is one condition with its producer and all
-its consumers. It leaves the producer by one port, has a row with its label in the channel below, runs down a track beside
-the layers that it passes, and comes in by a row of its own above each layer that consumes it. Ports down, ports in and
-tracks lie on grids that never meet, so no two nets ever lie on one another; no track crosses a box or a label.
+its consumers. It leaves the producer at one port and has a row with its label in the channel below. It runs down a track
+beside the layers that it passes, and has a row above each layer with a consumer. Ports down, ports in and tracks lie on
+three grids without common lines, so that two nets never overlap. No track crosses a box or a label.
 """
 
 from collections.abc import Hashable, Iterable, Mapping, Sequence
@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from itertools import count
 from typing import TypeVar
 
-GRID = 16  # ports down at multiples, ports in half way between, tracks at odd quarters
+GRID = 16  # ports down are at multiples, ports in half way between them, tracks at odd quarters
 CHARACTER = 6.1  # of a label
 
 Span = tuple[float, float]
@@ -21,7 +21,7 @@ Key = TypeVar("Key", bound=Hashable)
 
 @dataclass(frozen=True, slots=True)
 class Net:
-    """One condition of a producer for its consumers, all in lower layers; `left` sends it round on the left."""
+    """One condition of a producer for its consumers, all in lower layers. If `left`, it goes round on the left."""
 
     producer: int
     label: str
@@ -31,7 +31,7 @@ class Net:
 
 @dataclass(frozen=True, slots=True)
 class Boxes:
-    """Layer, centre (a multiple of `GRID`) and width of each box, and how tall all are."""
+    """Layer, centre (a multiple of `GRID`) and width of each box, and the common height."""
 
     layer: Mapping[int, int]
     centre: Mapping[int, float]
@@ -43,7 +43,7 @@ class Boxes:
         return self.centre[box] - self.width[box] / 2, self.centre[box] + self.width[box] / 2
 
     def next_to(self, net: Net, consumer: int) -> bool:
-        """Whether a consumer stands in the layer below the producer."""
+        """Whether a consumer is in the layer just below the producer."""
         return self.layer[consumer] == self.layer[net.producer] + 1
 
 
@@ -57,19 +57,19 @@ class Ports:
 
 @dataclass(frozen=True, slots=True)
 class Rows:
-    """The row of each net below its producer, from the top; and above each layer that it reaches by its track, from below."""
+    """The row of each net below its producer, counted from the top, and above each layer that its track reaches, from below."""
 
     upper: Mapping[int, int]
     lower: Mapping[tuple[int, int], int]
 
 
 def width_for(ports: int) -> float:
-    """How wide a box has to be for so many ports down, or so many in."""
+    """The width of a box that has room for these numbers of ports."""
     return 2 * GRID * (-(-ports // 2) + 1)
 
 
 def ports_of(nets: Sequence[Net], boxes: Boxes) -> Ports:
-    """Straight ways first, the shortest nets next to the middle; then the longest nets at the sides."""
+    """The ports of all nets: first the straight ways, with the shortest nets in the middle; then the longest at the sides."""
     down: dict[int, float] = {}
     into: dict[End, float] = {}
     used_down: dict[int, set[float]] = {box: set() for box in boxes.layer}
@@ -110,7 +110,7 @@ def _side(net: Net, boxes: Boxes) -> int:
 
 
 def _straight(net: Net, consumer: int, boxes: Boxes, used: set[float]) -> float | None:
-    """The x of a straight way down, if there is one."""
+    """The x of a straight way down; None if there is none."""
     if not boxes.next_to(net, consumer):
         return None
     spans = boxes.span(net.producer), boxes.span(consumer)
@@ -124,7 +124,7 @@ def _straight(net: Net, consumer: int, boxes: Boxes, used: set[float]) -> float 
 
 
 def _free(box: int, side: int, boxes: Boxes, used: set[float], offset: float) -> float:
-    """The outermost free port on one side of a box, or else on the other."""
+    """The outermost free port on one side of a box; if there is none, on the other side."""
     most = int((boxes.width[box] / 2 - GRID / 2 - offset) // GRID)
     steps = [k * GRID + offset for k in range(most, 0, -1)]
     places = [boxes.centre[box] + way * step for way in (side, -side) for step in steps]
@@ -132,7 +132,7 @@ def _free(box: int, side: int, boxes: Boxes, used: set[float], offset: float) ->
 
 
 def label_span(net: Net, port: float, boxes: Boxes) -> Span:
-    """A label starts at its port, on the outer side."""
+    """Left and right end of a label, which starts at its port and extends outwards."""
     length = len(net.label) * CHARACTER
     return (
         (port - 4 - length, port - 4) if port < boxes.centre[net.producer] else (port + 4, port + 4 + length)
@@ -142,7 +142,7 @@ def label_span(net: Net, port: float, boxes: Boxes) -> Span:
 def tracks_of(
     nets: Sequence[Net], boxes: Boxes, labels: Sequence[Span], passing: Iterable[tuple[int, float]]
 ) -> dict[int, float]:
-    """The x of each net that passes layers: outside of their boxes and labels, the shortest nets innermost.
+    """The x of the track of each net that passes layers: outside their boxes and labels, with the shortest nets innermost.
 
     Layers and the channels below them are counted together: 0, 1, 2, ...
     """
@@ -171,7 +171,7 @@ def depth(boxes: Boxes) -> int:
 def _column(
     side: int, edge: float, rows: tuple[int, int], taken: dict[float, list[tuple[int, int]]]
 ) -> float:
-    """The innermost column beyond an edge that is free in these rows; it is taken from now on."""
+    """The innermost column beyond an edge that is free in these rows. It is marked as taken."""
     for place in count(int(edge // (GRID / 2)) + 2):
         x = side * (place * GRID / 2 + GRID / 4)
         if all(bottom < rows[0] or rows[1] < top for top, bottom in taken.get(x, ())):
@@ -183,7 +183,7 @@ def _column(
 def rows_of(
     nets: Sequence[Net], boxes: Boxes, ports: Ports, labels: Sequence[Span], tracks: Mapping[int, float]
 ) -> Rows:
-    """The row of each net below its producer, and above each layer that it reaches by its track."""
+    """The row of each net below its producer, and above each layer that its track reaches."""
     out: dict[int, list[tuple[float, int, Span]]] = {}
     back: dict[int, list[tuple[float, tuple[int, int], Span]]] = {}
     for index, net in enumerate(nets):
@@ -206,7 +206,7 @@ def _hull(*xs: float) -> Span:
 
 
 def _left_edge(wanted: Iterable[tuple[float, Key, Span]]) -> dict[Key, int]:
-    """The first row for each span where it meets no other, the spans of least rank first."""
+    """For each span the first row in which it meets no other span; spans of lower rank are placed first."""
     rows: list[list[Span]] = []
     found: dict[Key, int] = {}
     for _, key, (left, right) in sorted(wanted, key=lambda each: each[0]):

@@ -1,4 +1,4 @@
-"""A decision tree as SVG, from left to right: actions as boxes, conclusions as rounded ones, outcomes on the lines."""
+"""A decision tree as SVG, from left to right: actions are boxes, conclusions are rounded boxes, outcomes label the lines."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -13,7 +13,7 @@ INK, PAPER, BOX, LEAF = "#1b1b1b", "#ffffff", "#e3ecf6", "#e6f3ea"
 
 @dataclass(frozen=True, slots=True)
 class _Placed:
-    """A part of the tree where it is drawn; `x`, `y` the middle of its left edge."""
+    """A part of the tree with its position: `x`, `y` is the middle of its left edge."""
 
     lines: tuple[str, str]
     leaf: bool
@@ -23,7 +23,7 @@ class _Placed:
 
 
 def decision_tree(problem: Troubleshooting, root: Tree, cost: float) -> str:
-    """The picture; the same bytes for the same tree."""
+    """The picture. The same tree gives the same bytes."""
     width = CHARACTER * max(len(line) for line in _texts(problem, root)) + 16
     placed, below = _place(problem, root, MARGIN, MARGIN + 28.0, width)
     right = max(part.x for part in _all(placed)) + width + MARGIN
@@ -51,7 +51,7 @@ def _said(problem: Troubleshooting, part: Tree) -> tuple[str, str]:
 
 
 def _place(problem: Troubleshooting, part: Tree, x: float, top: float, width: float) -> tuple[_Placed, float]:
-    """The part with everything that follows it, from `top` downwards; and where it ends."""
+    """The part with everything below it in the tree, placed from `top` downwards; and its lower end."""
     lines = _said(problem, part)
     if isinstance(part, Conclude):
         return _Placed(lines, True, x, top + HEIGHT / 2, ()), top + HEIGHT + GAP

@@ -1,4 +1,4 @@
-"""Decision trees, cases and their ends as text and as data."""
+"""Decision trees, cases and their results, as text and as data."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -13,7 +13,7 @@ from engine.model.troubleshooting import Advice, Conclude, Tree, Troubleshooting
 from kb.model.faults import FaultModel
 from kb.terms import Atom
 
-SMALL = 0.001  # what is less probable is left out of texts
+SMALL = 0.001  # texts leave out smaller probabilities
 
 
 def number(value: float) -> str:
@@ -22,7 +22,7 @@ def number(value: float) -> str:
 
 
 def concluded(problem: Troubleshooting, leaf: Conclude) -> str:
-    """What a leaf says."""
+    """The text of a leaf."""
     return "cured" if leaf.conclusion is None else problem.conclusions[leaf.conclusion].name
 
 
@@ -72,7 +72,7 @@ def advice_entry(problem: Troubleshooting, advice: Advice) -> dict[str, Any]:
 
 
 def reasons(problem: Troubleshooting, advice: Advice, compared: Sequence[tuple[int, float, bool]]) -> Rows:
-    """Why this action is next: what beginning with each of the others would cost."""
+    """The reason for the next action: the expected cost of beginning with each other action."""
     rows = []
     for action, cost, exact in sorted(compared, key=lambda row: (row[1], row[0])):
         sign = "" if exact else "at least "
@@ -83,7 +83,7 @@ def reasons(problem: Troubleshooting, advice: Advice, compared: Sequence[tuple[i
 
 
 def belief(pairs: Sequence[tuple[str, float]], most: int = 8) -> Rows:
-    """The causes still possible, most probable first."""
+    """The causes that are still possible, the most probable first."""
     rows = [(name, f"{probability:.3f}") for name, probability in pairs[:most]]
     if len(pairs) > most:
         rows.append((f"and {len(pairs) - most} more", f"{sum(p for _, p in pairs[most:]):.3f}"))
@@ -121,7 +121,7 @@ def _ending(model: FaultModel, made: Diagnosis) -> list[str]:
     if made.repairs and not made.cured:
         lines.append(f"repair: {made.repairs[0]}: {model.repairs[made.repairs[0]].say}")
     if not (made.cured or made.repairs or made.question):
-        lines.append("stopped safely: nobody has put it right")
+        lines.append("stopped safely: the fault was not repaired")
     if made.question:
         lines.append(f"stop safely and ask: {made.question.text} ({', '.join(made.question.answers)})")
     return [*lines, f"cost {number(made.cost)}; tests and repairs took {_duration(model, made)}"]

@@ -1,4 +1,4 @@
-"""A plan in Graphviz's DOT language: orders as solid edges, causal links as dashed ones with their condition."""
+"""A plan in Graphviz's DOT language: orders are solid edges, causal links are dashed edges with their condition."""
 
 from collections.abc import Callable, Iterator
 
@@ -9,7 +9,7 @@ from kb.terms import Atom
 
 
 def plan(made: Plan, problem: Problem | None = None) -> str:
-    """The partial order with its causal links. Stages are said in the problem's words."""
+    """The partial order with its causal links. Stages have the names of the problem."""
     lines = (f"  {line}" for line in _lines(made, wording(problem)))
     return "\n".join(["digraph plan {", *lines, "}"]) + "\n"
 
@@ -31,7 +31,7 @@ def _lines(made: Plan, say: Callable[[Atom], str]) -> Iterator[str]:
 
 
 def orders(made: Plan) -> Iterator[tuple[StepId, StepId]]:
-    """The direct orders, with the start before all that waits for nothing and the goal after all that nothing waits for."""
+    """The direct orders. The start comes before steps that wait for nothing, the goal after steps for which nothing waits."""
     awaited = {before for step in made.steps for before in step.after}
     for step in made.steps:
         yield from ((before, step.id) for before in step.after or (START,))
@@ -46,5 +46,5 @@ def _name(step: StepId) -> str:
 
 
 def _escaped(text: str) -> str:
-    """Text in a quoted string, where a backslash would begin a line break or a name of Graphviz."""
+    """Text for a quoted string. A backslash is escaped, because Graphviz gives it a meaning."""
     return text.replace("\\", "\\\\").replace('"', '\\"')

@@ -60,7 +60,7 @@ def explanation_entry(found: Explanation) -> dict[str, Any]:
 
 
 def step_reason(found: StepReason) -> Text:
-    """Why a step is there, for people."""
+    """Why a step is in the plan, for people."""
     step = found.step
     lines = [f"{step.id} {step.operator}", "is there for"]
     lines += [f"  {_purpose(purpose)}" for purpose in found.purposes] or [
@@ -84,7 +84,7 @@ def _purpose(purpose: Purpose) -> str:
 
 
 def step_entry(found: StepReason) -> dict[str, Any]:
-    """Why a step is there, for programs."""
+    """Why a step is in the plan, for programs."""
     return {
         "step": found.step.id,
         "operator": str(found.step.operator),

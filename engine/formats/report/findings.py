@@ -1,4 +1,4 @@
-"""Diagnostics as people read them: place, code, message, the line with a caret, what to try."""
+"""Diagnostics for people: place, code, message, the line with a caret, and what to try."""
 
 from collections.abc import Iterable
 
@@ -8,7 +8,7 @@ from kb.diagnostics import Diagnostic
 
 
 def diagnostics(found: Iterable[Diagnostic]) -> Text:
-    """The diagnostics one after another; in colour they are the same characters."""
+    """The diagnostics one after another. Colours do not change the characters."""
     return Text("\n").join([_diagnostic(each) for each in found])
 
 
@@ -29,7 +29,7 @@ def _diagnostic(diagnostic: Diagnostic) -> Text:
 
 
 def summary(found: Iterable[Diagnostic]) -> str:
-    """How many errors and warnings."""
+    """The numbers of errors and warnings."""
     errors = warnings = 0
     for each in found:
         warnings += each.warning

@@ -1,7 +1,7 @@
 """Schedules as Gantt charts on the terminal, and as entries for programs.
 
-One row per job, then one per unit of each resource: what it does, and by whom it is held. Bars say what they are in
-letters as well as in colours, so that a chart can be read in a pipe.
+There is one row per job, then one per unit of each resource, which shows what it does and which job holds it. Bars carry
+letters as well as colours, so that a chart can be read without colours.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -15,11 +15,11 @@ from rich.text import Text
 from engine.model.shop import Hold, Schedule, Shop
 
 STYLES = ("blue", "red", "green", "magenta", "yellow", "cyan", "bright_blue", "bright_red")
-NARROWEST = 30  # columns of the part with the bars
+NARROWEST = 30  # width in characters of the part with the bars
 
 
 class Kind(StrEnum):
-    """What a bar stands for."""
+    """What a bar means."""
 
     STAGE = "stage"
     HOLD = "hold"
@@ -28,7 +28,7 @@ class Kind(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Bar:
-    """From `start` to `end`; `job` is a number among the jobs, -1 for none."""
+    """A bar from `start` to `end`. `job` is the number of its job, -1 if it has none."""
 
     start: int
     end: int
@@ -47,7 +47,7 @@ class Row:
 
 
 def rows(shop: Shop, schedule: Schedule) -> tuple[Row, ...]:
-    """The chart of a schedule: jobs in their order, then every unit of every resource that does something."""
+    """The rows of the chart: jobs in their order, then every used unit of every resource."""
     number = {job.name: n for n, job in enumerate(shop.jobs)}
     found = [
         Row(job.name, tuple(_stage_bar(shop, schedule, stage.name, number[job.name]) for stage in job.stages))
@@ -71,7 +71,7 @@ def _stage_bar(shop: Shop, schedule: Schedule, name: str, job: int) -> Bar:
 
 
 def _short(stage: str, job: str) -> str:
-    """The name of a stage without that of its job."""
+    """The name of a stage without the name of its job."""
     return stage.removeprefix(job).lstrip(" .:") or stage
 
 
@@ -99,7 +99,7 @@ def _hold_bar(shop: Shop, schedule: Schedule, hold: Hold, number: Mapping[str, i
 
 
 def _units(bars: Sequence[Bar]) -> list[list[Bar]]:
-    """The bars of equal units: each goes to the first that is free."""
+    """The bars of equal units: each bar goes to the first unit that is free."""
     units: list[list[Bar]] = []
     for bar in bars:
         free = [unit for unit in units if unit[-1].end <= bar.start]
@@ -118,7 +118,7 @@ def _unit_names(resource: str, units: Sequence[str], count: int) -> list[str]:
 
 @dataclass(frozen=True, slots=True)
 class Gantt:
-    """The chart, drawn to the width of the terminal."""
+    """The chart, fitted to the width of the terminal."""
 
     shop: Shop
     schedule: Schedule
@@ -136,7 +136,7 @@ class Gantt:
 
 
 def _line(row: Row, scale: float, width: int) -> Text:
-    """One row of bars; what is too short for a column of its own takes a free one."""
+    """One row of bars. A bar shorter than one character gets a free character if there is one."""
     text, column = Text(), 0
     for bar in row.bars:
         first = max(column, min(width - 1, round(bar.start * scale)))
@@ -159,7 +159,7 @@ def _style(bar: Bar) -> str:
 
 
 def _ticks(makespan: int, scale: float, width: int, unit: str) -> str:
-    """Round times below the bars, as many as have room."""
+    """Round times below the bars, as many as fit."""
     step = 1
     while step * scale < 8:
         step *= 5 if str(step)[0] == "1" else 2
@@ -182,7 +182,7 @@ def summary(schedule: Schedule, unit: str = "") -> str:
 
 
 def schedule_entry(shop: Shop, schedule: Schedule) -> dict[str, Any]:
-    """A schedule for programs: sums, stages in the order of their starts, changes of devices, holds."""
+    """A schedule for programs: totals, stages in the order of their starts, changes of devices, and holds."""
     stages = [
         {
             "job": shop.owners[name].name,

@@ -1,4 +1,4 @@
-"""A schedule as SVG: the Gantt chart of `engine.formats.report.gantt` with colours by job, and what each bar is as a tooltip."""
+"""A schedule as SVG: the Gantt chart of `engine.formats.report.gantt` with colours by job and a tooltip for each bar."""
 
 from collections.abc import Iterator
 from xml.sax.saxutils import escape
@@ -15,7 +15,7 @@ STYLE = """
 
 
 def chart(shop: Shop, schedule: Schedule, unit: str = "") -> str:
-    """The chart; the same bytes for the same schedule."""
+    """The chart. The same schedule gives the same bytes."""
     lines = rows(shop, schedule)
     left = MARGIN + max((len(row.name) for row in lines), default=0) * CHARACTER + GAP
     height = 2 * MARGIN + (len(lines) + 2) * (HEIGHT + GAP)
@@ -39,7 +39,7 @@ def _opening(width: float, height: float, said: str) -> Iterator[str]:
 
 
 def _grid(schedule: Schedule, left: float, scale: float, lines: int, unit: str) -> Iterator[str]:
-    """Lines at round times, and a dashed one at the lower bound."""
+    """Lines at round times, and a dashed line at the lower bound."""
     step = 1
     while step * scale < 60:
         step *= 5 if str(step)[0] == "1" else 2

@@ -1,4 +1,4 @@
-"""Measurements parted by tool, for people and programs."""
+"""Measurements grouped by tool, for people and programs."""
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -14,7 +14,7 @@ from engine.model.tour import PoseProblem, Tour
 
 
 class Parts(Protocol):
-    """The measurements by tool, those done, and those that are impossible with their reasons."""
+    """The measurements by tool, those that are done, and those that are impossible, with the reasons."""
 
     @property
     def groups(self) -> Mapping[str, tuple[str, ...]]: ...
@@ -40,7 +40,7 @@ class Posed(Protocol):
 
 
 def posed_entry(found: Posed) -> dict[str, Any]:
-    """What JSON says of a tour through configurations, which are in radians and metres."""
+    """A tour through configurations, for JSON. Joint values are in radians and metres."""
     return {
         "tool": found.tool,
         "arm": found.arm,
@@ -54,7 +54,7 @@ def posed_entry(found: Posed) -> dict[str, Any]:
 
 
 def posed(tours: Sequence[Posed], partition: Parts) -> RenderableType:
-    """The tours tool by tool, how long each takes, and what cannot be measured."""
+    """The tours by tool with their durations, and the measurements that are impossible."""
     rows = []
     for each in tours:
         names = ", ".join(each.problem.visits[visit].name for visit in each.tour.order)
@@ -63,7 +63,7 @@ def posed(tours: Sequence[Posed], partition: Parts) -> RenderableType:
 
 
 def entry(partition: Parts) -> dict[str, Any]:
-    """What JSON says: every measurement stands in one group."""
+    """The groups of measurements, for JSON. Every measurement is in one group."""
     return {
         "groups": {tool: list(names) for tool, names in partition.groups.items()},
         "done": list(partition.done),
@@ -72,7 +72,7 @@ def entry(partition: Parts) -> dict[str, Any]:
 
 
 def parts(partition: Parts, title: str = "") -> RenderableType:
-    """How many measurements each tool takes, and how many cannot be made for which reason."""
+    """The number of measurements by each tool, and the number of impossible ones for each reason."""
     rows = [(str(len(names)), tool) for tool, names in partition.groups.items()]
     rows += [(str(len(partition.done)), "done")] if partition.done else []
     impossible = sorted(Counter(partition.impossible.values()).items())

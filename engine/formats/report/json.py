@@ -1,6 +1,6 @@
 """Answers for programs: one envelope `{version, status, data, diagnostics}` for every command.
 
-Other forms of answers ask here for the status alone, so what only documents need is imported when one is made.
+Other forms of answers only need the status from this module. So modules for documents are imported when one is made.
 """
 
 from collections.abc import Iterable, Mapping
@@ -17,7 +17,7 @@ VERSION = 1
 
 
 def envelope(status: str, content: Mapping[str, Any], diagnostics: Iterable[Diagnostic] = ()) -> str:
-    """The answer of a command as JSON text, the same bytes for the same answer."""
+    """The answer of a command as JSON text. The same answer gives the same bytes."""
     import json
 
     whole = {
@@ -30,7 +30,7 @@ def envelope(status: str, content: Mapping[str, Any], diagnostics: Iterable[Diag
 
 
 def diagnostic_entry(diagnostic: Diagnostic) -> dict[str, Any]:
-    """One diagnostic; line and column count from 1 and are 0 where there is none."""
+    """One diagnostic. Line and column count from 1; 0 means that there is none."""
     where = diagnostic.where
     return {
         "code": diagnostic.code,
@@ -44,7 +44,7 @@ def diagnostic_entry(diagnostic: Diagnostic) -> dict[str, Any]:
 
 
 def status(outcome: Outcome) -> str:
-    """The word for an outcome."""
+    """The status word for an outcome."""
     match outcome:
         case Found(optimal=optimal):
             return "optimal" if optimal else "found"
@@ -57,7 +57,7 @@ def status(outcome: Outcome) -> str:
 
 
 def outcome(result: Outcome, problem: Problem, domain: str = "") -> dict[str, Any]:
-    """What an outcome says: the plan, or the reason why there is none. `domain` is how the file names the domain."""
+    """The data of an outcome: the plan, or why there is none. `domain` is the name of the domain in the file."""
     from kb.targets import reference
 
     entry = problem_entry(problem, domain or reference(problem.domain))
@@ -79,7 +79,7 @@ def statistics(figures: Statistics) -> dict[str, Any]:
 
 
 def plan_entry(plan: Plan) -> dict[str, Any]:
-    """A plan as `cellwright validate` reads it beside its problem."""
+    """A plan as `cellwright validate` reads it, without its problem."""
     starts = earliest_starts(plan)
     return {
         "cost": plan.cost,
@@ -104,7 +104,7 @@ def plan_entry(plan: Plan) -> dict[str, Any]:
 
 
 def history_entry(plan: Plan, problem: Problem) -> dict[str, Any]:
-    """What is done to each object of a workflow, in order; nothing without a workflow."""
+    """The history of each object of a workflow, in order; empty without a workflow."""
     made = [
         {
             "subject": str(history.subject or history.chain),
@@ -121,7 +121,7 @@ def history_entry(plan: Plan, problem: Problem) -> dict[str, Any]:
 
 
 def problem_entry(problem: Problem, domain: str) -> dict[str, Any]:
-    """A problem in the shape of a problem file, workflow and goals written out."""
+    """A problem in the form of a problem file, with the whole workflow and all goals."""
     objects: dict[str, list[str]] = {}
     for name, type_ in problem.objects.items():
         objects.setdefault(type_, []).append(name)

@@ -1,4 +1,4 @@
-"""Places for the nodes of an acyclic graph, layer below layer (Sugiyama, Tagawa & Toda 1981): few crossings, no overlaps."""
+"""Layout of an acyclic graph in layers with few crossings and no overlaps (Sugiyama, Tagawa & Toda 1981)."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -10,9 +10,9 @@ Neighbours = Mapping[int, list[int]]
 
 @dataclass(frozen=True, slots=True)
 class Layout:
-    """The layer of each node (0 on top), the horizontal centre of each, and where long edges pass each layer.
+    """The layer of each node (0 is the top), its horizontal centre, and the places where long edges pass each layer.
 
-    Centres and bends are multiples of `grid`; `bends` has the layers between the ends of an edge, from the top.
+    Centres and bends are multiples of `grid`. `bends` holds one x for each layer between the ends of an edge, from the top.
     """
 
     layer: Mapping[int, int]
@@ -22,7 +22,7 @@ class Layout:
 
 @dataclass(frozen=True, slots=True)
 class _Rows:
-    """Nodes and pieces of long edges in layers, their widths, and the edges that are left between neighbouring layers."""
+    """Nodes and pieces of long edges in layers, their widths, and the edges between neighbouring layers."""
 
     rows: list[list[int]]
     widths: dict[int, float]
@@ -38,9 +38,9 @@ def layout(
     grid: float = 1.0,
     extra: Iterable[Edge] = (),
 ) -> Layout:
-    """Layers, centres and bends of a graph; `widths` lists the nodes in a topological order of all edges.
+    """Layers, centres and bends of a graph. `widths` lists the nodes in a topological order of all edges.
 
-    `extra` edges point downwards, too, but draw nothing together. Boxes of one layer stay at least `gap - grid` apart.
+    `extra` edges also point downwards, but they do not pull nodes together. Boxes of one layer are at least `gap - grid` apart.
     """
     layer = _layers(list(widths), [*edges, *extra])
     rows = _rows(widths, layer, edges, gap)
@@ -52,7 +52,7 @@ def layout(
 
 
 def _layers(nodes: Sequence[int], edges: Iterable[Edge]) -> dict[int, int]:
-    """The length of the longest way to each node."""
+    """The length of the longest path to each node."""
     into = _neighbours(edges, 1)
     layer: dict[int, int] = {}
     for node in nodes:
@@ -61,7 +61,7 @@ def _layers(nodes: Sequence[int], edges: Iterable[Edge]) -> dict[int, int]:
 
 
 def _rows(widths: Mapping[int, float], layer: Mapping[int, int], edges: Sequence[Edge], gap: float) -> _Rows:
-    """Long edges become chains of narrow pieces, so that they find their way round the boxes."""
+    """The rows of nodes. Long edges are cut into chains of narrow pieces, so that they can go round the boxes."""
     rows: list[list[int]] = [[] for _ in range(max(layer.values(), default=0) + 1)]
     for node in widths:
         rows[layer[node]].append(node)
@@ -86,7 +86,7 @@ def _neighbours(edges: Iterable[Edge], end: int) -> dict[int, list[int]]:
 
 
 def _reorder(rows: list[list[int]], towards: Neighbours, down: bool) -> None:
-    """Sort each row by the mean place of its neighbours in the row before."""
+    """Sort each row by the mean position of the neighbours in the row before."""
     place = {node: index for row in rows for index, node in enumerate(row)}
     for row in rows if down else reversed(rows):
         means = {node: _mean([place[n] for n in towards.get(node, ())], place[node]) for node in row}
@@ -99,7 +99,7 @@ def _mean(values: Sequence[float], otherwise: float) -> float:
 
 
 def _centres(rows: _Rows, gap: float) -> dict[int, float]:
-    """Each node as near to the mean of its neighbours as its row allows."""
+    """The centres of all nodes: each as near to the mean of its neighbours as its row allows."""
     centre: dict[int, float] = {}
     for row in rows.rows:
         at = -(sum(rows.widths[node] + gap for node in row) - gap) / 2
@@ -115,7 +115,7 @@ def _centres(rows: _Rows, gap: float) -> dict[int, float]:
 
 
 def _spread(wanted: Sequence[float], widths: Sequence[float], gap: float) -> list[float]:
-    """Centres near the wanted ones, in the same order, that keep their distance: pushed right, pushed left, averaged."""
+    """Centres near the wanted ones, in the same order, with the needed distances: the mean of a push right and a push left."""
     right, left = list(wanted), list(wanted)
     for index in range(1, len(right)):
         right[index] = max(right[index], right[index - 1] + (widths[index - 1] + widths[index]) / 2 + gap)

@@ -1,4 +1,4 @@
-"""MACROPs for people: one as ITA's figure 4 draws it, a library as a table, and where a plan came from."""
+"""MACROPs for people: one in the form of ITA's figure 4, a library as a table, and the origin of a plan."""
 
 from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, Any
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 def macrop(found: Macrop, domain: Domain | None = None) -> RenderableType:
-    """All parts of a MACROP. With its domain, types that compound terms state anyway are left out."""
+    """All parts of a MACROP. If its domain is given, types that follow from compound terms are left out."""
     types = found.unary_constraints(domain) if domain else found.types
     parts: list[tuple[str, Iterable[object]]] = [
         ("goals", found.goals),
@@ -46,7 +46,7 @@ def listing(
     stale: Mapping[int, tuple[str, ...]],
     utilities: "Mapping[tuple[int, str], Utility]",
 ) -> RenderableType:
-    """A library as a table; `stale` tells which parts of the domain have changed, `utilities` what searches had of some."""
+    """A library as a table. `stale` names the changed parts of the domain; `utilities` says how useful MACROPs were in searches."""
     numbers = ("no.", "steps", "cost", "uses", "saved s")
     headings = (
         "no.",
@@ -66,7 +66,7 @@ def listing(
 
 
 def _in_search(number: int, utilities: "Mapping[tuple[int, str], Utility]") -> str:
-    """The searches that are offered a sub-sequence, with the share of work left and its uses: `forward 0.62, 3/4`."""
+    """The searches that get a sub-sequence, the share of work left with it, and its uses: `forward 0.62, 3/4`."""
     mine = {search: found for (own, search), found in sorted(utilities.items()) if own == number}
     offered = {search: found for search, found in mine.items() if found.pays}
     said = [f"{search} {found.share:.2f}, {found.used}/{found.offered}" for search, found in offered.items()]
@@ -74,7 +74,7 @@ def _in_search(number: int, utilities: "Mapping[tuple[int, str], Utility]") -> s
 
 
 def folded(parts: Iterable[Mapping[str, Any]]) -> RenderableType | None:
-    """A plan folded: one row for each MACROP in it, with its steps; None without any."""
+    """A folded plan: one row for each MACROP, with its steps; None if it contains no MACROPs."""
     rows = []
     for part in parts:
         number = f"{part['macrop']} " if part["macrop"] is not None else ""
@@ -94,7 +94,7 @@ def _ranges(numbers: Iterable[int]) -> str:
 
 
 def figures(found: "Figures", subsequences: int, inner: "Utility") -> RenderableType:
-    """A library in numbers; `inner` sums up what searches had of its sub-sequences."""
+    """The figures of a library. `inner` is the sum of the figures of its sub-sequences in searches."""
     rows = [("MACROPs", str(found.macrops)), ("goal shapes", str(found.shapes)), ("uses", str(found.uses))]
     rows.append(("planning saved", f"{found.saved_s:.2f} s"))
     if subsequences:
@@ -104,7 +104,7 @@ def figures(found: "Figures", subsequences: int, inner: "Utility") -> Renderable
 
 
 def origin(kind: str, number: int | None, name: str, reason: str) -> Text:
-    """One sentence on where a plan came from."""
+    """One sentence about where a plan came from."""
     match kind:
         case "library":
             return Text(f"An instance of MACROP {number}, {name}.")

@@ -1,4 +1,4 @@
-"""A sequence under way, for people and programs: what comes next, and what became of the sequence there was."""
+"""A sequence in progress, for people and programs: the next visit, and the changes against the kept sequence."""
 
 from collections import Counter
 from collections.abc import Mapping
@@ -13,13 +13,13 @@ from kb.store.sequences import PlannedVisit, SequencePlan
 
 WAYS = {
     "made": "a new sequence",
-    "kept": "the sequence stands as it was kept",
-    "resequenced": "the rest is sequenced anew",
+    "kept": "the kept sequence is unchanged",
+    "resequenced": "the rest was sequenced anew",
 }
 
 
 class Progress(Protocol):
-    """A sequence plan, how it came about, and how it differs from the one before."""
+    """A sequence plan, how it was made, and how it differs from the one before."""
 
     @property
     def plan(self) -> SequencePlan: ...
@@ -46,7 +46,7 @@ class Progress(Protocol):
 
 
 def entry(found: Progress) -> dict[str, Any]:
-    """What JSON says of a sequence; costs are those of the rest, from the last visit done."""
+    """A sequence, for JSON. Its costs are those of the rest, from the last visit that is done."""
     plan, tour = found.plan, found.tour
     return {
         **next_entry(found),
@@ -63,7 +63,7 @@ def entry(found: Progress) -> dict[str, Any]:
 
 
 def next_entry(found: Progress) -> dict[str, Any]:
-    """The next visit, and what changed before it; positions in metres."""
+    """The next visit and the changes before it. Positions are in metres."""
     visit = found.next
     return {
         "problem": found.plan.problem,
@@ -77,7 +77,7 @@ def next_entry(found: Progress) -> dict[str, Any]:
 
 
 def changes_entry(found: Progress) -> dict[str, Any]:
-    """What became of the visits that were left before."""
+    """The changes among the visits that were left before."""
     return {
         "kept": list(found.kept),
         "reordered": list(found.reordered),
@@ -89,7 +89,7 @@ def changes_entry(found: Progress) -> dict[str, Any]:
 
 
 def text(found: Progress) -> RenderableType:
-    """The rest as runs with one tool each, what is left out and why, and what has changed."""
+    """The rest as runs with one tool each, the visits that are left out and why, and the changes."""
     plan = found.plan
     shown: list[RenderableType] = [Text(line) for line in _said(found)]
     if plan.rest:
@@ -104,14 +104,14 @@ def text(found: Progress) -> RenderableType:
 
 
 def next_text(found: Progress) -> RenderableType:
-    """One line for the next visit, after what has changed."""
+    """The changes, and one line for the next visit."""
     visit, lines = found.next, _said(found) if found.way == "resequenced" or found.outdated else []
     here = "nothing is left to visit" if visit is None else f"next: {visit.name} with {visit.tool}"
     return Group(*(Text(line) for line in lines), Text(here))
 
 
 def _said(found: Progress) -> list[str]:
-    """How the sequence came about, and each change."""
+    """How the sequence was made, and each change."""
     lines = [WAYS[found.way]]
     if found.way == "resequenced":
         counts = {

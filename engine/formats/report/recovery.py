@@ -1,4 +1,4 @@
-"""How it goes on after a diagnosis, for people and programs."""
+"""The recovery after a diagnosis, for people and programs."""
 
 from collections.abc import Sequence
 from typing import Any, Protocol
@@ -22,7 +22,7 @@ WAYS = {
 
 
 class Recovery(Protocol):
-    """A plan for what is left, how it was made, how it differs from the plan that failed, and what became of a sequence."""
+    """A plan for the rest, how it was made, how it differs from the failed plan, and the changes of a kept sequence."""
 
     @property
     def problem(self) -> Problem: ...
@@ -41,7 +41,7 @@ class Recovery(Protocol):
 
 
 def entry(found: Recovery) -> dict[str, Any]:
-    """What JSON says of a recovery."""
+    """A recovery, for JSON."""
     content: dict[str, Any] = {
         "status": json.status(found.outcome),
         "way": found.way,
@@ -62,5 +62,5 @@ def text(found: Recovery) -> RenderableType:
         said += f": {len(found.kept)} steps kept, {len(found.dropped)} dropped, {len(found.added)} added"
     shown: list[RenderableType] = [Text(said), outcomes.outcome(found.outcome, found.problem)]
     if found.sequence is not None:
-        shown += [Text("the kept sequence was told:"), progress.text(found.sequence)]
+        shown += [Text("the kept sequence was updated:"), progress.text(found.sequence)]
     return Group(*shown)

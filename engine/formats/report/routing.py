@@ -1,4 +1,4 @@
-"""Ways for causal links between boxes in layers: straight down, or round the boxes in rows and tracks."""
+"""Ways for causal links between boxes in layers: straight down, or round the boxes by rows and tracks."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -24,7 +24,7 @@ Point = tuple[float, float]
 
 @dataclass(frozen=True, slots=True)
 class Label:
-    """A line of text from `left` to `right` on the base line `y`; the port that it names is at its end or start."""
+    """A line of text from `left` to `right` on the base line `y`. Its port is at one of its ends."""
 
     text: str
     left: float
@@ -35,7 +35,7 @@ class Label:
 
 @dataclass(frozen=True, slots=True)
 class Routing:
-    """The top of each layer, the corners of the way of each net to each consumer, and the label of each net."""
+    """The top of each layer, the corners of each net's way to each consumer, and the label of each net."""
 
     tops: tuple[float, ...]
     ways: Mapping[End, tuple[Point, ...]]
@@ -59,7 +59,7 @@ class _Channels:
 
 
 def route(nets: Sequence[Net], boxes: Boxes, passing: Iterable[tuple[int, float]] = ()) -> Routing:
-    """Ways for all nets; tracks stay outside of what passes a layer at some x."""
+    """Ways for all nets. Tracks stay outside everything that passes a layer at the given x."""
     ports = ports_of(nets, boxes)
     labels = [label_span(net, ports.down[index], boxes) for index, net in enumerate(nets)]
     tracks = tracks_of(nets, boxes, labels, passing)
@@ -74,7 +74,7 @@ def route(nets: Sequence[Net], boxes: Boxes, passing: Iterable[tuple[int, float]
 
 
 def _tops(nets: Sequence[Net], boxes: Boxes, rows: Rows) -> tuple[float, ...]:
-    """The top of each layer: channels are as high as their rows need."""
+    """The top of each layer. Each channel is as high as its rows need."""
     upper, lower = [0] * depth(boxes), [0] * depth(boxes)
     for index, row in rows.upper.items():
         layer = boxes.layer[nets[index].producer]
@@ -89,7 +89,7 @@ def _tops(nets: Sequence[Net], boxes: Boxes, rows: Rows) -> tuple[float, ...]:
 
 
 def _way(channels: _Channels, index: int, consumer: int) -> tuple[Point, ...]:
-    """From the port down by row, track and row to the port in."""
+    """The corners from the port down, along a row, a track and a row, to the port in."""
     net, boxes, tops = channels.nets[index], channels.boxes, channels.tops
     start, end = channels.ports.down[index], channels.ports.into[index, consumer]
     layer, line = boxes.layer[consumer], channels.line(index)

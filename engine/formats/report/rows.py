@@ -1,5 +1,5 @@
-"""Rows of plain text as a table or, on a terminal too narrow for its words, as records: nothing is cut, no word broken
-that fits on a line."""
+"""Rows of plain text as a table or, if the terminal is too narrow, as records. No text is cut off, and no word that fits
+on a line is broken."""
 
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass
@@ -14,7 +14,7 @@ GAP = 2  # characters between columns
 
 
 def headed(head: str, below: Iterable[str], width: int) -> Text:
-    """A line, and others indented below it, in lines of at most `width` characters."""
+    """A head and indented lines below it, all at most `width` characters long."""
     text = Text(wrapped(head, width), "bold")
     for line in below:
         text.append("\n  " + wrapped(line, width - 2).replace("\n", "\n  "), "not bold")
@@ -23,7 +23,7 @@ def headed(head: str, below: Iterable[str], width: int) -> Text:
 
 @dataclass(frozen=True, slots=True)
 class Rows:
-    """Cells under headings. Without any heading there is no head. `right` are headings of columns of numbers."""
+    """Cells under headings. If all headings are empty, there is no head. `right` names columns of numbers."""
 
     headings: Sequence[str]
     rows: Sequence[Sequence[str]]
@@ -66,7 +66,7 @@ class Rows:
         ]
 
     def _widths(self, spare: int) -> list[int]:
-        """As wide as the text is, else with a fair share of what the longest words leave."""
+        """The width of each column: as wide as its text, or a fair share of the space beside the longest words."""
         widths = self._least()
         lacks = [
             max((len(line) for cell in column for line in cell.splitlines()), default=0) - least

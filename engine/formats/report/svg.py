@@ -1,7 +1,7 @@
-"""A plan as SVG: steps as boxes from top to bottom, orders as arrows, causal links as dashed ways that say their condition.
+"""A plan as SVG: steps are boxes from top to bottom, orders are arrows, causal links are dashed ways with their condition.
 
-Coloured bars in a box are the resources that the step holds. Colours stand as attributes, so that every converter shows
-them; a style turns them over for readers who prefer dark pages.
+Coloured bars in a box are the resources that the step holds. Colours are attributes, so that every converter shows them; a
+style sheet changes them for dark pages.
 """
 
 from collections import Counter
@@ -38,7 +38,7 @@ STYLE = """
 
 @dataclass(frozen=True, slots=True)
 class _Picture:
-    """What is drawn and where; `index` finds the net of a condition of a producer."""
+    """All drawn parts and their places. `index` finds the net of a condition of a producer."""
 
     made: Plan
     texts: Mapping[StepId, str]
@@ -52,7 +52,7 @@ class _Picture:
 
 
 def plan(made: Plan, problem: Problem | None = None) -> str:
-    """The partial order with its causal links; the same bytes for the same plan. Stages are said in the problem's words."""
+    """The partial order with its causal links. The same plan gives the same bytes. Stages have the names of the problem."""
     return "\n".join([*_lines(_picture(made, problem)), "</svg>"]) + "\n"
 
 
@@ -77,7 +77,7 @@ def _picture(made: Plan, problem: Problem | None) -> _Picture:
 
 
 def _widths(made: Plan, texts: Mapping[StepId, str], nets: Sequence[Net]) -> dict[int, float]:
-    """Room for the text between the bars and their like on the other side, and for the ports."""
+    """The widths of the boxes: room for the ports, and for the text with the bars on the left and equal space on the right."""
     bars = {step.id: len(step.resources) for step in made.steps}
     outward, inward = Counter(net.producer for net in nets), Counter(c for net in nets for c in net.consumers)
     outward[START] = max(
@@ -129,7 +129,7 @@ def _lines(picture: _Picture) -> Iterator[str]:
 
 
 def _extent(picture: _Picture) -> tuple[float, float, float]:
-    """Left, right and lower end of all that is drawn; whole numbers."""
+    """Left, right and lower end of the drawing, as whole numbers."""
     boxes, routing = picture.boxes, picture.routing
     spans = [boxes.span(box) for box in boxes.layer]
     spans += [(label.left, label.right) for label in routing.labels]
@@ -147,7 +147,7 @@ def _head(name: str, fill: str) -> str:
 
 
 def _orders(picture: _Picture) -> Iterator[str]:
-    """Orders run from the middle of a box to the middle of another, through their bends."""
+    """The orders: lines from the middle of one box to the middle of another, through their bends."""
     for edge in picture.orders:
         layer = picture.placed.layer[edge[0]]
         xs = [picture.placed.centre[edge[0]], *picture.placed.bends[edge], picture.placed.centre[edge[1]]]
@@ -166,7 +166,7 @@ def _orders(picture: _Picture) -> Iterator[str]:
 
 
 def _links(picture: _Picture) -> Iterator[str]:
-    """One dashed way for each causal link; those from the start are paler."""
+    """One dashed way for each causal link. Links from the start are paler."""
     for link in picture.made.links:
         said = picture.say(link.condition)
         way = picture.routing.ways[picture.index[link.producer, said], link.consumer]
@@ -188,7 +188,7 @@ def _rounded(way: Sequence[Point]) -> str:
 
 
 def _towards(corner: Point, other: Point) -> Point:
-    """A little way from a corner along an upright or level line, never past its middle."""
+    """A point near a corner on a vertical or horizontal line, never beyond the middle of the line."""
     dx, dy = other[0] - corner[0], other[1] - corner[1]
     length = abs(dx) + abs(dy)
     part = min(ROUND, length / 2) / length if length else 0
@@ -196,7 +196,7 @@ def _towards(corner: Point, other: Point) -> Point:
 
 
 def _labels(picture: _Picture) -> Iterator[str]:
-    """What each net says, on a patch of paper."""
+    """The label of each net, on a patch of paper colour."""
     for net, label in zip(picture.nets, picture.routing.labels, strict=True):
         x, anchor = (label.right, "end") if label.at_end else (label.left, "start")
         name, fill = ("given-label", GIVEN) if net.producer == START else ("label", LINK)
@@ -230,7 +230,7 @@ def _boxes(picture: _Picture, colours: Mapping[str, str]) -> Iterator[str]:
 
 
 def _legend(colours: Mapping[str, str], x: float, y: float) -> Iterator[str]:
-    """Which colour is which resource."""
+    """The legend of colours and resources."""
     for name, fill in colours.items():
         yield f'<rect x="{x:g}" y="{y - 10:g}" width="12" height="12" fill="{fill}"/>'
         yield f'<text class="text" x="{x + 17:g}" y="{y:g}" font-size="12" fill="{INK}">{escape(name)}</text>'

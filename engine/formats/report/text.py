@@ -1,7 +1,7 @@
 """Outcomes as rich tables.
 
-Colours are rich's business: none in a pipe, none with NO_COLOR. Tables are made for the width at hand, because rich alone
-would break atoms in the middle of words.
+The library rich decides on colours: none in a pipe, none with NO_COLOR. Tables are fitted to the width of the terminal here,
+because rich would break atoms in the middle of words.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -19,13 +19,13 @@ from kb.model.plan import Plan, StepId
 from kb.model.problem import Problem
 
 LIST = 12  # characters of a line of step numbers
-LEGIBLE = 40  # characters that operators and what they achieve need side by side
+LEGIBLE = 40  # characters that operators and their reasons need side by side
 WIDEST = 10_000
-JUDGED = 60  # steps that decide on the widths of columns
+JUDGED = 60  # the number of steps that determine the widths of columns
 
 
 def outcome(result: Outcome, problem: Problem) -> RenderableType:
-    """What a person reads on the terminal."""
+    """An outcome for people."""
     match result:
         case Found(plan):
             return plan_table(plan, problem)
@@ -36,14 +36,14 @@ def outcome(result: Outcome, problem: Problem) -> RenderableType:
 
 
 def plan_table(plan: Plan, problem: Problem) -> RenderableType:
-    """Steps, what they wait for, when they can start, and what for they are there; then the histories and sums."""
+    """Steps with the steps they wait for, start times and reasons; then histories and totals."""
     if not plan.steps:
         return Text("Nothing to do: the goals hold already.")
     timed = any(step.duration for step in plan.steps)
     unit = problem.domain.time_unit
     said = [_counted(len(plan.steps), "step"), f"cost {plan.cost}"]
     if timed:
-        said.append(f"{makespan(plan)} {unit} when every step starts as early as it may")
+        said.append(f"{makespan(plan)} {unit} if every step starts as early as possible")
     made = histories(problem, plan)
     steps = _Steps(plan, purposes(problem, plan), unit if timed else "")
     between: list[RenderableType] = [Text(), _Histories(made, unit), Text()] if made else []
@@ -56,7 +56,7 @@ def _counted(number: int, noun: str) -> str:
 
 @dataclass(frozen=True, slots=True)
 class _Steps:
-    """The table of steps, made when its width is known. Without a `unit` there are no times."""
+    """The table of steps, made when the width is known. Without a `unit` it shows no times."""
 
     plan: Plan
     purposes: Mapping[StepId, Mapping[str, Sequence[str]]]
@@ -70,7 +70,7 @@ class _Steps:
         yield self._stacked(options.max_width) if spare < LEGIBLE else self._table(names, rows, spare)
 
     def _stacked(self, width: int) -> Table:
-        """On a narrow terminal: what the table says of a step, line under line."""
+        """The steps for a narrow terminal: the content of the table in lines below each step."""
         starts = earliest_starts(self.plan)
         table = Table(box=None, pad_edge=False, show_header=False, padding=(0, 2, 0, 0))
         table.add_column(justify="right", no_wrap=True, style="cyan")
@@ -100,7 +100,7 @@ class _Steps:
         return table
 
     def _narrow(self) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
-        """Head and rows of the columns that take what they need: numbers of steps, and times."""
+        """Head and rows of the columns of fixed width: numbers of steps, and times."""
         starts = earliest_starts(self.plan)
         rows = [
             (str(step.id), wrapped(", ".join(map(str, step.after)), LIST, 0))
@@ -119,7 +119,7 @@ def _width(cell: str) -> int:
 
 
 def _reasons(achieved: Mapping[str, Sequence[str]]) -> list[str]:
-    """What a step achieves and for which steps, in their order, the goal last."""
+    """The conditions that a step achieves, each with its consumers in order, the goal last."""
     return [
         f"{condition} for {', '.join(sorted(users, key=lambda user: (user == 'goal', len(user), user)))}"
         for condition, users in achieved.items()
@@ -127,9 +127,9 @@ def _reasons(achieved: Mapping[str, Sequence[str]]) -> list[str]:
 
 
 def _widths(operators: Sequence[str], reasons: Sequence[Sequence[str]], spare: int) -> tuple[int, int]:
-    """How wide operators and reasons may be: as wide as they are, or else so that the table is as short as can be.
+    """The widths of operators and reasons: as wide as their text, or so that the table has as few lines as possible.
 
-    Long tables are judged by their first steps.
+    For long tables, only the first steps are considered.
     """
     widest = max(len("operator"), *map(len, operators))
     if widest + max(len("; ".join(reason)) for reason in reasons) <= spare:
@@ -148,7 +148,7 @@ def _widths(operators: Sequence[str], reasons: Sequence[Sequence[str]], spare: i
 
 
 def _stacked(reasons: Sequence[str], width: int) -> str:
-    """On one line if it fits, else each reason on lines of its own."""
+    """All reasons on one line if they fit; otherwise each reason begins a new line."""
     line = "; ".join(reasons)
     return line if len(line) <= width else "\n".join(wrapped(reason, width) for reason in reasons)
 
@@ -162,7 +162,7 @@ def _reason_text(reasons: Sequence[str], width: int) -> Text:
 
 @dataclass(frozen=True, slots=True)
 class _Histories:
-    """What is done to each object, in order, as a table if there is room for it."""
+    """The history of each object, in order, as a table if there is room for it."""
 
     made: Sequence[History]
     unit: str

@@ -1,4 +1,4 @@
-"""Tours for people and programs: a table, an entry, and a picture coloured by tool."""
+"""Tours for people and programs: a table, a JSON entry, and a picture coloured by tool."""
 
 from typing import Any
 
@@ -14,7 +14,7 @@ COLOURS = ("#1f77b4", "#d62728", "#2ca02c", "#9467bd", "#ff7f0e", "#17becf", "#8
 
 
 def entry(tour: Tour, problem: TourProblem) -> dict[str, Any]:
-    """What JSON says of a tour."""
+    """A tour, for JSON."""
     found: dict[str, Any] = {
         "problem": problem.name,
         "closed": problem.closed,
@@ -35,7 +35,7 @@ def entry(tour: Tour, problem: TourProblem) -> dict[str, Any]:
 
 
 def text(tour: Tour, problem: TourProblem) -> RenderableType:
-    """The tour as a list of runs with one tool each, and a line that sums it up."""
+    """The tour as a list of runs with one tool each, and a summary line."""
     rows = []
     for tool, names in _runs(tour, problem):
         shown = ", ".join(names[:SHOWN]) + (f", and {len(names) - SHOWN} more" if len(names) > SHOWN else "")
@@ -44,7 +44,7 @@ def text(tour: Tour, problem: TourProblem) -> RenderableType:
 
 
 def summary(tour: Tour, problem: TourProblem) -> str:
-    """One line: how many, how long, how good."""
+    """One line: the number of visits, the cost, and its quality."""
     kind, unit = "closed" if problem.closed else "open", f" {problem.unit}" if problem.unit else ""
     good = "proved least" if tour.proved else f"at most {100 * tour.gap:.2f} % above the least"
     if tour.gap == float("inf"):

@@ -1,4 +1,4 @@
-"""Atoms broken into lines where people would break them: after spaces; where these are rare, after opening brackets."""
+"""Atoms broken into lines as people would do it: after spaces, or after opening brackets if there are few spaces."""
 
 import re
 from collections.abc import Iterator
@@ -8,9 +8,9 @@ PART = re.compile(r"[^ (]*[ (]?")
 
 
 def wrapped(text: str, width: int, indent: int = 2) -> str:
-    """The text in lines of at most `width` characters (4 at least), all but the first indented.
+    """The text in lines of at most `width` characters (at least 4); all lines except the first are indented.
 
-    Nothing is lost: without line breaks and spaces the text is the same.
+    Only line breaks and spaces change.
     """
     return "\n".join(_lines(text, max(width, indent + 2), " " * indent))
 
@@ -29,6 +29,6 @@ def _lines(text: str, width: int, indent: str) -> Iterator[str]:
 
 
 def _pieces(text: str, width: int) -> Iterator[str]:
-    """Words; those that are longer than a line, at their brackets."""
+    """The words; a word longer than a line is broken at its brackets."""
     for word in WORD.findall(text):
         yield from PART.findall(word) if len(word.rstrip()) > width else [word]

@@ -14,7 +14,7 @@ def why(task: Task, plan: Plan, number: int, name: str = "plan") -> StepReason:
     step = next((each for each in plan.steps if each.id == number), None)
     if step is None:
         hint = f"steps are numbered from 1 to {len(plan.steps)}"
-        raise InvalidInput([Diagnostic(Source(name), "K401", f"the plan has no step {number}", hint)])
+        raise InvalidInput([Diagnostic(Source(name), "K410", f"the plan has no step {number}", hint)])
     reasons = _Reasons(task, plan)
     return StepReason(step, tuple(reasons.purposes(step.id)), tuple(reasons.orders(step)))
 

@@ -74,7 +74,7 @@ def _require_choice(problem: Problem) -> None:
     chosen, refused = CONVENTIONS["chosen"], CONVENTIONS["refused"]
     statics = f"{chosen.written(words.chosen)} and {refused.written(words.refused)}"
     hint = f"declare the statics {statics}, as bulkhead does"
-    raise InvalidInput([Diagnostic(Source(problem.path), "K401", "the domain chooses no tools", hint)])
+    raise InvalidInput([Diagnostic(Source(problem.path), "K405", "the domain chooses no tools", hint)])
 
 
 def _grounded(problem: Problem) -> Grounder:

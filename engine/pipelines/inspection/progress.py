@@ -125,7 +125,7 @@ def _done(plan: SequencePlan, visits: Visits, parts: Partition, news: News) -> V
     ]
     out = {**parts.impossible, **plan.bad}
     wrong = [
-        Diagnostic(Source("--done"), "K401", f"'{name}' is left out: {out.get(name, REMOVED)}", "")
+        Diagnostic(Source("--done"), "K411", f"'{name}' is left out: {out.get(name, REMOVED)}", "")
         for name in new
         if name not in recorded or name in plan.bad
     ]
@@ -136,7 +136,7 @@ def _done(plan: SequencePlan, visits: Visits, parts: Partition, news: News) -> V
 
 def _not_done(done: set[str], news: News) -> None:
     wrong = [
-        Diagnostic(Source("--bad"), "K401", f"'{name}' is done already", "what is done is left alone")
+        Diagnostic(Source("--bad"), "K411", f"'{name}' is done already", "what is done is left alone")
         for name in news.bad
         if name in done
     ]

@@ -60,7 +60,7 @@ def write(file: Path, macrops: Iterable[Macrop]) -> None:
     try:
         file.write_text(json.dumps(whole, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
     except OSError as error:
-        raise _refused(file, f"cannot be written: {error.strerror}") from error
+        raise _refused(file, "K415", f"cannot be written: {error.strerror}") from error
 
 
 def read(file: Path) -> list[Macrop]:
@@ -68,14 +68,14 @@ def read(file: Path) -> list[Macrop]:
     try:
         whole = json.loads(file.read_text(encoding="utf-8"))
         if whole["version"] != VERSION:
-            raise _refused(file, f"this is format {whole['version']}, not {VERSION}")
+            raise _refused(file, "K413", f"this is format {whole['version']}, not {VERSION}")
         return list(map(macrop_of, whole["macrops"]))
     except OSError as error:
-        raise _refused(file, f"cannot be read: {error.strerror}") from error
+        raise _refused(file, "K001", f"cannot be read: {error.strerror}") from error
     except (NotationError, ValueError, KeyError, TypeError, RecursionError) as error:
-        raise _refused(file, f"these are no MACROPs: {error}") from error
+        raise _refused(file, "K413", f"these are no MACROPs: {error}") from error
 
 
-def _refused(file: Path, message: str) -> InvalidInput:
+def _refused(file: Path, code: str, message: str) -> InvalidInput:
     hint = "write one with `cellwright macros export FILE`"
-    return InvalidInput([Diagnostic(Source(str(file)), "K401", message, hint)])
+    return InvalidInput([Diagnostic(Source(str(file)), code, message, hint)])

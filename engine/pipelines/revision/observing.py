@@ -65,14 +65,14 @@ def read_steps(text: str, known: Iterable[StepId]) -> list[StepId]:
     for part in filter(None, (each.strip() for each in text.split(","))):
         first, _, last = part.partition("..")
         if not first.isdecimal() or not (last or first).isdecimal():
-            raise _refused("--done", "K401", f"'{part}' is no step", "write 1..4, 7")
+            raise _refused("--done", "K107", f"'{part}' is no step", "write 1..4, 7")
         numbers = range(int(first), int(last or first) + 1)
         if not numbers:
-            raise _refused("--done", "K401", f"'{part}' ends before it begins", f"write {last}..{first}")
+            raise _refused("--done", "K113", f"'{part}' ends before it begins", f"write {last}..{first}")
         missing = next((number for number in numbers if number not in steps), None)
         if missing is not None:
             said = f"steps are numbered to {max(steps, default=0)}"
-            raise _refused("--done", "K401", f"the plan has no step {missing}", said)
+            raise _refused("--done", "K410", f"the plan has no step {missing}", said)
         found += map(StepId, numbers)
     return found
 

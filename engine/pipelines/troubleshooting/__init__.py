@@ -164,7 +164,7 @@ class Desk:
         """Plan on; a kept sequence of the problem is told what was lost. Raises `InvalidInput` without a problem."""
         if self.problem is None:
             hint = "give a problem as the target: its goals are planned for"
-            raise InvalidInput([Diagnostic(Source("--recover"), "K401", "a domain has no goals", hint)])
+            raise InvalidInput([Diagnostic(Source("--recover"), "K404", "a domain has no goals", hint)])
         found = recover(self.problem, change, left=self.left)
         return told(found, self.problem, change.lost, store) if store else found
 

@@ -46,7 +46,7 @@ def left_of(loaded: Loaded, failed: Failed) -> tuple[Problem, Plan]:
         loaded.problem.name,
     ):
         hint = "give the problem as the target, and a plan for it"
-        raise InvalidInput([Diagnostic(where, "K401", f"this is a plan for {problem.name}", hint)])
+        raise InvalidInput([Diagnostic(where, "K412", f"this is a plan for {problem.name}", hint)])
     if wrong := planning.check_plan(problem, plan):
         raise InvalidInput(wrong)
     done = {*_done(plan, failed)}
@@ -64,7 +64,7 @@ def _done(plan: Plan, failed: Failed) -> list[StepId]:
         if str(step.operator) == wanted:
             return [each.id for each in plan.steps[:number]]
     hint = "name a step of the plan, or say with --done which are done"
-    raise InvalidInput([Diagnostic(STEP, "K401", "which step of the plan was interrupted?", hint)])
+    raise InvalidInput([Diagnostic(STEP, "K410", "which step of the plan was interrupted?", hint)])
 
 
 def _whole(plan: Plan, done: list[StepId]) -> list[StepId]:
@@ -73,7 +73,7 @@ def _whole(plan: Plan, done: list[StepId]) -> list[StepId]:
     for step in done:
         if missing := before[step] - set(done):
             said = f"step {step} cannot be done before step {min(missing)}"
-            raise InvalidInput([Diagnostic(Source("--done"), "K401", said, "name every step that is done")])
+            raise InvalidInput([Diagnostic(Source("--done"), "K411", said, "name every step that is done")])
     return done
 
 
@@ -91,7 +91,7 @@ def read_step(text: str, loaded: Loaded, exception: Interruption) -> Function | 
     pattern = exception.operator
     if pattern is None or (found.name, len(found.arguments)) != (pattern.name, len(pattern.arguments)):
         message = f"{exception.name} does not interrupt {found}"
-        raise InvalidInput([Diagnostic(STEP, "K102", message, hint)])
+        raise InvalidInput([Diagnostic(STEP, "K906", message, hint)])
     known = {**loaded.domain.objects, **(loaded.problem.objects if loaded.problem else {})}
     constants = {name for each in loaded.domain.types.values() for name in each.constants}
     if loaded.problem is not None:
@@ -141,7 +141,7 @@ def imported(model: FaultModel, path: Path) -> list[ClosedCase]:
         pairs = [(e, c, float(n)) for e, causes in given.items() for c, n in causes.items()]
     except (ValueError, AttributeError, TypeError, RecursionError) as error:
         hint = "it holds {exception: {cause: count}}"
-        raise InvalidInput([Diagnostic(Source(str(path)), "K402", f"no counts: {error}", hint)]) from None
+        raise InvalidInput([Diagnostic(Source(str(path)), "K413", f"no counts: {error}", hint)]) from None
     for exception, cause, _ in pairs:
         if exception not in model.exceptions:
             raise InvalidInput([unknown_name("exception", exception, model.exceptions, Source(str(path)))])

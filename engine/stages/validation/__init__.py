@@ -63,7 +63,7 @@ class _Check:
                         "K505", f"step {step.id} waits for {other}, which does not come before it in the list"
                     )
             if step.id in seen or step.id <= 0:
-                self._report("K505", f"step number {step.id} is used twice or not positive")
+                self._report("K507", f"step number {step.id} is used twice or not positive")
             seen.add(step.id)
         known = seen | {START, GOAL}
         for link in self.plan.links:

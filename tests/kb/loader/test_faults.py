@@ -104,7 +104,7 @@ def test_what_is_wrong_is_said(tmp_path: Path, was: str, becomes: str, code: str
 
 def test_a_domain_without_a_fault_base_is_told_so(tmp_path: Path) -> None:
     (tmp_path / "domain.yaml").write_text(DOMAIN)
-    with pytest.raises(InvalidInput, match="K401"):
+    with pytest.raises(InvalidInput, match="K405"):
         load_faults(tmp_path / "domain.yaml")
 
 

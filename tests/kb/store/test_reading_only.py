@@ -81,5 +81,5 @@ def test_an_older_one_is_refused_with_the_way_out(file: Path) -> None:
         connection.execute(versions.update().values(version=2))
     engine.dispose()
     _lock(file, 0o555)
-    with _as_reader(), pytest.raises(InvalidInput, match="someone who may write it"):
+    with _as_reader(), pytest.raises(InvalidInput, match="a user who may write it"):
         Library(str(file))

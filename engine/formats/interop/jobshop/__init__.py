@@ -1,7 +1,8 @@
 """Job-shop instances as shops: each job visits machines in its own order, one stage after another.
 
-Two notations are read: JSON objects by name with `duration_matrix` and `machines_matrix` (a row per job), and the plain
-text of the benchmark libraries: a line with the numbers of jobs and machines, then per job pairs of machine and duration.
+Two notations are read. In JSON, each named object has a `duration_matrix` and a `machines_matrix`, with one row per job. In
+the plain text of the benchmark libraries, a line holds the numbers of jobs and machines; then each job has a line with pairs
+of machine and duration.
 """
 
 import json
@@ -40,7 +41,7 @@ def _parsed(path: Path, text: str) -> dict[str, Any]:
     try:
         found = json.loads(text)
     except (ValueError, RecursionError) as error:
-        raise _invalid(path, "K005", f"not JSON: {error}") from None
+        raise _invalid(path, "K806", f"not JSON: {error}") from None
     if "duration_matrix" in found:
         return {path.stem: found}
     return dict(found)
@@ -51,17 +52,17 @@ def _from_json(path: Path, text: str, instance: str) -> Rows:
     if not instance and len(found) == 1:
         instance = next(iter(found))
     if instance not in found:
-        message = f"no instance '{instance}'" if instance else "several instances; name one"
+        message = f"no instance '{instance}'" if instance else "the file holds several instances; name one"
         hint = nearest(instance, list(found)) or f"one of {', '.join(found)}"
-        raise _invalid(path, "K101", message, hint)
+        raise _invalid(path, "K406" if instance else "K409", message, hint)
     entry = found[instance] if isinstance(found[instance], dict) else {}
     machines, durations = entry.get("machines_matrix"), entry.get("duration_matrix")
     if not _is_matrix(machines) or not _is_matrix(durations):
         raise _invalid(
-            path, "K005", f"{instance} needs duration_matrix and machines_matrix, in whole numbers"
+            path, "K806", f"{instance} needs duration_matrix and machines_matrix, in whole numbers"
         )
     if [len(row) for row in machines] != [len(row) for row in durations]:
-        raise _invalid(path, "K005", f"the matrices of {instance} differ in shape")
+        raise _invalid(path, "K806", f"the matrices of {instance} differ in shape")
     return [list(zip(*rows, strict=True)) for rows in zip(machines, durations, strict=True)]
 
 
@@ -75,16 +76,18 @@ def _from_text(path: Path, text: str) -> Rows:
     lines = [(n, line.split()) for n, line in enumerate(text.splitlines(), 1)]
     kept = [(n, cells) for n, cells in lines if cells and all(c.isascii() and c.isdecimal() for c in cells)]
     if not kept or len(kept[0][1]) != 2:
-        raise _invalid(path, "K005", "no line with the numbers of jobs and machines")
+        raise _invalid(path, "K806", "no line with the numbers of jobs and machines")
     jobs, machines = map(int, kept[0][1])
     if len(kept) != jobs + 1:
-        raise _invalid(path, "K005", f"{jobs} jobs are announced, {len(kept) - 1} lines of numbers follow")
+        raise _invalid(
+            path, "K806", f"{jobs} jobs are announced, but {len(kept) - 1} lines of numbers follow"
+        )
     rows = []
     for line, cells in kept[1:]:
         numbers = list(map(int, cells))
         if len(numbers) % 2 or any(machine >= machines for machine in numbers[::2]):
             raise _invalid(
-                path, "K005", f"pairs of a machine below {machines} and a duration belong here", line=line
+                path, "K806", f"expected pairs of a machine number below {machines} and a duration", line=line
             )
         rows.append(list(zip(numbers[::2], numbers[1::2], strict=True)))
     return rows

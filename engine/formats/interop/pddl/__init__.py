@@ -1,8 +1,8 @@
-"""PDDL in: a domain and a problem file become a problem of the same model as our own language.
+"""PDDL in: a domain file and a problem file become a problem of the same model as our own language.
 
-Read are STRIPS, typing with `either`, negative, disjunctive and quantified conditions, equality, conditional effects,
-derived predicates, action costs and constants (McDermott et al. 1998; Edelkamp & Hoffmann 2004 for the axioms).
-Numbers beyond action costs, times, preferences and constraints are refused by name, with their place.
+The reader accepts STRIPS, typing with `either`, negative, disjunctive and quantified conditions, equality, conditional
+effects, derived predicates, action costs and constants (McDermott et al. 1998; Edelkamp & Hoffmann 2004 for the axioms).
+It refuses times, preferences, constraints, and numbers other than action costs; the message names each with its place.
 """
 
 from collections.abc import Iterator
@@ -22,14 +22,14 @@ from kb.terms import Atom, Function, Number
 
 @dataclass(frozen=True, slots=True)
 class PddlProblem:
-    """A problem and the PDDL names behind its own."""
+    """A problem, and the PDDL name for each of its names."""
 
     problem: Problem
     names: Names
 
 
 def read_pddl(domain_path: Path, problem_path: Path) -> PddlProblem:
-    """The problem in two files. Raises `InvalidInput` with everything that is wrong with them."""
+    """The problem in two files. Raises `InvalidInput` with all errors in them."""
     reader = DomainReader(read_document(domain_path))
     reader.declare()
     problem_document = read_document(problem_path)
@@ -48,7 +48,7 @@ class _ProblemReader:
         self.sections = {part.head: part for part in document.root.rest if isinstance(part, Group)}
 
     def read(self) -> Problem:
-        """Objects first, as the domain's actions may only name constants, then the facts and the goal."""
+        """Read the objects first, because actions of the domain may only name constants; then the facts and the goal."""
         domain = self.domain.domain()
         for section, group in self.sections.items():
             if section not in (
@@ -98,7 +98,7 @@ class _ProblemReader:
         return self.conditions.condition(group.rest[0], {})
 
     def _fact(self, part: Expression) -> Iterator[tuple[Atom, bool]]:
-        """A true fact, and whether it is static; negated facts say nothing in a closed world."""
+        """A true fact, and whether it is static. Negated facts are skipped: in a closed world they say nothing new."""
         if not isinstance(part, Group) or (part.head == "not" and len(part.rest) == 1):
             return
         if part.head == "=":

@@ -1,4 +1,4 @@
-"""PDDL conditions and effects as conditions and effects of the model."""
+"""Translation of PDDL conditions and effects into conditions and effects of the model."""
 
 from collections.abc import Iterator, Mapping
 
@@ -45,9 +45,11 @@ class ConditionReader:
         self.document, self.scope = document, scope
 
     def condition(self, at: Expression, types: Types) -> Condition:
-        """A condition; what is wrong with it is noted and counts as true."""
+        """A condition. A wrong part is reported and replaced by true."""
         if isinstance(at, Word):
-            self.document.add(at, "K801", f"'{at.text}' is no condition", "conditions stand in parentheses")
+            self.document.add(
+                at, "K801", f"'{at.text}' is not a condition", "write conditions in parentheses"
+            )
             return TRUE
         if not at.parts:
             return TRUE
@@ -95,11 +97,13 @@ class ConditionReader:
         return Comparison(left, "=", right)
 
     def _unsupported(self, at: Expression, what: str) -> None:
-        hint = "only classical planning is read: no numbers but action costs, no times, no preferences"
+        hint = (
+            "only classical planning is supported: no times, no preferences, no numbers except action costs"
+        )
         self.document.add(at, "K802", f"{what} are not supported", hint)
 
     def atom(self, at: Group, types: Types) -> Atom | None:
-        """An atom, checked against the declared predicates; None if it is not one."""
+        """An atom, checked against the declared predicates; None if it does not match them."""
         signature = self.scope.predicates.get(at.head)
         if signature is None:
             self._unknown(at)
@@ -120,7 +124,7 @@ class ConditionReader:
             self.document.add(at, "K101", f"unknown predicate '{at.head}'", near)
 
     def term(self, at: Expression, expected: str, types: Types) -> Term:
-        """A variable in scope or an object, of the expected type as far as can be told."""
+        """A variable in scope or an object. A type that surely differs from the expected one is reported."""
         if isinstance(at, Group):
             self._unsupported(at, "object fluents")
             return Function("unreadable")
@@ -147,9 +151,9 @@ class ConditionReader:
     def effects(
         self, at: Expression, types: Types, local: tuple[Parameter, ...] = (), when: Condition = TRUE
     ) -> Iterator[Effect]:
-        """The effects of an action; increases of the total cost are read elsewhere."""
+        """The effects of an action, without increases of the total cost: `cost` reads those."""
         if isinstance(at, Word):
-            self.document.add(at, "K801", f"'{at.text}' is no effect", "effects stand in parentheses")
+            self.document.add(at, "K801", f"'{at.text}' is not an effect", "write effects in parentheses")
             return
         match at.head:
             case "and" | "":
@@ -176,7 +180,7 @@ class ConditionReader:
             yield Effect(atom, inner is at, local, when)
 
     def cost(self, at: Expression, types: Types) -> tuple[Term | None, Literal | None, Group | None]:
-        """What an action adds to the total cost: a number, or a static function's value with the literal that gives it."""
+        """The cost of an action: a number, or the value of a static function with the literal that gives it."""
         for group in _increases(at):
             value = group.rest[1] if len(group.rest) == 2 else group
             if isinstance(value, Word) and value.text.isdigit():
@@ -207,7 +211,7 @@ def _increases(at: Expression) -> Iterator[Group]:
 
 
 def _is_total_cost(at: Group) -> bool:
-    """Whether this increases the total cost."""
+    """Whether an effect increases the total cost."""
     return (
         at.head == "increase"
         and bool(at.rest)

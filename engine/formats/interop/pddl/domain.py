@@ -42,7 +42,7 @@ class DomainReader:
             self.document.add(self.document.root, "K801", "a PDDL file is one (define ...)")
         for group in self.groups:
             if group.head not in SECTIONS:
-                hint = "only classical planning is read"
+                hint = "only classical planning is supported"
                 self.document.add(group, "K802", f"{group.head or 'this section'} is not supported", hint)
         for group in self._all(":types"):
             self._types(group.rest)
@@ -57,7 +57,7 @@ class DomainReader:
         names, listed = self.scope.names, list(typed(self.document, parts))
         parents = [
             parent for _, parent in listed if isinstance(parent, Word)
-        ]  # a parent need not be declared itself
+        ]  # a parent type needs no declaration of its own
         for word in (*(word for word, _ in listed), *parents):
             if word.text != "object":
                 self.scope.types[names.of("type", word.text)] = Type(names.of("type", word.text))
@@ -97,7 +97,7 @@ class DomainReader:
                 self.scope.functions[part.head] = tuple(parameter.type for parameter in listed)
 
     def domain(self) -> Domain:
-        """The domain of what was declared, with its actions and axioms."""
+        """The domain: everything that was declared, with the actions and axioms."""
         names = self.scope.names
         operators = tuple(self._action(group) for group in self._all(":action"))
         rules = tuple(rule for group in self._all(":derived") for rule in self._axiom(group))
@@ -133,7 +133,7 @@ class DomainReader:
     def _action(self, group: Group) -> Operator:
         word = group.rest[0] if group.rest else group
         if not isinstance(word, Word):
-            self.document.add(group, "K801", "an action has a name")
+            self.document.add(group, "K801", "an action needs a name")
         name = word.text if isinstance(word, Word) else "action"
         listed = _field(group, ":parameters")
         parameters = self.scope.parameters(self.document, listed.parts if isinstance(listed, Group) else ())
@@ -165,7 +165,7 @@ class DomainReader:
         )
 
     def _axiom(self, group: Group) -> Iterator[Rule]:
-        """A derived predicate's rule as rules with plain bodies."""
+        """The rule of a derived predicate, as one or more rules with simple bodies."""
         if len(group.rest) != 2 or not isinstance(group.rest[0], Group):
             self.document.add(group, "K801", "an axiom is (:derived (predicate ?x ...) condition)")
             return
@@ -188,14 +188,14 @@ def _guard(parameter: Parameter) -> Literal:
 
 
 def _invented(rules: Sequence[Rule]) -> Iterator[Predicate]:
-    """Predicates that normalisation made for universal conditions."""
+    """The predicates that normalisation adds for universal conditions."""
     for rule in rules:
         if rule.head.name.startswith("axiom_"):
             yield Predicate(rule.head.name, (OBJECT,) * len(rule.head.arguments), Kind.DERIVED)
 
 
 def _field(group: Group, key: str) -> Expression | None:
-    """What follows a keyword such as `:effect`."""
+    """The expression after a keyword such as `:effect`."""
     for part, following in zip(group.parts, group.parts[1:], strict=False):
         if isinstance(part, Word) and part.text == key:
             return following

@@ -22,20 +22,20 @@ class Word:
 
 @dataclass(frozen=True, slots=True)
 class Group:
-    """What stands between parentheses."""
+    """The expressions between a pair of parentheses."""
 
     parts: tuple["Word | Group", ...]
     offset: int
 
     @property
     def head(self) -> str:
-        """The first word, or nothing."""
+        """The first word, or an empty text."""
         first = self.parts[0] if self.parts else None
         return first.text if isinstance(first, Word) else ""
 
     @property
     def rest(self) -> tuple["Word | Group", ...]:
-        """All but the first part."""
+        """All parts except the first."""
         return self.parts[1:]
 
 
@@ -75,7 +75,7 @@ def _root(file: File) -> Group:
 
 
 def _groups(file: File) -> Iterator[Group]:
-    """The outermost groups; the stack is our own, so depth is bounded by us."""
+    """The outermost groups. An explicit stack limits the depth, instead of Python's recursion limit."""
     stack: list[tuple[int, list[Expression]]] = []
     for token, offset in _tokens(file.text):
         if token == "(" and len(stack) >= MAX_DEPTH:
@@ -85,9 +85,7 @@ def _groups(file: File) -> Iterator[Group]:
         if token == "(":
             stack.append((offset, []))
         elif not stack:
-            raise InvalidInput(
-                [Diagnostic(file.at(offset), "K106", f"'{token}' stands outside any parentheses")]
-            )
+            raise InvalidInput([Diagnostic(file.at(offset), "K106", f"'{token}' is outside all parentheses")])
         elif token != ")":
             stack[-1][1].append(Word(token.lower(), offset))
         else:
@@ -112,9 +110,9 @@ _AROUND = re.compile(r"^\s*(?:\d+(?:\.\d+)?\s*:)?\s*|\s*(?:\[[\d.\s]*\])?\s*(?:;
 
 
 def actions(text: str) -> Iterator[tuple[list[str], int]]:
-    """The actions of a plan file, one a line: their words in small letters, and where they stand.
+    """The actions of a plan file, one per line: their words in small letters, and their place.
 
-    Parentheses around them, a time before (`3: (...)`), a duration behind (`[1]`) and comments are left out.
+    Parentheses, a time before the action (`3: (...)`), a duration after it (`[1]`) and comments are skipped.
     """
     for line in _LINE.finditer(text):
         small = line[0].lower()

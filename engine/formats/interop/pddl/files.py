@@ -14,12 +14,12 @@ SIGNATURE = "; written by cellwright export pddl"
 
 
 def exported(problem: Problem, lifted: bool = True) -> PddlText:
-    """A problem as PDDL, lifted where lifted PDDL can say it. Raises `InvalidInput`."""
+    """A problem as PDDL, lifted if lifted PDDL can express it. Raises `InvalidInput`."""
     return export(problem, ground(problem), lifted)
 
 
 def write(text: PddlText, folder: Path) -> tuple[Path, Path]:
-    """Write both files into a folder, made if need be; files that are no exports are not overwritten.
+    """Write both files into a folder, which is made if necessary. Only earlier exports are overwritten.
 
     Raises `InvalidInput`.
     """
@@ -32,11 +32,11 @@ def write(text: PddlText, folder: Path) -> tuple[Path, Path]:
             file.write_text(f"{SIGNATURE}\n{content}", "utf-8")
     except OSError as error:
         message = f"cannot be written: {error.strerror}"
-        raise InvalidInput([Diagnostic(Source(str(folder)), "K403", message, _HINT)]) from None
+        raise InvalidInput([Diagnostic(Source(str(folder)), "K415", message, _HINT)]) from None
     return files
 
 
-_REFUSED = "there is a file here that is no export, and nothing of it is overwritten"
+_REFUSED = "this file was not written by `export`, so it is not overwritten"
 _HINT = "name another folder with --output"
 
 

@@ -1,4 +1,4 @@
-"""PDDL names as names of ASP and back: no hyphens, a small first letter, nothing twice."""
+"""PDDL names as ASP names and back. ASP names have no hyphens and begin with a small letter; each is used once."""
 
 import re
 from dataclasses import dataclass, field
@@ -10,7 +10,7 @@ RESERVED = {"not", "object", "int", "time", "text"}
 
 @dataclass
 class Names:
-    """A one-to-one mapping per kind of name; types and predicates share theirs, as ASP has one kind for both."""
+    """A one-to-one mapping per kind of name. Types and predicates share one, because ASP does not distinguish them."""
 
     _given: dict[tuple[str, str], str] = field(default_factory=dict)
     _taken: dict[tuple[str, str], str] = field(default_factory=dict)
@@ -27,7 +27,7 @@ class Names:
         return Variable(self.of("variable", name.removeprefix("?")))
 
     def original(self, kind: str, name: str) -> str:
-        """The PDDL name behind an ASP name, or the name itself."""
+        """The PDDL name of an ASP name, or the name itself if there is none."""
         return self._taken.get((_space(kind), name), name)
 
     def _fresh(self, kind: str, name: str) -> str:

@@ -1,4 +1,4 @@
-"""Plans as the planning competitions write them: one action a line, in order."""
+"""Plans in the format of the planning competitions: one action per line, in order."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -25,12 +25,12 @@ def write_plan(task: PddlProblem, plan: Plan) -> str:
 def _words(task: PddlProblem, operator: Operator, instance: Function) -> Iterator[str]:
     yield task.names.original("operator", instance.name)
     for parameter, argument in zip(operator.parameters, instance.arguments, strict=True):
-        if parameter.type not in NUMERIC_TYPES:  # costs are no arguments in PDDL
+        if parameter.type not in NUMERIC_TYPES:  # in PDDL, costs are not arguments
             yield task.names.original("object", str(argument))
 
 
 def read_plan(task: PddlProblem, path: Path) -> Plan:
-    """The plan in a file as a sequence of steps. Raises `InvalidInput` for what is no action of the task."""
+    """The plan in a file as a sequence of steps. Raises `InvalidInput` if a line is not an action of the task."""
     file = read_file(path)
     found: list[Diagnostic] = []
     steps: list[Step] = []
@@ -65,7 +65,7 @@ def _instance(
 
 
 def _costs(task: PddlProblem, operator: Operator, bindings: dict[Variable, Term]) -> dict[Variable, Term]:
-    """The cost argument, which a static fact gives."""
+    """The value of the cost argument, read from a static fact."""
     for part in operator.body:
         if isinstance(part, Literal):
             pattern = substitute_atom(part.atom, bindings)

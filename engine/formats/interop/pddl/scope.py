@@ -1,4 +1,4 @@
-"""Typed lists, and what PDDL names stand for: types, objects, predicates, static functions."""
+"""Typed lists, and the declared PDDL names: types, objects, predicates, static functions."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
@@ -24,7 +24,7 @@ class Scope:
     functions: dict[str, tuple[str, ...]] = field(default_factory=dict)
 
     def is_subtype(self, name: str, ancestor: str) -> bool:
-        """Whether one type (ASP names) lies within another."""
+        """Whether one type is within another (both are ASP names)."""
         if ancestor == OBJECT:
             return True
         if ancestor in self.unions:
@@ -35,7 +35,7 @@ class Scope:
         return name == ancestor
 
     def overlaps(self, one: str, other: str) -> bool:
-        """Whether a value of one type may be of the other."""
+        """Whether a value of one type may also have the other type."""
         if one in self.unions:
             return any(self.overlaps(part, other) for part in self._parts(one))
         if other in self.unions:
@@ -82,7 +82,7 @@ class Scope:
 
 
 def typed(document: Document, parts: Sequence[Expression]) -> Iterator[tuple[Word, Expression | None]]:
-    """The words of a typed list with the type written after each, if there is one."""
+    """The words of a typed list, each with its type, if one is written."""
     waiting: list[Word] = []
     position = 0
     while position < len(parts):
@@ -93,7 +93,7 @@ def typed(document: Document, parts: Sequence[Expression]) -> Iterator[tuple[Wor
             position += 2
             continue
         if isinstance(part, Group) or part.text == "-":
-            document.add(part, "K801", "a typed list is names, and '-' with a type after them")
+            document.add(part, "K801", "a typed list consists of names, then '-' and their type")
         else:
             waiting.append(part)
         position += 1

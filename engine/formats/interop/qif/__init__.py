@@ -1,4 +1,4 @@
-"""QIF 3.0 (ISO 23952): features, characteristics and their tolerances become points to be measured."""
+"""QIF 3.0 (ISO 23952): points to measure, from features, characteristics and their tolerances."""
 
 from engine.formats.interop.qif.features import read_features
 from engine.formats.interop.qif.points import inspection_of

@@ -1,8 +1,8 @@
-"""How many points a feature needs, by published feature rules.
+"""The number of points that a feature needs, by published feature rules.
 
-The rules are those of the QIF example `featureRules2` (after Lockheed Martin 100-46, "Inspection and Acceptance
-Criteria", 2010), which counts in inches; of all rules that apply the largest count is taken. Those for a diameter count
-the points of each cross-section, as their text says.
+The rules come from the QIF example `featureRules2` (after Lockheed Martin 100-46, "Inspection and Acceptance
+Criteria", 2010), whose unit is the inch. If several rules apply, the largest count is taken. The rules for a diameter give
+the number of points on each cross-section, as their text says.
 """
 
 import math

@@ -1,6 +1,6 @@
-"""QIF documents as elements with text. Document types and entities are refused, depth and number bounded.
+"""QIF documents as elements with text. Document types and entities are refused; depth and number of elements are limited.
 
-What describes shapes face by face (`Product`) and is not read here is not kept either.
+The description of shapes face by face (`Product`) is not needed, so it is not kept.
 """
 
 from collections.abc import Iterator
@@ -54,12 +54,12 @@ def read_document(path: Path) -> tuple[Element, File]:
 
 
 def wrong(where: Source, message: str, hint: str = "") -> InvalidInput:
-    """A QIF file that cannot be read."""
+    """The error for a QIF file that cannot be read."""
     return InvalidInput([Diagnostic(where, "K804", message, hint)])
 
 
 class _Reader:
-    """Builds the tree; what stands below an element that is passed over is counted only."""
+    """Builds the tree. Elements below a skipped element are only counted."""
 
     def __init__(self, file: File) -> None:
         self._file = file

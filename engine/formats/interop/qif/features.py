@@ -34,7 +34,7 @@ SWEEP = (("Sweep", "DomainAngle"), ("LatitudeLongitudeSweep", "DomainLongitude")
 
 
 class _Reading:
-    """What the parts of a document are read with: its file and its unit of length."""
+    """What is needed to read any part of a document: its file and its unit of length."""
 
     def __init__(self, root: Element, file: File) -> None:
         self.file = file
@@ -50,9 +50,9 @@ class _Reading:
         try:
             found = [float(each) for each in element.text.split()] if element is not None else []
         except ValueError:
-            raise wrong(self.where(element), "this is no number") from None
+            raise wrong(self.where(element), "this is not a number") from None
         if any(abs(each) > 1e12 or each != each for each in found):
-            raise wrong(self.where(element), "a number beyond all bounds")
+            raise wrong(self.where(element), "the number is too large")
         return found
 
     def where(self, element: Element | None) -> Source:
@@ -70,7 +70,7 @@ class _Reading:
 
 
 def _unit(root: Element, file: File) -> float:
-    """How many metres a unit of length is; millimetres if the document does not say."""
+    """The unit of length in metres; a millimetre if the document names none."""
     unit = root.at("FileUnits", "PrimaryUnits", "LinearUnit")
     if unit is None:
         return 1e-3
@@ -78,7 +78,7 @@ def _unit(root: Element, file: File) -> float:
         try:
             return float(factor)
         except ValueError:
-            raise wrong(file.line(unit.line, 1), f"'{factor}' is no number") from None
+            raise wrong(file.line(unit.line, 1), f"'{factor}' is not a number") from None
     name = unit.text_at("UnitName")
     if name not in UNITS_M:
         raise wrong(file.line(unit.line, 1), f"unknown unit '{name}'", f"one of {', '.join(UNITS_M)}")
@@ -86,14 +86,16 @@ def _unit(root: Element, file: File) -> float:
 
 
 def read_features(path: Path) -> tuple[Feature, ...]:
-    """The nominal features of a QIF document, in its order. Raises `InvalidInput`."""
+    """The nominal features of a QIF document, in the order of the document. Raises `InvalidInput`."""
     root, file = read_document(path)
     reading = _Reading(root, file)
     definitions = _by_id(root.at("Features", "FeatureDefinitions"))
     nominals = root.at("Features", "FeatureNominals")
     if nominals is None:
         raise wrong(
-            Source(file.path), "there are no nominal features", "the file has to say where its features are"
+            Source(file.path),
+            "there are no nominal features",
+            "the file must give the position of its features",
         )
     tolerances = _tolerances(root, reading)
     return tuple(_feature(each, definitions, tolerances, reading) for each in nominals.children)
@@ -160,7 +162,7 @@ def _tolerances(root: Element, reading: _Reading) -> dict[str, dict[str, float]]
 
 
 def _width(definition: Element, reading: _Reading) -> float | None:
-    """The width of a tolerance zone: its value, or what lies between its limits."""
+    """The width of a tolerance zone: its value, or the difference of its limits."""
     if (value := definition.at("ToleranceValue")) is not None:
         return reading.number(value) * reading.metres
     upper, lower = definition.at("Tolerance", "MaxValue"), definition.at("Tolerance", "MinValue")

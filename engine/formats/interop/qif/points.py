@@ -1,9 +1,9 @@
-"""Points on features: how many by `counts`, and where by a scheme for each kind.
+"""Points on features: their number comes from `counts`, and their places from a scheme for each kind.
 
-Planes: inside their outline, each as far as possible from those before. Cylinders and cones: rings at a quarter and
-three quarters of their length, the second turned by half a step. Lines and arcs: evenly, half a step from the ends.
-Toroidal segments: along the
-middle of the tube. Opposite planes: a thickness, on the first of them. A feature without a scheme is excluded.
+On planes, the points lie inside the outline, each as far as possible from those before. On cylinders and cones, they lie on
+rings at a quarter and three quarters of the length; the second ring is turned by half a step. On lines and arcs, they are
+evenly spaced, half a step from the ends. On toroidal segments, they lie along the middle of the tube. For opposite planes, a
+thickness is measured at points on the first plane. A feature without a scheme is excluded.
 """
 
 from collections.abc import Callable, Iterator
@@ -18,13 +18,13 @@ from engine.model.measurement import Excluded, Feature, Inspection, MeasurementP
 
 Floats = NDArray[np.float64]
 Placed = list[tuple[Floats, Floats]]  # positions and normals
-MARGIN = 0.08  # of its extent that a plane's points keep from its bounding box
+MARGIN = 0.08  # distance of a plane's points from its bounding box, as a share of its extent
 GRID = 24
 SECTIONS = (0.25, 0.75)
 FULL = (0.0, 2 * np.pi)
 REASONS = {
     "Threaded": "a thread needs a gauge",
-    "Group": "its members are measured each on its own",
+    "Group": "each of its members is measured separately",
     "ExtrudedCrossSection": "its cross-section is measured by the features that bound it",
 }
 
@@ -80,7 +80,7 @@ def _unit(v: Triple | Floats) -> Floats:
 
 
 def _frame(feature: Feature) -> tuple[Floats, Floats, Floats]:
-    """The feature's direction, one at right angles to it, and the one at right angles to both."""
+    """Three unit vectors at right angles: the direction of the feature, one across it, and their cross product."""
     z = _unit(feature.along)
     x = np.asarray(feature.across if feature.across else np.eye(3)[int(np.argmin(np.abs(z)))], float)
     x = x - (x @ z) * z
@@ -108,7 +108,7 @@ def _cross(a: Floats, b: Floats) -> Floats:
 
 
 def _inside(flat: Floats) -> Floats:
-    """Points of a grid that lie within a polygon (even-odd rule); its middle if there are none."""
+    """The points of a grid inside a polygon (even-odd rule); the middle of the polygon if there are none."""
     low, high = flat.min(axis=0), flat.max(axis=0)
     rule = np.linspace(MARGIN, 1 - MARGIN, GRID)
     grid = np.stack(np.meshgrid(*(low[i] + rule * (high[i] - low[i]) for i in (0, 1))), axis=-1).reshape(
@@ -123,7 +123,7 @@ def _inside(flat: Floats) -> Floats:
 
 
 def _spread(candidates: Floats, count: int) -> Floats:
-    """That many of the candidates, each as far as possible from those before (Gonzalez 1985)."""
+    """`count` of the candidates, each as far as possible from those chosen before (Gonzalez 1985)."""
     chosen = [int(np.argmin(((candidates - candidates.mean(axis=0)) ** 2).sum(axis=1)))]
     chosen = [int(np.argmax(((candidates - candidates[chosen[0]]) ** 2).sum(axis=1)))]
     near = ((candidates - candidates[chosen[0]]) ** 2).sum(axis=1)
@@ -134,7 +134,7 @@ def _spread(candidates: Floats, count: int) -> Floats:
 
 
 def _angles(feature: Feature, count: int, turned: float = 0.0) -> Floats:
-    """Angles from `across`, evenly over the sweep, half a step from the ends of one that is not full."""
+    """Angles from `across`, evenly spaced over the sweep; if it is not a full turn, half a step from its ends."""
     first, last = feature.sweep or FULL
     found: Floats = (
         first + (last - first) * (np.arange(count) + (0.5 if last - first < 6.28 else turned)) / count
@@ -187,7 +187,7 @@ def _arc(feature: Feature) -> Placed:
 
 
 def _torus(feature: Feature) -> Placed:
-    """Along the middle of the tube: its latitude is that of the segment's outer edge, a quarter turn from the axis."""
+    """Points along the middle of the tube, at the latitude of the segment's outer edge, a quarter turn from the axis."""
     z, x, y = _frame(feature)
     first, last = feature.sweep or FULL
     major, minor = feature.sizes["MajorDiameter"] / 2, feature.sizes["MinorDiameter"] / 2

@@ -2,8 +2,8 @@
 
 A folder holds four tables, tab-separated, each with a line of headings: `machines` (number, type, name), `operations`
 (job, operation, type of machine, duration, note), `dependency` (job, operation, operation that follows it) and `tcmb`
-(job, operation, point, operation, point, most time between the two points). Columns count, their headings do not;
-blank lines are skipped. Machines of one type are equal, and an operation may wait beside its machine.
+(job, operation, point, operation, point, longest time between the two points). Columns are found by their order; their
+headings are ignored, and blank lines are skipped. Machines of one type are equal. An operation may wait beside its machine.
 """
 
 from collections.abc import Iterator
@@ -23,7 +23,7 @@ def is_slab(path: Path) -> bool:
 
 
 def read_slab(folder: Path) -> Shop:
-    """The shop in a folder of S-LAB tables. Raises `InvalidInput` with everything that is wrong in any of them."""
+    """The shop in a folder of S-LAB tables. Raises `InvalidInput` with all errors in all tables."""
     reader = _Reader([])
     rows = {name: list(reader.rows(folder / f"{name}.tsv", columns)) for name, columns in TABLES.items()}
     shop = reader.shop(rows)
@@ -34,7 +34,7 @@ def read_slab(folder: Path) -> Shop:
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """The cells of a line, and where it is."""
+    """The cells of a line, and its place."""
 
     cells: tuple[str, ...]
     where: Source
@@ -45,7 +45,7 @@ class _Reader:
     found: list[Diagnostic]
 
     def rows(self, path: Path, columns: int) -> Iterator[Row]:
-        """The lines of a table below its headings, blank ones left out."""
+        """The lines of a table below its headings, without blank lines."""
         try:
             lines = path.read_text("utf-8-sig").splitlines()
         except (OSError, UnicodeDecodeError) as error:
@@ -58,8 +58,8 @@ class _Reader:
                 continue
             where = Source(str(path), number, text=line)
             if len(cells) < columns or not all(cells[:columns]):
-                missing = f"{columns} columns are needed, here are {sum(map(bool, cells))}"
-                self.found.append(Diagnostic(where, "K005", missing, "columns are divided by tabs"))
+                missing = f"{columns} columns are needed, but this line has {sum(map(bool, cells))}"
+                self.found.append(Diagnostic(where, "K806", missing, "separate the columns by tabs"))
                 continue
             yield Row(cells, where)
 
@@ -70,7 +70,7 @@ class _Reader:
         for row in rows["operations"]:
             stage = self._stage(row, machines)
             if stage.name in stages:
-                self._report(row, "K104", f"operation {row.cells[1]} of job {row.cells[0]} stands here twice")
+                self._report(row, "K104", f"operation {row.cells[1]} of job {row.cells[0]} is listed twice")
             stages[stage.name] = stage
             jobs.setdefault(row.cells[0], []).append(stage)
         windows = [w for row in rows["dependency"] for w in self._dependency(row, stages)]
@@ -92,7 +92,7 @@ class _Reader:
     def _number(self, row: Row, text: str) -> int:
         if text.isascii() and text.isdecimal():
             return int(text)
-        self._report(row, "K103", f"'{text}' is no whole number of time units")
+        self._report(row, "K103", f"'{text}' is not a whole number of time units")
         return 0
 
     def _dependency(self, row: Row, stages: dict[str, Stage]) -> Iterator[Window]:
@@ -102,7 +102,7 @@ class _Reader:
             yield Window(Moment(pair[0].name, pair[0].duration), Moment(pair[1].name))
 
     def _boundary(self, row: Row, stages: dict[str, Stage]) -> Iterator[Window]:
-        """The second point comes at most so much after the first."""
+        """The window between two points: the longest time from the first to the second."""
         job, one, point, other, second, limit = row.cells[:6]
         first = self._moment(row, f"{job}.{one}", point, stages)
         last = self._moment(row, f"{job}.{other}", second, stages)
@@ -112,7 +112,7 @@ class _Reader:
 
     def _moment(self, row: Row, name: str, point: str, stages: dict[str, Stage]) -> Moment | None:
         if point not in POINTS:
-            self._report(row, "K005", f"'{point}' is no point of an operation", nearest(point, POINTS))
+            self._report(row, "K806", f"'{point}' is not a point of an operation", nearest(point, POINTS))
         stage = self._known(row, name, stages)
         return Moment(name, stage.duration if point == "end" else 0) if stage else None
 

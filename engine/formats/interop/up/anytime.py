@@ -1,4 +1,4 @@
-"""Plans handed on while the search goes on."""
+"""Plans that are passed on while the search continues."""
 
 import time
 from collections.abc import Callable, Iterator
@@ -15,7 +15,7 @@ Solve = Callable[[Interrupted, Callable[[PlanGenerationResult], None]], PlanGene
 
 
 def until(timeout: float | None) -> Interrupted:
-    """Whether so many seconds have passed since now."""
+    """A function that returns whether `timeout` seconds have passed since this call."""
     if timeout is None:
         return lambda: False
     deadline = time.monotonic() + timeout
@@ -23,7 +23,7 @@ def until(timeout: float | None) -> Interrupted:
 
 
 def cheaper(tell: Callable[[Plan], None]) -> Callable[[Plan], None]:
-    """Pass on plans that cost less than all before them."""
+    """A function that passes on only plans that are cheaper than all plans before."""
     costs: list[int] = []
 
     def better(plan: Plan) -> None:
@@ -35,9 +35,9 @@ def cheaper(tell: Callable[[Plan], None]) -> Callable[[Plan], None]:
 
 
 def streamed(solve: Solve, interrupted: Interrupted) -> Iterator[PlanGenerationResult]:
-    """What `solve` tells while it works, as it comes, and last what it returns.
+    """The results that `solve` reports while it works, each at once, and finally the result that it returns.
 
-    It works in a thread of its own, and is asked to stop when nobody listens any more.
+    It works in its own thread, and is asked to stop when the results are no longer read.
     """
     results: SimpleQueue[PlanGenerationResult | Exception] = SimpleQueue()
     abandoned = Event()

@@ -1,7 +1,7 @@
-"""Expressions of unified-planning as conditions of the model.
+"""Translation of unified-planning expressions into conditions of the model.
 
-A fluent with an object for its value, `position(r)`, is a predicate with one more argument, `position(r, V)`; where it
-stands inside another expression, a variable stands for its value.
+A fluent whose value is an object, such as `position(r)`, becomes a predicate with one more argument, `position(r, V)`. Inside
+another expression, a variable replaces the value of the fluent.
 """
 
 from collections.abc import Callable, Iterable
@@ -29,7 +29,7 @@ FALSE = Or(())
 
 
 class Unsupported(Exception):
-    """A construct beyond the supported kind."""
+    """A construct that is not supported."""
 
     def __str__(self) -> str:
         return f"not supported: {self.args[0]}"
@@ -37,13 +37,13 @@ class Unsupported(Exception):
 
 @dataclass
 class Locals:
-    """Variables that stand for the values of fluents, with what binds them."""
+    """Variables for the values of fluents, with the conditions that bind them."""
 
     parameters: list[Parameter] = field(default_factory=list)
     literals: list[Condition] = field(default_factory=list)
 
     def around(self, condition: Condition) -> Condition:
-        """The condition for these values."""
+        """The condition together with the conditions that bind these values."""
         if not self.parameters:
             return condition
         return Exists(tuple(self.parameters), And((*self.literals, condition)))
@@ -74,9 +74,9 @@ class ConditionTranslator:
         }
 
     def condition(self, at: FNode, positive: bool = True) -> Condition:
-        """When a Boolean expression is true or, not `positive`, false; negation stands before literals alone.
+        """The condition that a Boolean expression is true, or false if `positive` is False. Only literals are negated.
 
-        Since a fluent of objects has exactly one value, a claim about it is false if its opposite holds for that value.
+        A fluent of objects has exactly one value. So a claim about it is false if the opposite holds for that value.
         Raises `Unsupported`.
         """
         if at.node_type not in self._table:
@@ -116,12 +116,12 @@ class ConditionTranslator:
         return found.around(Comparison(self.term(one, found), "=" if positive else "!=", value))
 
     def atom(self, at: FNode, found: Locals, *value: Term) -> Atom:
-        """The atom of a fluent expression; `value` is what a fluent of objects is said to be."""
+        """The atom of a fluent expression; `value` is the value claimed for a fluent of objects."""
         arguments = tuple(self.term(argument, found) for argument in at.args)
         return Function(self.names.of("predicate", at.fluent().name), (*arguments, *value))
 
     def term(self, at: FNode, found: Locals) -> Term:
-        """A term; values of fluents become variables in `found`. Raises `Unsupported`."""
+        """A term. Values of fluents become variables, which are added to `found`. Raises `Unsupported`."""
         if at.is_object_exp():
             return Function(self.names.of("object", at.object().name))
         if at.is_parameter_exp():
@@ -139,7 +139,7 @@ class ConditionTranslator:
         return fresh
 
     def fresh(self, like: str) -> Variable:
-        """A variable that stands nowhere else."""
+        """A variable that is used nowhere else."""
         return self.names.variable(f"{like} value {next(self._fresh)}")
 
     def parameter(self, parameter: up.Parameter) -> Parameter:
@@ -147,7 +147,7 @@ class ConditionTranslator:
         return Parameter(self.names.variable(parameter.name), self.type(parameter.type))
 
     def quantified(self, variables: Iterable[up.Variable]) -> tuple[Parameter, ...]:
-        """Quantified variables, kept apart from parameters of the same name."""
+        """Quantified variables, renamed so that they differ from parameters of the same name."""
         return tuple(
             Parameter(self.names.variable(f"{each.name} quantified"), self.type(each.type))
             for each in variables

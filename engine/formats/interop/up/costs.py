@@ -1,4 +1,4 @@
-"""What actions cost: whole numbers, however the metric writes them."""
+"""The costs of actions as whole numbers, in whatever form the metric gives them."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -16,7 +16,7 @@ Row = tuple[str, ...]  # names of objects
 
 @dataclass(frozen=True, slots=True)
 class CostTable:
-    """The cost of an action for each choice of objects for the parameters at `columns`."""
+    """The cost of an action for each choice of objects for its parameters at the positions `columns`."""
 
     columns: tuple[int, ...]
     costs: Mapping[Row, Fraction]
@@ -24,13 +24,13 @@ class CostTable:
 
 @dataclass(frozen=True, slots=True)
 class Costs:
-    """The tables of all actions, and the factor that makes every cost whole."""
+    """The tables of all actions, and the factor that makes every cost a whole number."""
 
     tables: Mapping[str, CostTable]
     scale: int
 
     def of(self, action: str, objects: Row) -> Fraction:
-        """What an action costs with these objects."""
+        """The cost of an action with these objects."""
         table = self.tables[action]
         return table.costs[tuple(objects[column] for column in table.columns)]
 
@@ -63,7 +63,7 @@ def _table(
     for objects in product(*(list(problem.objects(each.type)) for each in chosen)):
         value = simplifier.simplify(cost.substitute(dict(zip(chosen, objects, strict=True))))
         if not (value.is_int_constant() or value.is_real_constant()):
-            raise Unsupported(f"the cost {cost}, which is no static number")
+            raise Unsupported(f"the cost {cost}, which is not a static number")
         rows[tuple(each.name for each in objects)] = Fraction(value.constant_value())
     return CostTable(columns, rows)
 

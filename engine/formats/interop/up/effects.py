@@ -1,4 +1,4 @@
-"""Effects of unified-planning as effects of the model."""
+"""Translation of unified-planning effects into effects of the model."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -25,7 +25,7 @@ from kb.terms import Atom, Function, Term, Variable, substitute, substitute_atom
 
 @dataclass(frozen=True, slots=True)
 class Assignment:
-    """A fluent of objects gets a value, for every binding of `parameters` that satisfies `condition`.
+    """The assignment of a value to a fluent of objects, for every binding of `parameters` that satisfies `condition`.
 
     `place` is the fluent without its value.
     """
@@ -38,16 +38,16 @@ class Assignment:
 
 
 class EffectTranslator:
-    """Translates the effects of one action, whose `precondition` may say what values fluents have before."""
+    """Translates the effects of one action. Its `precondition` may name the values that fluents have before."""
 
     def __init__(self, conditions: ConditionTranslator, precondition: Condition) -> None:
         self.conditions, self.assignments = conditions, list[Assignment]()
         self._given = [
             p.atom for p in goal_parts(precondition) if isinstance(p, Literal) and p.positive
-        ]  # what holds before
+        ]  # conditions that hold before
 
     def effects(self, effects: Sequence[up.Effect]) -> tuple[Effect, ...]:
-        """All of them; assignments are noted. Raises `Unsupported`."""
+        """All effects. Assignments are also stored, for `consistency`. Raises `Unsupported`."""
         return tuple(each for effect in effects for each in self._effect(effect))
 
     def _effect(self, effect: up.Effect) -> Iterator[Effect]:
@@ -62,7 +62,7 @@ class EffectTranslator:
             yield from self._assign(atom, effect, found, condition)
 
     def _truth(self, atom: Atom, value: up.FNode, found: Locals, condition: Condition) -> Iterator[Effect]:
-        """A fluent becomes true or false, or as true as an expression was."""
+        """The effects that make a fluent true, false, or equal to the value that an expression had."""
         parameters = tuple(found.parameters)
         if value.is_bool_constant():
             yield Effect(atom, value.bool_constant_value(), parameters, _all(*found.literals, condition))
@@ -74,7 +74,7 @@ class EffectTranslator:
     def _assign(
         self, place: Atom, effect: up.Effect, found: Locals, condition: Condition
     ) -> Iterator[Effect]:
-        """The new value is added and every other one deleted; only the former one, where it is known."""
+        """Add the new value and delete every other value, or only the former value if it is known."""
         value, type_ = (
             self.conditions.term(effect.value, found),
             self.conditions.type(effect.fluent.fluent().type),
@@ -95,7 +95,7 @@ class EffectTranslator:
         )
 
     def consistency(self) -> Iterator[Condition]:
-        """No two assignments give one fluent different values: where they would, the action is not applicable."""
+        """Conditions that no two assignments give a fluent different values. If they would, the action is not applicable."""
         for one, other in combinations_with_replacement(self.assignments, 2):
             if one.place.name == other.place.name and (one is not other or one.parameters):
                 yield self._agree(one, other)

@@ -1,6 +1,6 @@
 """The engine for unified-planning: planner, anytime planner, validator, grounder and replanner in one class.
 
-It knows the library and the model; the stages that do the work are given to it by a subclass that joins them.
+This module knows the library and the model. A subclass gives it the stages that do the work.
 """
 
 import warnings
@@ -36,7 +36,7 @@ LIMITS = {"time": Status.TIMEOUT, "memory": Status.MEMOUT}
 
 
 class Planner(Protocol):
-    """Plans a problem; asks `interrupted` now and then, and tells `improved` of every checked plan, each cheaper."""
+    """Plans a problem. It calls `interrupted` now and then, and `improved` with every cheaper checked plan."""
 
     def __call__(
         self,
@@ -48,9 +48,9 @@ class Planner(Protocol):
 
 
 class Reviser(Protocol):
-    """A plan for a problem that differs in its initial state from one for which there is a plan.
+    """Adapts a plan to a problem with another initial state.
 
-    With `compare`, repair is compared with planning from nothing in any case.
+    With `compare`, it always compares the repaired plan with a new one.
     """
 
     def __call__(
@@ -66,10 +66,10 @@ class Reviser(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Stages:
-    """Who does the work.
+    """The functions that do the work.
 
-    `prove` says whether a plan is as cheap as any, and may find a cheaper one; `judge` judges all orders of a plan;
-    `instances` are the operator instances that can be reached.
+    `prove` says whether a plan is a cheapest one; it may find a cheaper plan. `judge` checks all orders of a plan.
+    `instances` returns the operator instances that can be reached.
     """
 
     plan: Planner
@@ -89,8 +89,8 @@ class UpEngine(
 ):
     """An engine with five operation modes.
 
-    `problem` is what a replanner starts from. Options: `partial_order` for partial-order plans in place of sequences;
-    all others are limits of the planner (`strategy`, `seed`, `expansions`, `improvement`).
+    A replanner starts from `problem`. The option `partial_order` gives partial-order plans instead of sequences. All other
+    options are limits of the planner (`strategy`, `seed`, `expansions`, `improvement`).
     """
 
     stages: ClassVar[Stages]
@@ -106,13 +106,13 @@ class UpEngine(
         mixins.OneshotPlannerMixin.__init__(self)
         mixins.CompilerMixin.__init__(self, CompilationKind.GROUNDING)
         self._partial_order, self._options = partial_order, options
-        self._former: tuple[Problem, Plan] | None = None  # what a replanner answered last
+        self._former: tuple[Problem, Plan] | None = None  # the last answer of a replanner
         if problem is not None:
             ChangingProblem.__init__(self, problem, error_on_failed_checks)
 
     @property
     def name(self) -> str:
-        """How results are signed."""
+        """The name of the engine in its results."""
         return "cellwright"
 
     @staticmethod
@@ -127,7 +127,7 @@ class UpEngine(
 
     @staticmethod
     def satisfies(optimality_guarantee: mixins.OptimalityGuarantee) -> bool:
-        """Optimality is claimed where it is proved; it is never promised."""
+        """No guarantee of optimality is promised before the search. A result claims it only if it is proved."""
         return bool(optimality_guarantee == mixins.OptimalityGuarantee.SATISFICING)
 
     @staticmethod
@@ -150,7 +150,7 @@ class UpEngine(
         problem_kind: up.ProblemKind,
         compilation_kind: CompilationKind | None = None,  # noqa: ARG004
     ) -> up.ProblemKind:
-        """The same kind, as far as can be told beforehand."""
+        """The same kind, which is the best estimate before grounding."""
         return problem_kind.clone()
 
     def _solve_with_params(
@@ -163,9 +163,7 @@ class UpEngine(
         **_: Any,
     ) -> PlanGenerationResult:
         if heuristic is not None or warm_start_plan is not None:
-            warnings.warn(
-                f"{self.name} uses neither a heuristic nor a plan that is given to it", stacklevel=3
-            )
+            warnings.warn(f"{self.name} accepts neither a heuristic nor an initial plan", stacklevel=3)
         return self._solve(problem, None, timeout, output_stream)
 
     def _solve(
@@ -186,17 +184,17 @@ class UpEngine(
         improved: Callable[[Plan], None] = lambda _: None,
         thorough: bool = False,
     ) -> Outcome:
-        """Plan from nothing; with `thorough`, plans are improved until somebody interrupts."""
+        """Make a new plan. With `thorough`, improve it until the search is interrupted."""
         return self.stages.plan(problem, interrupted, improved, {"thorough": thorough, **self._options})
 
     def _proved(self, problem: Translated, outcome: Outcome, interrupted: Interrupted) -> Outcome:
-        """The outcome with the proof that nothing is better, if there is a metric and the proof is not too long."""
+        """The outcome with a proof that it is optimal, if there is a metric and the proof does not take too long."""
         if isinstance(outcome, Found) and problem.theirs.quality_metrics:
             return self.stages.prove(problem.ours, outcome, interrupted)
         return outcome
 
     def _made(self, problem: up.Problem, make: Callable[[Translated], Outcome]) -> PlanGenerationResult:
-        """What comes of a problem in their words, whatever becomes of it."""
+        """The result for a problem in the terms of the library, also if it is unsupported or a limit is reached."""
         try:
             ours = translated(problem)
             return self._told(ours, make(ours))
@@ -226,9 +224,9 @@ class UpEngine(
     def _get_solutions(
         self, problem: up.Problem, timeout: float | None = None, output_stream: IO[str] | None = None
     ) -> Iterator[PlanGenerationResult]:
-        """Every better plan when it is found, then the last one again with its final status.
+        """Every better plan when it is found, then the last plan again with its final status.
 
-        Given a time, it is used: plans are improved until it is over.
+        With a timeout, plans are improved until the time is over.
         """
 
         def solve(stop: Interrupted, tell: Callable[[PlanGenerationResult], None]) -> PlanGenerationResult:
@@ -253,7 +251,7 @@ class UpEngine(
         return _written(result, output_stream)
 
     def _revised(self, problem: Translated, interrupted: Interrupted) -> Outcome:
-        """The former plan repaired, if only initial values have changed since; else a new one."""
+        """The former plan after repair, if only initial values have changed; otherwise a new plan."""
         ours, former = problem.ours, self._former
         if former is not None and former[0].replace(ours.initial) == ours:
             compare = bool(problem.theirs.quality_metrics)
@@ -271,7 +269,7 @@ class UpEngine(
             return judged(ours, instances, self.stages.judge(ours.ours, made), self.name)
 
     def _compile(self, problem: up.Problem, compilation_kind: CompilationKind) -> CompilerResult:
-        """The library's grounder makes the actions that our grounding finds reachable."""
+        """Ground a problem: the library's grounder makes the actions that our grounding finds reachable."""
         chosen: dict[up.Action, list[tuple[up.FNode, ...]]] = {action: [] for action in problem.actions}
         with _refusing(f"{self.name} cannot ground this problem"):
             ours = translated(problem)
@@ -285,7 +283,7 @@ class UpEngine(
 
 @contextmanager
 def _refusing(said: str) -> Iterator[None]:
-    """What cannot be translated or grounded is an error in the use of the library."""
+    """A context that turns problems that cannot be translated or grounded into usage errors of the library."""
     try:
         yield
     except (Unsupported, InvalidInput) as error:

@@ -1,4 +1,4 @@
-"""Plans between unified-planning and the model."""
+"""Translation of plans between unified-planning and the model."""
 
 import networkx as nx
 from unified_planning import model as up
@@ -11,7 +11,7 @@ from kb.terms import Function, Number, Term
 
 
 def instance_of(problem: Translated, operator: Function) -> ActionInstance:
-    """An operator instance as an action instance; the cost among its arguments is none of theirs."""
+    """An operator instance as an action instance, without the cost argument, which only our operators have."""
     action = problem.theirs.action(problem.names.original("operator", operator.name))
     names = (problem.names.original("object", str(argument)) for argument in operator.arguments)
     chosen = zip(action.parameters, names, strict=False)
@@ -28,7 +28,7 @@ def sequential(problem: Translated, plan: Plan) -> SequentialPlan:
 
 
 def partially_ordered(problem: Translated, plan: Plan) -> PartialOrderPlan:
-    """The steps with the order that they need and no other."""
+    """The steps with only the orders that they need."""
     instances = {step.id: instance_of(problem, step.operator) for step in plan.steps}
     following: dict[ActionInstance, list[ActionInstance]] = {each: [] for each in instances.values()}
     for step in plan.steps:
@@ -38,7 +38,7 @@ def partially_ordered(problem: Translated, plan: Plan) -> PartialOrderPlan:
 
 
 def read(problem: Translated, plan: UpPlan) -> tuple[Plan, list[ActionInstance]]:
-    """A sequential or partial-order plan as ours, and the action instance behind each step, in order."""
+    """A sequential or partial-order plan as a plan of the model, and the action instance of each step, in order."""
     if isinstance(plan, SequentialPlan):
         instances = list(plan.actions)
         before = [[place - 1] if place else [] for place, _ in enumerate(instances)]

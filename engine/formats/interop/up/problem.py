@@ -1,4 +1,4 @@
-"""A problem of unified-planning as a problem of the model: types, fluents, actions, initial values, goals and costs."""
+"""Translation of a unified-planning problem into the model: types, fluents, actions, initial values, goals and costs."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -21,7 +21,7 @@ COST = Variable("Cost__")
 
 @dataclass(frozen=True, slots=True)
 class Translated:
-    """A problem in our model, with what is needed to speak of it in theirs."""
+    """A problem in our model, with what is needed to translate plans back."""
 
     theirs: up.Problem
     ours: Problem
@@ -30,7 +30,7 @@ class Translated:
 
 
 def translated(problem: up.Problem) -> Translated:
-    """The problem in our model. Raises `Unsupported` for what lies beyond the supported kind."""
+    """The problem in our model. Raises `Unsupported` if it contains something that is not supported."""
     return _Translation(problem).result()
 
 
@@ -44,7 +44,7 @@ class _Translation:
         self.initial: list[Atom] = []
 
     def result(self) -> Translated:
-        """Names are given in a fixed order, so that a problem is always translated alike."""
+        """The translation. Names are given in a fixed order, so that the same problem always gets the same translation."""
         domain = Domain(
             "domain",
             {each.name: each for each in map(self._type, self.problem.user_types)},
@@ -82,11 +82,11 @@ class _Translation:
             yield Predicate(self._price(name), (*types, "int"), Kind.STATIC)
 
     def _price(self, action: str) -> str:
-        """The static predicate that says what an action costs."""
+        """The static predicate that holds the cost of an action."""
         return self.names.of("predicate", f"cost of {action}")
 
     def _facts(self, fluent: up.Fluent) -> Iterator[Atom]:
-        """What is true of a fluent at the start; where it is false by default, only what is said is looked at."""
+        """The true atoms of a fluent at the start. If it is false by default, only the explicit initial values are read."""
         if not _counts(fluent):
             return
         truth = fluent.type.is_bool_type()
@@ -104,7 +104,7 @@ class _Translation:
                 yield self.conditions.atom(at, Locals(), self.conditions.term(value, Locals()))
 
     def _split(self, goal: up.FNode) -> Iterator[up.FNode]:
-        """A universal goal as one goal for each object, since ways to satisfy each part of the goal need not be combined."""
+        """A universal goal as one goal per object, so that the ways to satisfy each need not be combined."""
         if goal.is_and():
             yield from (each for part in goal.args for each in self._split(part))
         elif goal.is_forall():
@@ -132,7 +132,7 @@ class _Translation:
         )
 
     def _cost(self, action: str, parameters: tuple[Parameter, ...]) -> tuple[Body, Term | None]:
-        """A number, or a table over the parameters that decide it, whose facts join the statics."""
+        """The cost of an action: a number, or a table over the parameters that determine it. Its facts are added to the statics."""
         if self.costs is None:
             return (), None
         table, name = self.costs.tables[action], self._price(action)
@@ -147,5 +147,5 @@ class _Translation:
 
 
 def _counts(fluent: up.Fluent) -> bool:
-    """Whether a fluent is part of the state; static numbers stand in costs alone, which are evaluated beforehand."""
+    """Whether a fluent is part of the state. Static numbers are not: only costs use them, and costs are computed beforehand."""
     return bool(fluent.type.is_bool_type() or fluent.type.is_user_type())

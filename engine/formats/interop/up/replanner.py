@@ -1,4 +1,4 @@
-"""A problem that changes while its plan is carried out."""
+"""A problem that changes while its plan is executed."""
 
 import warnings
 from typing import Any
@@ -9,7 +9,7 @@ from unified_planning.exceptions import UPUsageError
 
 
 class ChangingProblem(mixins.ReplannerMixin):  # type: ignore[misc]
-    """The replanner's side of an engine: values, goals and actions that are given and taken away."""
+    """The replanner part of an engine: values, goals and actions can be changed, added and removed."""
 
     _problem: up.Problem
 

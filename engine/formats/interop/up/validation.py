@@ -1,4 +1,4 @@
-"""What the checker finds in a plan, in the words of unified-planning."""
+"""The findings of the checker in the terms of unified-planning."""
 
 from fractions import Fraction
 
@@ -42,7 +42,7 @@ def _message(found: Counterexample, order: list[ActionInstance]) -> str:
 
 
 def _values(problem: Translated, instances: list[ActionInstance]) -> dict[object, int | Fraction]:
-    """What the plan comes to in each metric; sums do not depend on the order."""
+    """The value of each metric for a plan. The values are sums, so they do not depend on the order."""
     values: dict[object, int | Fraction] = {}
     for metric in problem.theirs.quality_metrics:
         if metric.is_minimize_sequential_plan_length():

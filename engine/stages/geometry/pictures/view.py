@@ -43,7 +43,7 @@ def cell_of(target: str) -> Cell:
     path = Path(load(find(target)).domain.path).with_name(CELL_FILE)
     if not path.is_file():
         hint = f"describe the cell in a {CELL_FILE} beside the domain"
-        raise InvalidInput([Diagnostic(Source(str(path)), "K401", f"there is no {CELL_FILE}", hint)])
+        raise InvalidInput([Diagnostic(Source(str(path)), "K405", f"there is no {CELL_FILE}", hint)])
     return load_cell(path)
 
 

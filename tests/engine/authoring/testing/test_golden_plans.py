@@ -56,7 +56,7 @@ def test_a_golden_file_without_a_problem_is_an_orphan_and_is_removed(cell: Path)
 
 def test_a_damaged_golden_file_is_bad_input(cell: Path) -> None:
     (cell / "golden" / "two_items.json").write_text("{")
-    with pytest.raises(InvalidInput, match="K402"):
+    with pytest.raises(InvalidInput, match="K413"):
         list(compare_all(str(cell)))
 
 

@@ -101,7 +101,7 @@ def test_a_place_where_nothing_can_be_written_is_bad_input(tmp_path: Path) -> No
     (tmp_path / "file").write_text("no folder")
     code, envelope = answer("init", str(tmp_path / "file" / "cell"))
     assert (code, envelope["status"]) == (2, "bad input")
-    assert "the system refuses: Not a directory" in envelope["diagnostics"][0]["message"]
+    assert "the operating system reports: Not a directory" in envelope["diagnostics"][0]["message"]
 
 
 def test_a_reader_that_goes_away_is_no_error() -> None:

@@ -47,5 +47,5 @@ def test_a_folder_that_cannot_be_written_is_bad_input(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     for folder in (tmp_path / "file", tmp_path / "file" / "below"):
         code, envelope = answer("export", "pddl", "bulkhead/one_point", "-o", str(folder))
-        assert (code, envelope["diagnostics"][0]["code"]) == (2, "K403")
+        assert (code, envelope["diagnostics"][0]["code"]) == (2, "K415")
         assert "cannot be written" in envelope["diagnostics"][0]["message"]

@@ -39,7 +39,7 @@ step  operator                  after  start (s)  lasts  achieves
                                                            for 5
    5  us_measure(us_probe,      4             15      4  measured(us_probe, t3_746, meas(m2))
         t3_746, m2)                                        for goal
-5 steps, cost 5, 19 s when every step starts as early as it may
+5 steps, cost 5, 19 s if every step starts as early as possible
 """
 
 

@@ -99,9 +99,9 @@ def test_inches_of_a_table_are_inches(table: Path) -> None:
 @pytest.mark.parametrize(
     ("old", "new", "said"),
     [
-        ("b,10", "b,ten", "'ten' is no number"),
-        ("b,10", "a,10", "'a' is there twice"),
-        ("b,10", "B 1,10", "is no name"),
+        ("b,10", "b,ten", "'ten' is not a number"),
+        ("b,10", "a,10", "the name 'a' is used twice"),
+        ("b,10", "B 1,10", "is not a name"),
         ("b,10", "b,nan", "not finite"),
         ("0,0,2,profile", "0,0,0,profile", "no length"),
         ("name,x", "name,u", "no column 'x'"),

@@ -115,8 +115,8 @@ locations:
 @pytest.mark.parametrize(
     ("entry", "code", "said"),
     [
-        ("at(Item, Place): {body: Item}", "K005", "where does it put the body"),
-        ("at(Item, Place): {body: Item, place: bin, in: ur5.tool}", "K005", "where does it put the body"),
+        ("at(Item, Place): {body: Item}", "K005", "no place, or two"),
+        ("at(Item, Place): {body: Item, place: bin, in: ur5.tool}", "K005", "no place, or two"),
         ("at(Item, Place): {body: Thing, place: Place}", "K105", "no variable 'Thing'"),
         ("at(Item, Place): {body: Item, in: Hand.tool}", "K105", "no variable 'Hand'"),
         ("at(Item, Place): {body: nut, place: Place}", "K101", "unknown body 'nut'"),

@@ -140,8 +140,8 @@ BROKEN = {  # what is replaced by what: the code, and a word of the message
     "no name": ('<link name="plate"/>', "<link/>", "K703", "without a name"),
     "twice": ('<link name="plate"/>', '<link name="plate"/><link name="plate"/>', "K703", "second one"),
     "no such link": ('<child link="boom"/>', '<child link="bloom"/>', "K703", "names no link 'bloom'"),
-    "two parents": ('<child link="boom"/>', '<child link="mast"/>', "K703", "hangs on two joints"),
-    "a circle": ('<parent link="foot"/>', '<parent link="trolley"/>', "K703", "hangs on itself"),
+    "two parents": ('<child link="boom"/>', '<child link="mast"/>', "K703", "has two parent joints"),
+    "a circle": ('<parent link="foot"/>', '<parent link="trolley"/>', "K703", "is its own ancestor"),
     "no chain": ('<parent link="plate"/>', '<parent link="left_jaw"/>', "K703", ""),
     "joint type": ('type="prismatic"', 'type="elastic"', "K703", "unknown joint type 'elastic'"),
     "no limits": ('<limit lower="0" upper="2" velocity="0.5" effort="1"/>', "", "K703", "no limits"),
@@ -150,12 +150,12 @@ BROKEN = {  # what is replaced by what: the code, and a word of the message
     "no number": ('xyz="0 0 0.1"', 'xyz="0 0 up"', "K703", "not 3 finite numbers"),
     "two numbers": ('xyz="0 0 0.1"', 'xyz="0 0"', "K703", "not 3 finite numbers"),
     "endless": ('xyz="0 0 0.1"', 'xyz="0 0 inf"', "K703", "not 3 finite numbers"),
-    "empty box": ('size="0.4 0.4 0.1"', 'size="0.4 0 0.1"', "K702", "without extent"),
-    "empty sphere": ('radius="0.1"', 'radius="-0.1"', "K702", "without extent"),
-    "empty cylinder": ('length="0.4"', 'length="0"', "K702", "without extent"),
+    "empty box": ('size="0.4 0.4 0.1"', 'size="0.4 0 0.1"', "K702", "without a positive size"),
+    "empty sphere": ('radius="0.1"', 'radius="-0.1"', "K702", "without a positive size"),
+    "empty cylinder": ('length="0.4"', 'length="0"', "K702", "without a positive size"),
     "no geometry": ('<geometry><sphere radius="0.1"/></geometry>', "", "K703", "without one geometry"),
-    "a shape": ('<sphere radius="0.1"/>', "<cone/>", "K703", "<cone> is no shape"),
-    "no mesh": ("crane/hook.obj", "crane/crook.obj", "K203", "there is no mesh"),
+    "a shape": ('<sphere radius="0.1"/>', "<cone/>", "K703", "<cone> is not a shape"),
+    "no mesh": ("crane/hook.obj", "crane/crook.obj", "K706", "there is no mesh"),
 }
 
 

@@ -62,15 +62,15 @@ def test_every_mistake_is_told_with_its_line(tmp_path: Path) -> None:
         tcmb="Job\tA\tPoint\tB\tPoint\tTime\n1\t1\tfinish\t7\tstart\t1\n",
     )
     assert sorted(found_in(tmp_path)) == [
-        "K005 operations.tsv:4 4 columns are needed, here are 2",
-        "K005 tcmb.tsv:2 'finish' is no point of an operation",
         "K101 dependency.tsv:2 there is no operation 1.2",
         "K101 dependency.tsv:3 there is no operation 2.1",
         "K101 dependency.tsv:3 there is no operation 2.2",
         "K101 operations.tsv:2 there is no machine of type 9",
         "K101 tcmb.tsv:2 there is no operation 1.7",
-        "K103 operations.tsv:3 'soon' is no whole number of time units",
-        "K104 operations.tsv:3 operation 1 of job 1 stands here twice",
+        "K103 operations.tsv:3 'soon' is not a whole number of time units",
+        "K104 operations.tsv:3 operation 1 of job 1 is listed twice",
+        "K806 operations.tsv:4 4 columns are needed, but this line has 2",
+        "K806 tcmb.tsv:2 'finish' is not a point of an operation",
     ]
 
 
@@ -98,15 +98,15 @@ def test_both_notations_of_job_shops_say_the_same(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("name", "content", "instance", "code", "said"),
     [
-        ("a.json", JSON, "", "K101", "several instances; name one"),
-        ("a.json", JSON, "smal", "K101", "no instance 'smal'"),
-        ("a.json", JSON, "none", "K005", "none needs duration_matrix and machines_matrix"),
-        ("a.json", JSON.replace("[2, 1]]", "[2]]"), "small", "K005", "differ in shape"),
-        ("a.json", JSON.replace("[[3", "[[true"), "small", "K005", "in whole numbers"),
-        ("a.json", "{", "", "K005", "not JSON"),
-        ("a.txt", "words\n", "", "K005", "no line with the numbers"),
-        ("a.txt", TEXT.replace("2 2", "3 2", 1), "", "K005", "3 jobs are announced, 2 lines"),
-        ("a.txt", TEXT.replace("1 2 0 1", "1 2 5 1"), "", "K005", "pairs of a machine below 2"),
+        ("a.json", JSON, "", "K409", "several instances; name one"),
+        ("a.json", JSON, "smal", "K406", "no instance 'smal'"),
+        ("a.json", JSON, "none", "K806", "none needs duration_matrix and machines_matrix"),
+        ("a.json", JSON.replace("[2, 1]]", "[2]]"), "small", "K806", "differ in shape"),
+        ("a.json", JSON.replace("[[3", "[[true"), "small", "K806", "in whole numbers"),
+        ("a.json", "{", "", "K806", "not JSON"),
+        ("a.txt", "words\n", "", "K806", "no line with the numbers"),
+        ("a.txt", TEXT.replace("2 2", "3 2", 1), "", "K806", "3 jobs are announced, but 2 lines"),
+        ("a.txt", TEXT.replace("1 2 0 1", "1 2 5 1"), "", "K806", "pairs of a machine number below 2"),
     ],
 )
 def test_what_is_no_job_shop_is_refused(

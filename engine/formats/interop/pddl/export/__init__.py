@@ -1,9 +1,10 @@
-"""PDDL out: a problem of ours as a domain and a problem that any PDDL planner reads, and its plans read back.
+"""PDDL out: a problem becomes a domain file and a problem file that any PDDL planner reads; its plans are read back.
 
 The export is lifted: operators keep their parameters, deductive operators become effects, constraints over several
 variables become static facts, compound terms become objects, derived predicates are unfolded (recursive ones become
-axioms), the workflow becomes counters, and the initial state holds its defaults. What lifted PDDL cannot say (deduction
-that leads back to itself, arithmetic inside a disjunction) is exported ground. Durations and resources are left out.
+axioms), the workflow becomes counters, and the initial state holds its defaults. If lifted PDDL cannot express a problem
+(deduction that leads back to itself, arithmetic inside a disjunction), the ground task is exported. Durations and resources
+are left out.
 """
 
 from dataclasses import dataclass
@@ -20,7 +21,7 @@ from kb.model.problem import Problem
 
 @dataclass(frozen=True, slots=True)
 class PddlText:
-    """A domain file and a problem file; `why_ground` tells what lifted PDDL could not say, if anything."""
+    """A domain file and a problem file. `why_ground` names what lifted PDDL could not express; it is empty otherwise."""
 
     domain: str
     problem: str
@@ -34,7 +35,7 @@ class PddlText:
 
 
 def export(problem: Problem, task: Task, lifted: bool = True) -> PddlText:
-    """A problem as PDDL. `task` is its ground task; `lifted` = False writes that, for planners that read STRIPS alone."""
+    """A problem as PDDL. `task` is its ground task; it is written if `lifted` is False, for planners that only read STRIPS."""
     why = ""
     if lifted:
         try:
@@ -48,10 +49,10 @@ def export(problem: Problem, task: Task, lifted: bool = True) -> PddlText:
 
 
 def import_plan(exported: PddlText, text: str, name: str = "plan") -> Plan:
-    """A plan that a planner found for an export, as a sequence of our operators. Raises `InvalidInput`."""
+    """A plan that another planner found for an export, as a sequence of our operators. Raises `InvalidInput`."""
     return exported.plans.read(text, name)
 
 
 def write_plan(exported: PddlText, plan: Plan) -> str:
-    """A plan of ours as one for the export: one action a line."""
+    """One of our plans as a plan for the export: one action per line."""
     return exported.plans.written(plan)

@@ -1,4 +1,4 @@
-"""Conditions without compound terms, derived predicates unfolded: what PDDL can say.
+"""Conditions that PDDL can express: without compound terms, and with derived predicates unfolded.
 
 A compound term with variables, such as `rack(Tool)`, becomes a variable and a static relation `_is_rack(Tool, V)`.
 """
@@ -51,7 +51,7 @@ class Locals:
 
 
 class Conditions:
-    """Translates conditions; notes which functions need a relation and which derived predicates remain."""
+    """Translates conditions. It notes which functions need a relation and which derived predicates remain."""
 
     def __init__(self, world: World) -> None:
         self.world, self.fresh = world, Fresh()
@@ -62,7 +62,7 @@ class Conditions:
         self.recursive = frozenset(_recursive(world.domain.rules))
 
     def flat(self, condition: Condition, outer: Mapping[Term, Variable] = {}) -> Condition:
-        """The condition in flat terms; `outer` are compound terms that already have a variable."""
+        """The condition in flat terms. `outer` holds the compound terms that already have a variable."""
         match condition:
             case Literal(atom, positive):
                 return self._literal(atom, positive, outer)
@@ -81,7 +81,7 @@ class Conditions:
                 return negation(self.some(parameters, negation(self.flat(part, outer))))
 
     def some(self, parameters: Iterable[Parameter], part: Condition) -> Condition:
-        """`part` for some binding; types that PDDL cannot declare become conditions."""
+        """The condition that `part` holds for some binding. Types that PDDL cannot declare become conditions."""
         parameters = tuple(parameters)
         if part == FALSE or not parameters:
             return part
@@ -93,12 +93,12 @@ class Conditions:
         return Parameter(parameter.variable, self.world.plain(parameter.type))
 
     def guards(self, parameter: Parameter) -> list[Condition]:
-        """What the declared type of a parameter leaves out."""
+        """The conditions that the declared type of a parameter does not express."""
         shared = parameter.type in self.world.shared
         return [Literal(Function(parameter.type, (parameter.variable,)))] if shared else []
 
     def term(self, term: Term, type_: str, found: Locals, outer: Mapping[Term, Variable]) -> Term:
-        """A flat term; new variables and what binds them go to `found`."""
+        """A flat term. New variables and the conditions that bind them are added to `found`."""
         if term == ANYTHING:
             fresh = self.fresh.variable("any")
             found.parameters.append(Parameter(fresh, type_))
@@ -136,7 +136,7 @@ class Conditions:
         return inner if positive else negation(inner)
 
     def plain(self, atom: Atom) -> Condition:
-        """A flat atom as a condition: static ones are evaluated if ground, derived ones unfolded unless recursive."""
+        """A flat atom as a condition: a ground static atom is evaluated; a derived atom is unfolded, unless it is recursive."""
         if self.world.is_static(atom.name) and all(map(is_ground, atom.arguments)):
             return TRUE if atom in self.world.known else FALSE
         if atom.name in self.recursive or atom.name not in self._derived:
@@ -159,7 +159,7 @@ class Conditions:
         return frozenset(name for name, kind in self.world.kinds.items() if kind is Kind.DERIVED)
 
     def body(self, rule: Rule, arguments: tuple[Term, ...]) -> Condition:
-        """When a rule makes its head true of flat arguments: some binding of its own variables."""
+        """The condition under which a rule makes its head true for flat arguments, with some binding of its other variables."""
         own = {v for term in (rule.head, *_terms(rule.body)) for v in variables(term)} - {ANYTHING}
         apart = {variable: self.fresh.variable(variable.name) for variable in sorted(own, key=str)}
         types = {apart[v]: type_ for v, type_ in self.inferred(rule.body).items() if v in apart}
@@ -233,7 +233,7 @@ def _recursive(rules: Iterable[Rule]) -> Iterator[str]:
 
 
 def conjunction(parts: Iterable[Condition]) -> Condition:
-    """All parts, without nesting and without what is true anyway."""
+    """The conjunction of all parts, without nesting and without parts that are always true."""
     found: dict[Condition, None] = {}
     for part in parts:
         if part == FALSE:
@@ -243,7 +243,7 @@ def conjunction(parts: Iterable[Condition]) -> Condition:
 
 
 def disjunction(parts: Iterable[Condition]) -> Condition:
-    """Some part, without nesting and without what is never true."""
+    """The disjunction of all parts, without nesting and without parts that are never true."""
     found: dict[Condition, None] = {}
     for part in parts:
         if part == TRUE:
@@ -253,7 +253,7 @@ def disjunction(parts: Iterable[Condition]) -> Condition:
 
 
 def negation(condition: Condition) -> Condition:
-    """The opposite, written with as few negations as can be."""
+    """The negation of a condition, written with as few `not` as possible."""
     match condition:
         case Literal(atom, positive):
             return Literal(atom, not positive)

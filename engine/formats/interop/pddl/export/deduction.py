@@ -1,4 +1,4 @@
-"""Deductive operators compiled into effects: what follows from each effect, symbolically (language reference, Meaning 3)."""
+"""Deductive operators compiled into effects: the symbolic consequences of each effect (language reference, Meaning 3)."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -26,14 +26,14 @@ from kb.terms import ANYTHING, Atom, Function, Term, Variable, substitute_atom, 
 
 @dataclass(frozen=True, slots=True)
 class Deduced:
-    """An effect and the deductive operators behind it, by number."""
+    """An effect, and the numbers of the deductive operators that led to it."""
 
     effect: Effect
     behind: tuple[int, ...] = ()
 
 
 class Closing:
-    """The closure of one operator's effects."""
+    """The effects of one operator with all their consequences."""
 
     def __init__(self, conditions: Conditions, operator: Operator) -> None:
         self.conditions, self.operator = conditions, operator
@@ -60,7 +60,7 @@ class Closing:
                 waiting += self._consequences(deduced)
 
     def _restored(self, atom: Atom, added: set[Atom]) -> bool:
-        """Whether a deleted atom is added again, so that nothing follows; that must be plain to see."""
+        """Whether a deleted atom is added again, so that it has no consequences. Raises `NotLiftable` if this is not certain."""
         triggers = {
             each.trigger.atom.name
             for each in self.world.domain.deductive_operators
@@ -87,9 +87,9 @@ class Closing:
                         yield Deduced(found, (*deduced.behind, number))
 
     def _endings(self, effect: Effect) -> Iterator[Effect]:
-        """The atoms that an effect really ends: preconditions that match it, or what is true before.
+        """The atoms that an effect really ends: matching preconditions, or atoms that are true before.
 
-        That every other atom it denies is false before, or ends without consequences, is what K302 ensures.
+        Every other atom that it denies is false before or ends without consequences: K302 checks that.
         """
         if effect.atom.name in self.premises.unknown:
             were = conjunction([effect.condition, Literal(effect.atom)])
@@ -138,7 +138,7 @@ class Closing:
         return Effect(atom, consequence.implied, (*start.parameters, *free, *extra), condition)
 
     def _named(self, atom: Atom) -> tuple[Atom, tuple[Parameter, ...]]:
-        """The atom with a variable for each `_`: the effect is on whatever matches."""
+        """The atom with a variable for each `_`, because the effect changes all matching atoms."""
         types, extra, arguments = self.world.signature(atom.name), [], []
         for argument, type_ in zip(atom.arguments, types, strict=True):
             if argument == ANYTHING:
@@ -152,7 +152,7 @@ class Closing:
     def _guards(
         self, parameters: tuple[Parameter, ...], bound: Mapping[Variable, Term], start: Effect | None = None
     ) -> list[Condition]:
-        """The types of bound variables, where those of what they are bound to do not say so already."""
+        """Type conditions for bound variables, unless the types of their values imply them."""
         types = dict(self.types)
         if start is not None:
             types |= {parameter.variable: parameter.type for parameter in start.parameters}
@@ -175,10 +175,10 @@ class Closing:
 
 @dataclass(frozen=True, slots=True)
 class Premises:
-    """What an operator's precondition says was true before its effects.
+    """What the precondition of an operator says about the state before its effects.
 
-    `certain` atoms were, `possible` ones may have been (with the types of their own variables), and of the predicates
-    in `unknown` any atom.
+    The `certain` atoms were true. The `possible` atoms may have been true; they come with the types of their variables. Any
+    atom of the predicates in `unknown` may have been true.
     """
 
     certain: tuple[Atom, ...]
@@ -187,7 +187,7 @@ class Premises:
 
 
 def premises(conditions: Conditions, precondition: Condition) -> Premises:
-    """The fluents that a precondition names, alone or by way of derived predicates."""
+    """The fluents that a precondition names, directly or through derived predicates."""
     kinds = conditions.world.kinds
     certain, others = [], []
     for part in goal_parts(precondition):

@@ -1,4 +1,4 @@
-"""Patterns matched against terms that have variables of their own."""
+"""Patterns that are matched against terms with variables of their own."""
 
 from dataclasses import dataclass, field
 
@@ -9,14 +9,14 @@ from kb.terms import ANYTHING, Function, Term, Variable, is_ground
 class Equations:
     """A pattern matched against terms with variables of their own.
 
-    `bindings` are those of the pattern's variables; `open` are equations that only the other variables can decide.
+    `bindings` belong to the variables of the pattern. `open` holds the equations that depend on the other variables.
     """
 
     bindings: dict[Variable, Term] = field(default_factory=dict)
     open: list[tuple[Term, Term]] = field(default_factory=list)
 
     def add(self, pattern: Term, value: Term) -> bool:
-        """Take one more equation; False if it can never hold."""
+        """Add an equation; False if it can never hold."""
         match pattern, value:
             case _ if pattern == ANYTHING or value == ANYTHING:
                 return True

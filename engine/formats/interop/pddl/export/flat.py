@@ -1,4 +1,4 @@
-"""A problem in flat terms: all that a PDDL domain and problem say, before any of it is written."""
+"""A problem in flat terms: the whole content of a PDDL domain and problem, before it is written as text."""
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
@@ -36,9 +36,9 @@ class Axiom:
 
 @dataclass(frozen=True, slots=True)
 class Flat:
-    """What is written: types with their parents, objects with their types, operators, axioms, facts and the goal.
+    """The content of an export: types with parents, objects with types, operators, axioms, facts and the goal.
 
-    `comments` say what PDDL leaves out.
+    `comments` say what the PDDL leaves out.
     """
 
     name: str
@@ -110,7 +110,7 @@ def _axioms(conditions: Conditions, simplifier: Simplifier) -> Iterator[Axiom]:
 
 
 def _relations(conditions: Conditions, world: World) -> Iterator[Atom]:
-    """What stands for each compound term that a relation speaks of."""
+    """The facts of the relations that replace compound terms."""
     for term in world.terms:
         if isinstance(term, Function) and (term.name, len(term.arguments)) in conditions.functions:
             yield Function(f"_is_{term.name}", (*term.arguments, term))

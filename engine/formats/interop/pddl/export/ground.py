@@ -1,4 +1,4 @@
-"""A ground task written as PDDL: an action without parameters for each operator. Any planner can solve it."""
+"""A ground task written as PDDL, with one action without parameters for each operator. Any planner can solve it."""
 
 from engine.formats.interop.pddl.export.names import PddlNames
 from engine.model.task import Bits, ConditionalEffect, GroundOperator, Task, indices
@@ -6,7 +6,7 @@ from kb.terms import Function
 
 
 class GroundWriter:
-    """Writes one ground task. Negative conditions are atoms of their own, unless effects are conditional."""
+    """Writes one ground task. Negative conditions become separate atoms, unless there are conditional effects."""
 
     def __init__(self, name: str, task: Task) -> None:
         self.name, self.task, self.names = name, task, PddlNames()
@@ -17,7 +17,7 @@ class GroundWriter:
         self.priced = any(operator.cost != 1 for operator in task.operators)
 
     def _fresh(self, instance: Function) -> str:
-        """A name for an operator; several may share an instance."""
+        """A new name for an operator, because several operators may belong to one instance."""
         number, said = 1, str(instance)
         while (found := self.names.of("action", said)) in self.actions:
             number += 1
@@ -54,7 +54,7 @@ class GroundWriter:
 
     @property
     def _never(self) -> str:
-        """An atom that nothing makes true: the goal where there is no way to any."""
+        """An atom that nothing makes true; it is the goal if no goal can be reached."""
         return f" ({self.names.of('predicate', '_never')})"
 
     def _complement(self, index: int) -> bool:
@@ -67,7 +67,7 @@ class GroundWriter:
         return " ".join(self._atom(i) for i in indices(atoms) if self.plain or not self._complement(i))
 
     def _conditions(self, atoms: Bits) -> str:
-        """A conjunction; complementary atoms are written as negations where they are not kept."""
+        """A conjunction. A complementary atom that is not kept is written as a negation."""
         return " ".join(self._condition(index) for index in indices(atoms))
 
     def _condition(self, index: int) -> str:

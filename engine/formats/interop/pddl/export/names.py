@@ -1,4 +1,4 @@
-"""Names of ours as PDDL names: letters, digits, `-` and `_`, nothing twice whatever its kind, whatever its case."""
+"""Our names as PDDL names of letters, digits, `-` and `_`. No name is used twice, for any kind or in any letter case."""
 
 import re
 from dataclasses import dataclass, field
@@ -36,7 +36,7 @@ WORDS = frozenset(
 
 @dataclass
 class PddlNames:
-    """A one-to-one mapping; what differs only in its kind gets the kind as a suffix."""
+    """A one-to-one mapping. Names that differ only in their kind get the kind as a suffix."""
 
     _given: dict[tuple[str, str], str] = field(default_factory=dict)
     _taken: set[str] = field(default_factory=set)
@@ -49,7 +49,7 @@ class PddlNames:
         return self._given[key]
 
     def term(self, term: Term) -> str:
-        """The PDDL name of an object, whatever term it is to us."""
+        """The PDDL name of an object, which may be any term of our language."""
         match term:
             case Number(value):
                 said = f"n{value}" if value >= 0 else f"minus{-value}"

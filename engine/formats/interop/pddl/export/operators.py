@@ -1,4 +1,4 @@
-"""Operators as flat operators: plain parameters, tables in place of constraints, effects closed, stages advanced."""
+"""Flat operators: with plain parameters, tables instead of constraints, all consequences of effects, and the workflow."""
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
@@ -37,7 +37,7 @@ class FlatOperator:
 
 @dataclass
 class Operators:
-    """Flattens operators, and collects the static facts that they come to need."""
+    """Flattens operators, and collects the static facts that the flat operators need."""
 
     conditions: Conditions
     stages: Stages
@@ -51,7 +51,7 @@ class Operators:
         self.priced = any(each.cost is not None for each in self.world.domain.operators)
 
     def flat(self, operator: Operator) -> FlatOperator:
-        """The operator as PDDL can say it. Raises `NotLiftable`."""
+        """The operator in a form that PDDL can express. Raises `NotLiftable`."""
         found = Locals()
         self._hoist(operator, found)
         outer = found.named
@@ -85,7 +85,7 @@ class Operators:
         return FlatOperator(flat, len(operator.parameters), outer, events)
 
     def _hoist(self, operator: Operator, found: Locals) -> None:
-        """Parameters for the compound terms that an instance needs in any case: in its preconditions and adds."""
+        """Parameters for the compound terms that every instance needs, in its preconditions and adds."""
         atoms = [p.atom for p in goal_parts(operator.precondition) if isinstance(p, Literal) and p.positive]
         kinds = self.world.kinds
         atoms = [atom for atom in atoms if kinds.get(atom.name) is Kind.FLUENT]
@@ -97,7 +97,7 @@ class Operators:
     def _constraints(
         self, operator: Operator, events: Iterable[Atom]
     ) -> tuple[list[Condition], list[Condition]]:
-        """What is static, as literals or as a table of the instances there are, and what is not."""
+        """The static constraints, as literals or as a table of the possible instances, and the other constraints."""
         header = set(operator.variables)
         static, dynamic = list[Condition](operator.body), list[Condition]()
         for part in goal_parts(operator.precondition):
@@ -133,7 +133,7 @@ class Operators:
             yield Effect(atom, effect.adds, tuple(map(self.conditions.declared, parameters)), condition)
 
     def _cost(self, operator: Operator) -> tuple[tuple[BodyPart, ...], Term | None]:
-        """What an instance costs: a number, or a table over the parameters that decide it."""
+        """The cost of an instance: a number, or a table over the parameters that determine it."""
         if operator.cost is None:
             return (), Number(1) if self.priced else None
         if isinstance(operator.cost, Number):
@@ -148,7 +148,7 @@ class Operators:
 
 
 def _sayable(part: Condition, header: set[Variable]) -> bool:
-    """Whether a static part of a body can be said in PDDL as it stands."""
+    """Whether PDDL can express a static part of a body without change."""
     match part:
         case Literal(atom):
             plain = not any(_computed(argument) for argument in atom.arguments)

@@ -1,4 +1,4 @@
-"""Plans between an export and its problem: our operator instances as actions of the PDDL text, and back."""
+"""Translation of plans between an export and its problem: our operator instances as PDDL actions, and back."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -42,7 +42,7 @@ class LiftedPlans:
         self.terms = {names.term(term): term for term in flat.objects}
 
     def read(self, text: str, name: str) -> Plan:
-        """The plan in `text`; steps that begin chains are none of ours."""
+        """The plan in `text`, without the steps that only begin chains: they are no operators of the problem."""
         file, found, instances = File.of(name, text), list[Diagnostic](), list[Function]()
         for words, offset in actions(text):
             if words[0] not in self.others:
@@ -53,12 +53,12 @@ class LiftedPlans:
         return _sequence(instances, self.task)
 
     def _instance(self, words: list[str], where: Source) -> Function | Diagnostic:
-        """The operator instance behind an action, or what is wrong with the line."""
+        """The operator instance that an action stands for, or the error in its line."""
         operator = self.operators.get(words[0])
         if operator is None:
             hint = nearest(words[0], list(self.operators))
             return Diagnostic(where, "K101", f"unknown action '{words[0]}'", hint)
-        count = sum(each.type != "int" for each in operator.operator.parameters)  # a cost is no argument
+        count = sum(each.type != "int" for each in operator.operator.parameters)  # a cost is not an argument
         if len(words) != count + 1:
             return Diagnostic(where, "K102", f"{words[0]} takes {count} arguments, not {len(words) - 1}")
         if unknown := [word for word in words[1:] if word not in self.terms]:
@@ -68,7 +68,7 @@ class LiftedPlans:
         return Function(operator.operator.name, tuple(terms))
 
     def written(self, plan: Plan) -> str:
-        """The plan's steps in order, each with all the arguments that its action has."""
+        """The steps of the plan in order, each with all arguments of its action."""
         by_name = {each.operator.name: each for each in self.operators.values()}
         lines: list[str] = []
         for step in plan.steps:
@@ -98,7 +98,7 @@ class LiftedPlans:
 
 
 def _produced(plan: Plan) -> set[tuple[StepId, Function]]:
-    """Which step reaches which stage."""
+    """Pairs of a step and a stage that it reaches."""
     return {(link.producer, link.condition) for link in plan.links if link.condition.name == STAGE}
 
 
@@ -110,7 +110,7 @@ class GroundPlans:
     task: Task
 
     def read(self, text: str, name: str) -> Plan:
-        """The plan in `text`; steps that only the compiled goal needs are none of ours."""
+        """The plan in `text`, without the steps that only the compiled goal needs: they are no operators of the problem."""
         file, found, instances = File.of(name, text), list[Diagnostic](), list[Function]()
         for words, offset in actions(text):
             operator = self.actions.get(" ".join(words))
@@ -124,7 +124,7 @@ class GroundPlans:
         return _sequence(instances, self.task)
 
     def written(self, plan: Plan) -> str:
-        """The plan's steps in order; of the operators that share an instance, one that applies and gets furthest."""
+        """The steps of the plan in order. Of several operators for one instance, it takes an applicable one that gets furthest."""
         state, lines = self.task.initial, []
         wanted = [step.operator for step in plan.steps]
         wanted += [each.instance for each in self.actions.values() if each.instance.name == "_ends"]

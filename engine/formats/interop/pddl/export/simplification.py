@@ -1,6 +1,6 @@
-"""What need not be said is left out: types that are declared, and exceptions from deletes of what is added at once.
+"""Simplification: it leaves out declared types, and exceptions in deletes for atoms that the same step adds.
 
-The fewer conditional effects, the more planners and heuristics there are that take the export.
+With fewer conditional effects, more planners and heuristics accept the export.
 """
 
 from collections.abc import Collection, Iterable, Mapping
@@ -28,7 +28,7 @@ Scope = Mapping[Variable, str]
 
 
 class Simplifier:
-    """Simplifies what is flat, given the types of the variables around it."""
+    """Simplifies flat operators and conditions, given the types of their variables."""
 
     def __init__(self, world: World) -> None:
         self.world = world
@@ -48,7 +48,7 @@ class Simplifier:
         return replace(effect, condition=self.condition(effect.condition, _inside(scope, effect.parameters)))
 
     def condition(self, condition: Condition, scope: Scope) -> Condition:
-        """An equivalent condition without the types that its variables have anyway."""
+        """An equivalent condition without type conditions that the declared types of its variables imply."""
         match condition:
             case Literal(Function(name, (Variable() as variable,)), positive):
                 return (TRUE if positive else FALSE) if self._known(name, variable, scope) else condition
@@ -73,7 +73,7 @@ class Simplifier:
 
 
 def _without_exceptions(effect: Effect, added: Collection[Atom]) -> Effect:
-    """The same delete for all values: where it meets what is added in any case, adding comes last in PDDL."""
+    """The same delete without exceptions. That is safe for atoms that are always added, because PDDL adds after it deletes."""
     if effect.adds:
         return effect
     own = {parameter.variable for parameter in effect.parameters}
@@ -82,7 +82,7 @@ def _without_exceptions(effect: Effect, added: Collection[Atom]) -> Effect:
 
 
 def _is_exception(part: Condition, atom: Atom, own: Collection[Variable], added: Collection[Atom]) -> bool:
-    """Whether a condition leaves out a value with which the atom is one of those added."""
+    """Whether a condition excludes a value for which the atom is among the added ones."""
     match part:
         case Not(Comparison(left, "=", right)):
             pairs = ((left, right), (right, left))

@@ -1,4 +1,4 @@
-"""The workflow in flat terms: a counter per chain, which events and fluents advance it, and steps that begin a chain."""
+"""The workflow in flat terms: a counter per chain, events and fluents that advance it, and steps that begin a chain."""
 
 from collections.abc import Iterator
 
@@ -32,7 +32,7 @@ class Stages:
         self.names = {stage.name for chain in self.chains for stage in chain.stages}
 
     def facts(self) -> Iterator[Atom]:
-        """Which atom moves which chain from where to where."""
+        """A fact for each stage: the atom that moves a chain from one count to the next."""
         for chain in self.chains:
             for count, stage in enumerate(chain.stages):
                 for atom in self._matching(stage):
@@ -45,11 +45,11 @@ class Stages:
         return [atom for atom in self.world.task.atoms if reaches(atom, stage)]
 
     def initial(self) -> Iterator[Atom]:
-        """The chains that wait for no other stand at their beginning."""
+        """The counters at the start: chains that wait for no other chain are at their beginning."""
         return (reached(chain, 0) for chain in self.chains if not chain.after)
 
     def beginnings(self) -> Iterator[Operator]:
-        """A step for each chain that waits for others: it begins when they are finished."""
+        """A step for each chain that waits for other chains: it begins the chain when they are finished."""
         length = {chain.name: (chain, len(chain.stages)) for chain in self.chains}
         for number, chain in enumerate(self.chains):
             if chain.after:
@@ -60,11 +60,11 @@ class Stages:
                 yield Operator(f"{BEGIN}_{number}", (), condition, effects, cost=Number(0))
 
     def waiting(self) -> Iterator[Atom]:
-        """What the steps that begin chains use up."""
+        """The atoms that the beginning steps consume, so that each happens only once."""
         return (Function(f"{BEGIN}_{n}_yet") for n, chain in enumerate(self.chains) if chain.after)
 
     def goals(self) -> Iterator[Condition]:
-        """Every chain is finished; a fluent that ends one still holds, unless a later chain of its subject goes on."""
+        """Every chain is finished. A fluent that ends a chain still holds, unless a later chain of the same subject follows."""
         lasts = lasting(self.chains, self.world.domain)
         for chain in self.chains:
             yield Literal(reached(chain, len(chain.stages)))
@@ -72,7 +72,7 @@ class Stages:
                 yield Literal(lasts[chain.name])
 
     def happening(self, number: int, event: Atom) -> Happening:
-        """That an event is the next stage of some chain: the condition, its parameters, and how the chain moves on."""
+        """The condition that an event is the next stage of some chain, with its parameters and the effects on the chain."""
         if number:
             raise NotLiftable("several events in one operator")
         parameters = self._parameters()
@@ -83,7 +83,7 @@ class Stages:
         return And((static, Literal(held.atom))), parameters, (held, *effects)
 
     def advancing(self, effect: Effect) -> Iterator[Effect]:
-        """How the chains move on whose next stage the effect adds."""
+        """The effects that advance each chain whose next stage the effect adds."""
         if not effect.adds or effect.atom.name not in self.names:
             return
         parameters = self._parameters()

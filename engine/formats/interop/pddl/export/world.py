@@ -1,4 +1,4 @@
-"""What an export takes for granted: static facts, objects and their types, evaluated once by clingo."""
+"""The static part of an export: static facts, objects and their types, computed once by clingo."""
 
 from collections import defaultdict
 from collections.abc import Iterable, Iterator
@@ -16,11 +16,11 @@ NUMERAL, WORDS, CHAIN = "_numeral", "_text", "_chain"  # in PDDL, numbers, texts
 
 
 class NotLiftable(Exception):
-    """A construct that lifted PDDL cannot say; the ground task can."""
+    """A construct that lifted PDDL cannot express. The ground task can."""
 
 
 class World:
-    """A problem's statics: facts by predicate, the extension of each type, and one type for each object."""
+    """The statics of a problem: facts by predicate, the objects of each type, and one declared type per object."""
 
     def __init__(self, problem: Problem, task: Task) -> None:
         self.problem, self.domain, self.task = problem, problem.domain, task
@@ -92,7 +92,7 @@ class World:
 
     @cached_property
     def terms(self) -> tuple[Term, ...]:
-        """Every object, and all that it is made of, in natural order."""
+        """Every object and all its parts, in natural order."""
         found: dict[Term, None] = {}
         for name in self.domain.types:
             for fact in self.facts[name]:
@@ -104,7 +104,7 @@ class World:
 
     @cached_property
     def initial(self) -> tuple[Atom, ...]:
-        """The fluents that are true at the start, with everything that follows from those given."""
+        """The fluents that are true at the start, with all consequences of the given ones."""
         start = self.task.names(self.task.initial)
         return tuple(atom for atom in start if self.kinds.get(atom.name) is Kind.FLUENT)
 
@@ -128,7 +128,7 @@ class World:
         )
 
     def signature(self, name: str) -> tuple[str, ...]:
-        """The argument types of a predicate or type; nothing is known of what rules alone speak of."""
+        """The argument types of a predicate or type; empty for predicates that only rules use."""
         if name in self.domain.types:
             return (name,)
         predicate = self.domain.predicates.get(name)
@@ -143,12 +143,12 @@ def _subterms(term: Term) -> Iterator[Term]:
 
 
 class Fresh:
-    """Variables that stand nowhere else."""
+    """Variables that are used nowhere else."""
 
     def __init__(self) -> None:
         self._count = 0
 
     def variable(self, like: str) -> Variable:
-        """A new variable with a telling name; the number keeps it apart."""
+        """A new variable with a readable name; a number makes it unique."""
         self._count += 1
         return Variable(f"{like[:1].upper()}{like[1:]}__{self._count}")

@@ -30,7 +30,7 @@ class Writer:
     names: PddlNames = field(default_factory=PddlNames)
 
     def __post_init__(self) -> None:
-        for operator in self.flat.operators:  # what a plan shows gets the plainest names
+        for operator in self.flat.operators:  # operators get the simplest names, because plans show them
             self.names.of("action", operator.name)
         for term in self.flat.objects:
             self.names.term(term)
@@ -100,7 +100,7 @@ class Writer:
                 return
 
     def _use(self, atom: Atom, types: Mapping[Variable, str]) -> None:
-        """Widen the types of a predicate's arguments to what stands there."""
+        """Widen the argument types of a predicate to include the arguments of an atom."""
         found = [
             types.get(a, OBJECT) if isinstance(a, Variable) else self.flat.objects.get(a, OBJECT)
             for a in atom.arguments
@@ -109,7 +109,7 @@ class Writer:
         self._positions[atom.name] = [*map(self._above, known, found)] if known else found
 
     def _above(self, one: str, other: str) -> str:
-        """The lowest type above two."""
+        """The lowest common ancestor of two types."""
         line = self._line(one)
         return next((name for name in self._line(other) if name in line), OBJECT)
 
@@ -232,7 +232,7 @@ class Writer:
 
     def _action(self, operator: Operator) -> str:
         scope = Variables()
-        parameters = [p for p in operator.parameters if p.type != "int"]  # a cost is no argument
+        parameters = [p for p in operator.parameters if p.type != "int"]  # a cost is not an argument
         effects = [self._effect(effect, scope) for effect in operator.effects]
         effects += [self._price(operator, scope)] if self.flat.priced else []
         said = self._parameters(parameters, scope)
@@ -266,12 +266,12 @@ class Writer:
 
 
 def is_price(atom: Atom) -> bool:
-    """Whether a fact is what an operator costs."""
+    """Whether a fact gives the cost of an operator."""
     return atom.name.startswith("_cost_")
 
 
 def axiom_head(axiom: Axiom) -> Atom:
-    """The derived predicate over its own variables."""
+    """The derived predicate with a variable for each argument."""
     return Atom(axiom.name, tuple(parameter.variable for parameter in axiom.parameters))
 
 
