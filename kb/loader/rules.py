@@ -227,7 +227,7 @@ def _check_strata(read: Read, names: Names) -> None:
             lower = sign is not Sign.POSITIVE
             if lower and statement.defines and component.get(statement.defines) == component.get(use):
                 message = f"'{statement.defines[0]}' depends on its own negation"
-                hint = "negate only what does not lead back to it"
+                hint = "negate only predicates that do not depend on it"
                 names.findings.add(statement.where, "K201", message, hint)
 
 

@@ -11,6 +11,7 @@ from typer.testing import CliRunner
 from engine.faces.cli import app
 from engine.pipelines import checking
 from engine.pipelines.timetable import wishes_of
+from engine.stages.validation.semantics import Semantics
 from kb.loader import load_domain, load_problem
 from kb.model.conventions import CONVENTIONS
 from tests.places import BUNDLED
@@ -134,7 +135,8 @@ def test_every_convention_is_renamed_and_nothing_is_wrong_with_that(desks: list[
 def test_times_of_other_names_make_the_same_schedule(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     usual, renamed = (cell(tmp_path / each, "themse", TIMES, TIMED) for each in ("usual", "renamed"))
     rename(renamed, TIMES)
-    said = [wishes_of(load_problem(str(folder / "problems" / "two.yaml"))) for folder in (usual, renamed)]
+    problems = [load_problem(str(folder / "problems" / "two.yaml")) for folder in (usual, renamed)]
+    said = [wishes_of(Semantics(each).statics, each.domain.conventions) for each in problems]
     assert said[0] == said[1]
     assert said[0].travel
     assert all(getattr(said[0], role) for role in TIMES)
