@@ -33,9 +33,10 @@ from engine.model.outcome import Found
 from engine.pipelines import planning
 from engine.pipelines.reuse import Practice
 from engine.stages.macros.learning.generalise import generalise
+from engine.stages.macros.lifted.situation import Situation
 from engine.stages.macros.lifted.world import World
 from engine.stages.macros.lookup.lookup import Hit
-from engine.stages.macros.lookup.query import Situation, query
+from engine.stages.macros.lookup.query import query
 from engine.stages.macros.lookup.repertoire import Repertoire, record_of
 from engine.stages.validation import validate
 from kb.model.conditions import And, Literal

@@ -14,9 +14,10 @@ from engine.stages.grounding.initial import initial_state
 from engine.stages.grounding.limits import require_affordable_statics
 from engine.stages.grounding.program import Vocabulary
 from engine.stages.macros.learning.generalise import NotGeneral, generalise
+from engine.stages.macros.lifted.execution import executed
+from engine.stages.macros.lifted.situation import Situation
 from engine.stages.macros.lifted.world import Worlds
-from engine.stages.macros.lookup.checking import executed
-from engine.stages.macros.lookup.query import Query, Situation, query
+from engine.stages.macros.lookup.query import Query, query
 from engine.stages.macros.lookup.repertoire import Repertoire
 from engine.stages.planning import Limits
 from kb.diagnostics import InvalidInput

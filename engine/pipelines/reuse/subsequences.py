@@ -24,8 +24,8 @@ from engine.stages.macros.learning.subsequences import (
     shape,
 )
 from engine.stages.macros.lifted.digests import Digests
-from engine.stages.macros.lookup.checking import executed
-from engine.stages.macros.lookup.query import Situation
+from engine.stages.macros.lifted.execution import executed
+from engine.stages.macros.lifted.situation import Situation
 from engine.stages.macros.lookup.specialise import specialised
 from engine.stages.planning import Macros
 from engine.stages.planning.composites import Pattern

@@ -12,8 +12,8 @@ from engine.model.replay import Instances, instances, reached_goals, replayed
 from engine.model.task import Bits, GroundOperator, Task, indices
 from engine.pipelines.gate import Gate
 from engine.stages.grounding import ground
+from engine.stages.macros.lifted.situation import Situation
 from engine.stages.macros.lifted.world import World
-from engine.stages.macros.lookup.query import Situation
 from kb.model.plan import Plan
 from kb.model.problem import Problem
 from kb.terms import Atom, Function

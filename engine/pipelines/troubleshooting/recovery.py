@@ -13,9 +13,9 @@ from engine.pipelines.inspection.progress import Progress
 from engine.pipelines.revision import Course, remaining, revise
 from engine.pipelines.revision.remaining import stages_reached
 from engine.stages.diagnosis.revision import revised
+from engine.stages.macros.lifted.execution import changes_of
+from engine.stages.macros.lifted.situation import Situation
 from engine.stages.macros.lifted.world import World
-from engine.stages.macros.lookup.checking import changes_of
-from engine.stages.macros.lookup.query import Situation
 from engine.stages.planning import Limits
 from engine.stages.validation.semantics import Semantics
 from kb.model.conditions import Comparison

@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from engine.model.outcome import Found
 from engine.pipelines.gate import Gate
 from engine.pipelines.reuse import Answered, Practice
+from engine.stages.macros.lifted.situation import Situation
 from engine.stages.macros.lookup import lookup
-from engine.stages.macros.lookup.query import Situation
 from engine.stages.planning import Limits
 from engine.stages.validation import validate
 from kb.diagnostics import InvalidInput

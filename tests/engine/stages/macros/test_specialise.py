@@ -4,8 +4,8 @@ import pytest
 
 from engine.pipelines.reuse.subsequences import lifted, pattern_of
 from engine.stages.macros.learning.subsequences import recurring
+from engine.stages.macros.lifted.situation import Situation
 from engine.stages.macros.lifted.world import World
-from engine.stages.macros.lookup.query import Situation
 from engine.stages.validation.semantics import Semantics
 from kb.loader import load_plan
 from kb.terms import Term, Variable, match, variables

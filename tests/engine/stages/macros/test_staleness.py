@@ -9,8 +9,9 @@ from hypothesis import strategies as st
 from macro_cells import GOLDEN, Example, bundled, golden
 
 from engine.stages.macros.lifted.digests import Digests
+from engine.stages.macros.lifted.situation import Situation
 from engine.stages.macros.lifted.world import World
-from engine.stages.macros.lookup.query import Situation, query, signature_of
+from engine.stages.macros.lookup.query import query, signature_of
 from engine.stages.macros.lookup.repertoire import Repertoire
 from engine.stages.validation import validate
 from engine.stages.validation.semantics import Semantics

@@ -5,9 +5,9 @@ import itertools
 import pytest
 
 from engine.stages.macros.learning.subsequences import LONGEST, Order, fits, occurring, recurring, shape
+from engine.stages.macros.lifted.execution import executed
+from engine.stages.macros.lifted.situation import Situation
 from engine.stages.macros.lifted.world import World
-from engine.stages.macros.lookup.checking import executed
-from engine.stages.macros.lookup.query import Situation
 from engine.stages.validation.semantics import Semantics
 from kb.loader import load_plan
 from kb.model.plan import Plan, Step
