@@ -10,9 +10,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from engine.model.forecast import STAGE, earliest_starts
+from engine.model.forecast import earliest_starts
 from engine.model.outcome import Found, GaveUp, Infeasible, Statistics
-from engine.model.shop import Job, Resource, Schedule, Scheduled, Shop, Stage, Timetable
+from engine.model.schedule import Schedule, Scheduled, Timetable
+from engine.model.shop import Job, Resource, Shop, Stage
+from engine.model.stages import STAGE
 from engine.model.task import Bits, GroundOperator, Task, bitset, progress
 from engine.pipelines.gate import Gate
 from engine.pipelines.planning import planned, problem_of

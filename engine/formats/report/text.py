@@ -13,8 +13,10 @@ from rich.text import Text
 
 from engine.formats.report.rows import Rows, headed
 from engine.formats.report.wrapping import wrapped
-from engine.model.forecast import History, earliest_starts, histories, makespan, purposes
+from engine.model.forecast import earliest_starts, makespan
+from engine.model.histories import History, histories
 from engine.model.outcome import Found, GaveUp, Infeasible, Outcome, Statistics
+from engine.model.purposes import purposes
 from kb.model.plan import Plan, StepId
 from kb.model.problem import Problem
 

@@ -7,8 +7,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
-from engine.model.forecast import STAGE, stage_atom
 from engine.model.replay import Instances, instances, reached_goals, replayed
+from engine.model.stages import STAGE, stage_atom
 from engine.model.task import Bits, GroundOperator, Task, indices
 from engine.pipelines.gate import Gate
 from engine.stages.grounding import ground

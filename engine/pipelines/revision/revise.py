@@ -10,8 +10,8 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from engine.model.forecast import STAGE
 from engine.model.outcome import Found, Outcome
+from engine.model.stages import STAGE
 from engine.model.task import Bits, GroundOperator, progress
 from engine.pipelines import planning
 from engine.pipelines.revision.course import Course

@@ -8,7 +8,8 @@ schedules with the least estimate of the end: what has been placed and its tail,
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from engine.model.shop import Adjustment, Change, Need, Schedule, Stage
+from engine.model.schedule import Adjustment, Schedule
+from engine.model.shop import Change, Need, Stage
 from engine.stages.scheduling.batches import Batches, batches
 from engine.stages.scheduling.bounds import Occupation, least_travel, occupations
 from engine.stages.scheduling.lags import Lags, first_needs

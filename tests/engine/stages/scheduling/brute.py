@@ -3,7 +3,8 @@
 import itertools
 from collections.abc import Iterator
 
-from engine.model.shop import Adjustment, Change, Device, Schedule, Shop
+from engine.model.schedule import Adjustment, Schedule
+from engine.model.shop import Change, Device, Shop
 from engine.stages.scheduling.checker import check_schedule
 
 

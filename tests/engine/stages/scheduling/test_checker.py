@@ -4,20 +4,8 @@ from dataclasses import replace
 
 import pytest
 
-from engine.model.shop import (
-    Adjustment,
-    Change,
-    Device,
-    Hold,
-    Job,
-    Moment,
-    Need,
-    Resource,
-    Schedule,
-    Shop,
-    Stage,
-    Window,
-)
+from engine.model.schedule import Adjustment, Schedule
+from engine.model.shop import Change, Device, Hold, Job, Moment, Need, Resource, Shop, Stage, Window
 from engine.stages.scheduling import check_schedule
 
 OPEN, SHUT = Change("shut", "open", 2), Change("open", "shut", 2)
