@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from engine.model.outcome import GaveUp, Infeasible, Statistics
-from engine.model.shop import Change, Shop
+from engine.model.shop import Changeover, Shop
 from kb.model.plan import Plan, StepId
 
 
@@ -13,7 +13,7 @@ class Adjustment:
     """A device is brought from one setting to another by its operator."""
 
     device: str
-    change: Change
+    change: Changeover
     start: int
 
     @property

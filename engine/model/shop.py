@@ -88,7 +88,7 @@ class Resource:
 
 
 @dataclass(frozen=True, slots=True)
-class Change:
+class Changeover:
     """How a device comes from one setting to another: `duration` of its operator's time, from `origin` to `destination`."""
 
     before: str
@@ -108,10 +108,10 @@ class Device:
     name: str
     operator: str
     initial: str
-    changes: tuple[Change, ...]
+    changes: tuple[Changeover, ...]
     final: str = ""
 
-    def change(self, before: str, after: str) -> Change | None:
+    def change(self, before: str, after: str) -> Changeover | None:
         """How to come from `before` to `after`, if there is a way."""
         found = [each for each in self.changes if (each.before, each.after) == (before, after)]
         return found[0] if found else None

@@ -1,4 +1,4 @@
-"""Rows of plain text as a table or, on a terminal too narrow for its words, as records: nothing is cut, no word broken
+"""TextTable of plain text as a table or, on a terminal too narrow for its words, as records: nothing is cut, no word broken
 that fits on a line."""
 
 from collections.abc import Collection, Iterable, Iterator, Sequence
@@ -22,7 +22,7 @@ def headed(head: str, below: Iterable[str], width: int) -> Text:
 
 
 @dataclass(frozen=True, slots=True)
-class Rows:
+class TextTable:
     """Cells under headings. Without any heading there is no head. `right` are headings of columns of numbers."""
 
     headings: Sequence[str]

@@ -11,7 +11,7 @@ from engine.stages.macros.lifted.facts import Facts
 from engine.stages.macros.lifted.ground_steps import GroundStep
 from engine.stages.macros.lifted.schema import OperatorSchema
 from engine.stages.macros.lifted.situation import Situation
-from engine.stages.macros.lifted.world import Change, World, holds, with_derived
+from engine.stages.macros.lifted.world import CellDomain, StepChange, holds, with_derived
 from kb.model.conditions import Body
 from kb.model.plan import Plan, Step, StepId
 from kb.terms import Atom
@@ -21,9 +21,9 @@ from kb.terms import Atom
 class Execution:
     """One linearisation, executed."""
 
-    world: World
+    world: CellDomain
     facts: Facts
-    changes: dict[StepId, Change] = field(default_factory=dict)
+    changes: dict[StepId, StepChange] = field(default_factory=dict)
 
     def run(self, plan: Plan) -> str:
         """Execute all steps; why one cannot be taken, or nothing."""
@@ -42,7 +42,7 @@ class Execution:
         if known.refusal or not known.applicable(self.facts):
             return known.refusal or "its precondition does not hold"
         ends = known.ended(self.facts, self.world.statics)
-        change = self.changes[step.id] = Change(known.adds, ends, known.events)
+        change = self.changes[step.id] = StepChange(known.adds, ends, known.events)
         self.facts = change.applied(self.facts)
         return ""
 
@@ -63,7 +63,7 @@ class Execution:
         return ""
 
     def _contradiction(
-        self, schema: OperatorSchema, bindings: Bindings, change: Change, facts: Facts
+        self, schema: OperatorSchema, bindings: Bindings, change: StepChange, facts: Facts
     ) -> Atom | None:
         for each in schema.denies:
             if each.deduced:
@@ -77,9 +77,9 @@ def _needs(schema: OperatorSchema) -> Iterator[Body]:
     return (each.needs for each in (*schema.adds, *schema.denies))
 
 
-def changes_of(start: Situation, steps: Iterable[Step]) -> list[Change]:
+def changes_of(start: Situation, steps: Iterable[Step]) -> list[StepChange]:
     """What the steps of a valid plan do when they are executed one after another."""
-    world, facts, found = start.world, start.facts, list[Change]()
+    world, facts, found = start.world, start.facts, list[StepChange]()
     for step in steps:
         schema, _ = world.binding(step.operator)
         asks = any(map(world.schemas.rests_on_rules, _needs(schema)))

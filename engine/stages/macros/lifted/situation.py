@@ -4,7 +4,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 from engine.stages.macros.lifted.facts import Facts
-from engine.stages.macros.lifted.world import World
+from engine.stages.macros.lifted.world import CellDomain
 from kb.terms import Atom, ordered
 
 
@@ -12,11 +12,11 @@ from kb.terms import Atom, ordered
 class Situation:
     """A state of a world. Successors share what a step does not touch, so that moving on is cheap."""
 
-    world: World
+    world: CellDomain
     facts: Facts
 
     @classmethod
-    def of(cls, world: World, state: Iterable[Atom]) -> "Situation":
+    def of(cls, world: CellDomain, state: Iterable[Atom]) -> "Situation":
         """The situation of a state, in an order that repeats."""
         return cls(world, Facts(ordered(state)))
 

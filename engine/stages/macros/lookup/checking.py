@@ -13,7 +13,7 @@ from engine.stages.macros.lifted.deduction import Following
 from engine.stages.macros.lifted.execution import Execution
 from engine.stages.macros.lifted.schema import NotGeneral
 from engine.stages.macros.lifted.situation import Situation
-from engine.stages.macros.lifted.world import World
+from engine.stages.macros.lifted.world import CellDomain
 from engine.stages.macros.lookup.query import Query, is_met
 from kb.model.conditions import Literal
 from kb.model.plan import Plan, Step
@@ -98,7 +98,7 @@ def _preconditions(step: Step, run: Execution) -> Iterator[Atom]:
                 yield atom
 
 
-def _may_deny(each: Following, atom: Atom, bindings: Bindings, world: World) -> bool:
+def _may_deny(each: Following, atom: Atom, bindings: Bindings, world: CellDomain) -> bool:
     """Whether a consequence denies an atom in some state."""
     if each.atom.name != atom.name:
         return False

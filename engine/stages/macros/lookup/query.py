@@ -7,7 +7,7 @@ from typing import Any
 
 from engine.stages.macros.lifted.facts import Facts
 from engine.stages.macros.lifted.situation import Situation
-from engine.stages.macros.lifted.world import World, holds, with_derived
+from engine.stages.macros.lifted.world import CellDomain, holds, with_derived
 from kb.model.conditions import Condition, Exists, Literal, goal_parts
 from kb.model.macro import Macrop
 from kb.model.problem import Chain, Problem
@@ -35,7 +35,7 @@ class Query:
         return not self.goals and not self.chains
 
     @property
-    def world(self) -> World:
+    def world(self) -> CellDomain:
         """The world that is asked about."""
         return self.situation.world
 

@@ -8,10 +8,10 @@ that leads back to itself, arithmetic inside a disjunction) is exported ground. 
 
 from dataclasses import dataclass
 
+from engine.formats.interop.pddl.export.background import NotLiftable
 from engine.formats.interop.pddl.export.flat import flattened
 from engine.formats.interop.pddl.export.ground import GroundWriter
 from engine.formats.interop.pddl.export.plans import GroundPlans, LiftedPlans
-from engine.formats.interop.pddl.export.world import NotLiftable
 from engine.formats.interop.pddl.export.writer import Writer
 from engine.model.task import Task
 from kb.model.plan import Plan

@@ -19,7 +19,7 @@ class NotLiftable(Exception):
     """A construct that lifted PDDL cannot say; the ground task can."""
 
 
-class World:
+class Background:
     """A problem's statics: facts by predicate, the extension of each type, and one type for each object."""
 
     def __init__(self, problem: Problem, task: Task) -> None:
