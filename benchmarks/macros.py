@@ -33,9 +33,10 @@ from engine.model.outcome import Found
 from engine.pipelines import planning
 from engine.pipelines.reuse import Practice
 from engine.stages.macros.learning.generalise import generalise
-from engine.stages.macros.lifted.world import World
+from engine.stages.macros.lifted.situation import Situation
+from engine.stages.macros.lifted.world import CellDomain
 from engine.stages.macros.lookup.lookup import Hit
-from engine.stages.macros.lookup.query import Situation, query
+from engine.stages.macros.lookup.query import query
 from engine.stages.macros.lookup.repertoire import Repertoire, record_of
 from engine.stages.validation import validate
 from kb.model.conditions import And, Literal
@@ -50,7 +51,7 @@ console = Console()
 def lessons(days: list[Day]) -> list[str]:
     """The MACROPs of some days, as documents; made in a process of its own."""
     problem = cell(SMALL)
-    world = World(problem)
+    world = CellDomain(problem)
     found = []
     for day in days:
         posed = dataclasses.replace(problem, goal=day.goals(), initial=day.initial(), complete=True)
@@ -84,7 +85,7 @@ class Bench:
     """A big cell, loaded once, and what was found out about it."""
 
     problem: Problem
-    world: World
+    world: CellDomain
     loading_s: float
     rows: list[dict[str, Any]] = dataclasses.field(default_factory=list)
 
@@ -93,7 +94,7 @@ class Bench:
         """Load the cell and evaluate its statics."""
         problem = cell(points)
         started = time.perf_counter()
-        world = World(problem)
+        world = CellDomain(problem)
         return cls(problem, world, time.perf_counter() - started)
 
     def posed(self, day: Day) -> tuple[Problem, Situation]:

@@ -27,7 +27,8 @@ from engine.formats.interop.jobshop import read_jobshop
 from engine.formats.interop.slab import read_slab
 from engine.model.forecast import makespan
 from engine.model.outcome import Found
-from engine.model.shop import Scheduled, Shop, Timetable
+from engine.model.schedule import Scheduled, Timetable
+from engine.model.shop import Shop
 from engine.pipelines.timetable import timed
 from engine.stages.grounding import ground
 from engine.stages.planning import Limits

@@ -7,7 +7,7 @@ from kb.terms import Atom
 
 
 @dataclass(frozen=True, slots=True)
-class Change:
+class Amendment:
     """A difference to a problem. `kind`: add static, remove static, add initial, remove initial, or drop goal.
 
     `proof` is the number of steps of a checked plan for the changed problem.
@@ -35,7 +35,7 @@ class Explanation:
     status: str
     goals: tuple[str, ...] = ()
     exclusions: tuple[str, ...] = ()
-    changes: tuple[Change, ...] = ()
+    changes: tuple[Amendment, ...] = ()
     reason: str = ""
 
 

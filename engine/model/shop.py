@@ -1,12 +1,9 @@
-"""What is to be scheduled, and when it happens: jobs of stages on resources, and the schedule. Times are integers."""
+"""What is to be scheduled: jobs of stages on resources, windows between them, and devices. Times are integers."""
 
 import itertools
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-
-from engine.model.outcome import GaveUp, Infeasible, Statistics
-from kb.model.plan import Plan, StepId
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,7 +88,7 @@ class Resource:
 
 
 @dataclass(frozen=True, slots=True)
-class Change:
+class Changeover:
     """How a device comes from one setting to another: `duration` of its operator's time, from `origin` to `destination`."""
 
     before: str
@@ -111,10 +108,10 @@ class Device:
     name: str
     operator: str
     initial: str
-    changes: tuple[Change, ...]
+    changes: tuple[Changeover, ...]
     final: str = ""
 
-    def change(self, before: str, after: str) -> Change | None:
+    def change(self, before: str, after: str) -> Changeover | None:
         """How to come from `before` to `after`, if there is a way."""
         found = [each for each in self.changes if (each.before, each.after) == (before, after)]
         return found[0] if found else None
@@ -165,64 +162,3 @@ def in_order(stages: tuple[Stage, ...]) -> tuple[Window, ...]:
         Window(Moment(first.name, first.duration), Moment(second.name))
         for first, second in itertools.pairwise(stages)
     )
-
-
-@dataclass(frozen=True, slots=True)
-class Adjustment:
-    """A device is brought from one setting to another by its operator."""
-
-    device: str
-    change: Change
-    start: int
-
-    @property
-    def end(self) -> int:
-        """When it is done."""
-        return self.start + self.change.duration
-
-
-@dataclass(frozen=True, slots=True)
-class Schedule:
-    """When each stage and each change of a device starts. No schedule is shorter than `lower_bound`.
-
-    `tardiness` is the weighted sum of what jobs end after they are due, which comes before the makespan; `proved`
-    says that there is no better schedule. Start times are a forecast; the order is what is promised.
-    """
-
-    starts: Mapping[str, int]
-    adjustments: tuple[Adjustment, ...]
-    makespan: int
-    lower_bound: int
-    tardiness: int = 0
-    proved: bool = False
-
-    @property
-    def gap(self) -> float:
-        """How much longer than the lower bound it may be, as a share of the makespan."""
-        return (self.makespan - self.lower_bound) / self.makespan if self.makespan else 0.0
-
-
-@dataclass(frozen=True, slots=True)
-class Scheduled:
-    """A schedule that the independent checker accepts."""
-
-    schedule: Schedule
-    statistics: Statistics = field(default_factory=Statistics)
-
-
-Timing = Scheduled | Infeasible | GaveUp
-
-
-@dataclass(frozen=True, slots=True)
-class Timetable:
-    """A plan with the start of each step, and the schedule of the shop behind it.
-
-    `shop` has a stage per block of steps that serves an object. `note` says why the plan kept its own order, if it did.
-    """
-
-    plan: Plan
-    starts: Mapping[StepId, int]
-    shop: Shop
-    schedule: Schedule
-    note: str = ""
-    statistics: Statistics = field(default_factory=Statistics)

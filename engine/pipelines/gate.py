@@ -24,7 +24,7 @@ class InternalError(Exception):
         super().__init__("the checker refuses the plan:\n" + "\n".join(map(str, diagnostics)))
 
 
-class Gate:
+class PlanGate:
     """The checker, and what it knows of the cells that were met lately."""
 
     def __init__(self) -> None:
@@ -62,5 +62,5 @@ class Gate:
 
 
 def accepted(problem: Problem, plan: Plan) -> Plan:
-    """`Gate.accepted` for a plan that comes alone."""
-    return Gate().accepted(problem, plan)
+    """`PlanGate.accepted` for a plan that comes alone."""
+    return PlanGate().accepted(problem, plan)

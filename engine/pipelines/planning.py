@@ -8,7 +8,7 @@ from dataclasses import replace
 
 from engine.model.outcome import Found, Outcome, Statistics
 from engine.model.task import Task
-from engine.pipelines.gate import Gate, accepted
+from engine.pipelines.gate import PlanGate, accepted
 from engine.stages.grounding import ground
 from engine.stages.grounding.limits import require_affordable_statics
 from engine.stages.planning import NO_MACROS, Limits, Macros
@@ -82,4 +82,4 @@ def initial_facts(target: str) -> frozenset[Atom]:
     from kb.loader import find, load
 
     problem = load(find(target)).problem
-    return frozenset() if problem is None else Gate().semantics(problem).initial()
+    return frozenset() if problem is None else PlanGate().semantics(problem).initial()

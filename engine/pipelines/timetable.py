@@ -10,11 +10,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from engine.model.forecast import STAGE, earliest_starts
+from engine.model.forecast import earliest_starts
 from engine.model.outcome import Found, GaveUp, Infeasible, Statistics
-from engine.model.shop import Job, Resource, Schedule, Scheduled, Shop, Stage, Timetable
+from engine.model.schedule import Schedule, Scheduled, Timetable
+from engine.model.shop import Job, Resource, Shop, Stage
+from engine.model.stages import STAGE
 from engine.model.task import Bits, GroundOperator, Task, bitset, progress
-from engine.pipelines.gate import Gate
+from engine.pipelines.gate import PlanGate
 from engine.pipelines.planning import planned, problem_of
 from engine.stages.grounding import ground
 from engine.stages.planning import Limits
@@ -74,7 +76,7 @@ def timed(
     Where longest stays are asked for, the plan's own order is no answer: then there may be none. Raises `InvalidInput` if the
     plan's own order remains and the checker refuses the plan.
     """
-    gate = Gate()
+    gate = PlanGate()
     wishes = wishes_of(gate.semantics(problem).statics, problem.domain.conventions)
     try:
         steps, goals = operators_of(task, plan)
@@ -89,7 +91,7 @@ def timed(
         return in_its_order(_sound(gate, problem, plan), f"{error}{unwatched}")
 
 
-def _sound(gate: Gate, problem: Problem, plan: Plan) -> Plan:
+def _sound(gate: PlanGate, problem: Problem, plan: Plan) -> Plan:
     """A plan that was given, as it may be given out. Raises `InvalidInput` if it may not."""
     settled, wrong = gate.settled(problem, plan)
     if wrong:
@@ -102,7 +104,7 @@ def _dwells(shop: Shop) -> bool:
 
 
 def _as_plan(
-    gate: Gate, problem: Problem, task: Task, goals: Bits, work: CellWork, found: Scheduled
+    gate: PlanGate, problem: Problem, task: Task, goals: Bits, work: CellWork, found: Scheduled
 ) -> Timetable:
     """The schedule as a plan that the checker accepts. Raises `Mislaid`."""
     steps = timed_steps(task, work, found.schedule)

@@ -104,7 +104,7 @@ class Cases:
             for row in rows
         )
 
-    def age(self, domain: str, factor: float) -> None:
+    def discount(self, domain: str, factor: float) -> None:
         """Multiply the weight of every case of a domain by a factor."""
         changed = update(cases).where(cases.c.domain == domain).values(weight=cases.c.weight * factor)
         with transaction(self._engine, self.target, writes=True) as connection:

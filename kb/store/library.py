@@ -136,7 +136,7 @@ class Library:
         with transaction(self._engine, self.target) as connection:
             return self._shared.outlines(connection, where)
 
-    def outlined(self, found: Iterable[tuple[Macrop, int, tuple[Requirement, ...]]]) -> None:
+    def note_outlines(self, found: Iterable[tuple[Macrop, int, tuple[Requirement, ...]]]) -> None:
         """Store requirements that were computed for MACROPs of older versions, by number."""
         new = list(found) if self.writable else []
         if not new:
@@ -230,7 +230,7 @@ class Library:
                 for chunk in chunks(sorted(numbers))
             )
 
-    def used(self, uses: Mapping[int, Use]) -> None:
+    def note_uses(self, uses: Mapping[int, Use]) -> None:
         """Add uses to MACROPs."""
         more = {
             "uses": usage.c.uses + bindparam("times"),
@@ -245,7 +245,7 @@ class Library:
         with transaction(self._engine, self.target, writes=True) as connection:
             connection.execute(usage.update().where(usage.c.macrop == bindparam("number")).values(more), rows)
 
-    def tried(self, domain: str, signature: str) -> tuple[int, int]:
+    def trials(self, domain: str, signature: str) -> tuple[int, int]:
         """How often plans for goals of one signature could be composed of MACROPs, and how often not."""
         own = (trials.c.domain == domain) & (trials.c.signature == signature)
         with transaction(self._engine, self.target) as connection:

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import pytest
 
-from engine.model.forecast import histories
+from engine.model.histories import histories
 from engine.model.outcome import Found, Infeasible, Outcome
 from engine.pipelines import planning
 from engine.stages.grounding import goals as goal_compilation

@@ -26,7 +26,7 @@ def kept(
         if reset:
             said.append(f"{cases.reset(model.domain)} cases forgotten")
         if age is not None:
-            cases.age(model.domain, age)
+            cases.discount(model.domain, age)
             said.append(f"the weights of cases are multiplied by {age:g}")
         if given is not None:
             added = imported(model, given)
@@ -40,14 +40,14 @@ def _history(domain: str, cases: "Cases", said: list[str], listed: bool) -> Answ
     from rich.text import Text
 
     from engine.formats.report.diagnosis import number
-    from engine.formats.report.rows import Rows
+    from engine.formats.report.rows import TextTable
 
     found = cases.history(domain)
     rows = [
         (e.exception, " and ".join(e.causes), number(e.weight), number(e.cost), str(len(e.observations)))
         for e in found
     ]
-    table = Rows(("exception", "cause", "counts for", "cost", "tests"), rows)
+    table = TextTable(("exception", "cause", "counts for", "cost", "tests"), rows)
     content = {
         "cases": [
             {"exception": e.exception, "causes": list(e.causes), "weight": e.weight, "cost": e.cost}

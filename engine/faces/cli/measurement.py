@@ -78,7 +78,7 @@ def _list(target: str) -> Answer:
     from rich.console import Group
 
     from engine.formats.report.inspection import entry, parts
-    from engine.formats.report.rows import Rows
+    from engine.formats.report.rows import TextTable
     from engine.pipelines.inspection import partition
     from engine.pipelines.inspection.places import with_places
     from kb.diagnostics import Diagnostic, InvalidInput, Source
@@ -93,7 +93,7 @@ def _list(target: str) -> Answer:
     rows = [(name, tool, "") for tool, names in found.groups.items() for name in names]
     rows += [(name, "done", "") for name in found.done]
     rows += [(name, "-", reason) for name, reason in found.impossible.items()]
-    table = Rows(("measurement", "by", "reason"), rows)
+    table = TextTable(("measurement", "by", "reason"), rows)
     return Answer("ok", entry(found), lambda: Group(table, parts(found)))
 
 

@@ -120,7 +120,7 @@ def _text(found: "Preparation") -> "RenderableType":
     from rich.text import Text
 
     from engine.formats.report.macros import origin
-    from engine.formats.report.rows import Rows
+    from engine.formats.report.rows import TextTable
 
     sequenced, rows = any(each.sequence for each in found.problems), []
     for each in found.problems:
@@ -133,7 +133,7 @@ def _text(found: "Preparation") -> "RenderableType":
     ]
     learned = sum(each.origin == "planner" and each.macrop is not None for each in found.problems)
     known = sum(each.origin == "library" for each in found.problems)
-    table = Rows(("problem", "answer", "", *(("sequence",) if sequenced else ())), rows)
+    table = TextTable(("problem", "answer", "", *(("sequence",) if sequenced else ())), rows)
     return Group(*stale, table, Text(f"{len(found.problems)} problems: {learned} learned, {known} known"))
 
 

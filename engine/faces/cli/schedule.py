@@ -17,7 +17,8 @@ if TYPE_CHECKING:
     from rich.console import RenderableType
 
     from engine.model.outcome import GaveUp, Infeasible, Statistics
-    from engine.model.shop import Schedule, Shop, Timetable
+    from engine.model.schedule import Schedule, Timetable
+    from engine.model.shop import Shop
     from engine.stages.scheduling.limits import ScheduleLimits
     from kb.model.problem import Problem
 
@@ -131,7 +132,7 @@ def _refuse(options: "Mapping[str, str]", why: str) -> None:
 
 def _shop(shop: "Shop", limits: "ScheduleLimits", form: ScheduleForm, stats: bool) -> Answer:
     from engine.formats.report.gantt import schedule_entry
-    from engine.model.shop import Scheduled
+    from engine.model.schedule import Scheduled
     from engine.stages.scheduling import schedule
 
     found = schedule(shop, limits)
@@ -147,7 +148,7 @@ def _timetable(
     from engine.formats.report import json
     from engine.formats.report.gantt import schedule_entry
     from engine.model.outcome import Found
-    from engine.model.shop import Timetable
+    from engine.model.schedule import Timetable
 
     if not isinstance(made, Timetable):
         return _none(made)

@@ -56,7 +56,7 @@ class Ports:
 
 
 @dataclass(frozen=True, slots=True)
-class Rows:
+class NetRows:
     """The row of each net below its producer, counted from the top, and above each layer that its track reaches, from below."""
 
     upper: Mapping[int, int]
@@ -182,7 +182,7 @@ def _column(
 
 def rows_of(
     nets: Sequence[Net], boxes: Boxes, ports: Ports, labels: Sequence[Span], tracks: Mapping[int, float]
-) -> Rows:
+) -> NetRows:
     """The row of each net below its producer, and above each layer that its track reaches."""
     out: dict[int, list[tuple[float, int, Span]]] = {}
     back: dict[int, list[tuple[float, tuple[int, int], Span]]] = {}
@@ -198,7 +198,7 @@ def rows_of(
             back.setdefault(reached, []).append((span[1] - span[0], (index, reached), span))
     upper = {key: row for layer in out.values() for key, row in _left_edge(layer).items()}
     lower = {key: row for layer in back.values() for key, row in _left_edge(layer).items()}
-    return Rows(upper, lower)
+    return NetRows(upper, lower)
 
 
 def _hull(*xs: float) -> Span:

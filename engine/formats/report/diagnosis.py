@@ -7,7 +7,7 @@ from rich.console import Group, RenderableType
 from rich.text import Text
 from rich.tree import Tree as RichTree
 
-from engine.formats.report.rows import Rows
+from engine.formats.report.rows import TextTable
 from engine.model.cases import Diagnosis, Revision
 from engine.model.troubleshooting import Advice, Conclude, Tree, Troubleshooting
 from kb.model.faults import FaultModel
@@ -71,7 +71,9 @@ def advice_entry(problem: Troubleshooting, advice: Advice) -> dict[str, Any]:
     }
 
 
-def reasons(problem: Troubleshooting, advice: Advice, compared: Sequence[tuple[int, float, bool]]) -> Rows:
+def reasons(
+    problem: Troubleshooting, advice: Advice, compared: Sequence[tuple[int, float, bool]]
+) -> TextTable:
     """The reason for the next action: the expected cost of beginning with each other action."""
     rows = []
     for action, cost, exact in sorted(compared, key=lambda row: (row[1], row[0])):
@@ -79,15 +81,15 @@ def reasons(problem: Troubleshooting, advice: Advice, compared: Sequence[tuple[i
         more = cost - advice.expected_cost
         said = "chosen" if action == advice.action else number(max(0.0, more))
         rows.append((problem.actions[action].name, sign + number(cost), said))
-    return Rows(("begin with", "expected cost", "more than the best"), rows)
+    return TextTable(("begin with", "expected cost", "more than the best"), rows)
 
 
-def belief(pairs: Sequence[tuple[str, float]], most: int = 8) -> Rows:
+def belief(pairs: Sequence[tuple[str, float]], most: int = 8) -> TextTable:
     """The causes that are still possible, the most probable first."""
     rows = [(name, f"{probability:.3f}") for name, probability in pairs[:most]]
     if len(pairs) > most:
         rows.append((f"and {len(pairs) - most} more", f"{sum(p for _, p in pairs[most:]):.3f}"))
-    return Rows(("cause", "probability"), rows)
+    return TextTable(("cause", "probability"), rows)
 
 
 def case(
@@ -98,7 +100,7 @@ def case(
         (str(place), stage.observed.action, stage.observed.outcome, number(stage.cost))
         for place, stage in enumerate(made.stages, 1)
     ]
-    steps = Rows(("", "test or repair", "outcome", "cost"), rows)
+    steps = TextTable(("", "test or repair", "outcome", "cost"), rows)
     parts: list[RenderableType] = [Text(f"{made.exception}: {model.exceptions[made.exception].say}")]
     parts += [steps] if made.stages else []
     parts += [Text(line) for line in (*_ending(model, made), *_changes(certain, change))]

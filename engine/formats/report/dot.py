@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterator
 
-from engine.model.forecast import wording
+from engine.model.purposes import wording
 from kb.model.plan import GOAL, START, Plan, StepId
 from kb.model.problem import Problem
 from kb.terms import Atom

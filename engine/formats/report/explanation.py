@@ -4,7 +4,7 @@ from typing import Any
 
 from rich.text import Text
 
-from engine.model.explanation import Change, Explanation, Purpose, StepReason
+from engine.model.explanation import Amendment, Explanation, Purpose, StepReason
 
 _SAID = {
     "add static": "if it were a fact that {}",
@@ -35,7 +35,7 @@ def explanation(found: Explanation) -> Text:
     return Text("\n".join(lines))
 
 
-def said(change: Change) -> str:
+def said(change: Amendment) -> str:
     """A change in words."""
     return _SAID[change.kind].format(change.goal or " and ".join(map(str, change.facts)))
 

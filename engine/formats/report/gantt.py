@@ -12,7 +12,8 @@ from typing import Any
 from rich.console import Console, ConsoleOptions, Group, RenderableType
 from rich.text import Text
 
-from engine.model.shop import Hold, Schedule, Shop
+from engine.model.schedule import Schedule
+from engine.model.shop import Hold, Shop
 
 STYLES = ("blue", "red", "green", "magenta", "yellow", "cyan", "bright_blue", "bright_red")
 NARROWEST = 30  # width in characters of the part with the bars

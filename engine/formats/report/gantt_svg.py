@@ -5,7 +5,8 @@ from xml.sax.saxutils import escape
 
 from engine.formats.report.gantt import Bar, Kind, Row, rows, summary
 from engine.formats.report.svg import COLOURS, INK, PAPER
-from engine.model.shop import Schedule, Shop
+from engine.model.schedule import Schedule
+from engine.model.shop import Shop
 
 HEIGHT, GAP, MARGIN, WIDTH, CHARACTER = 22, 6, 16, 1000, 7.3
 STYLE = """

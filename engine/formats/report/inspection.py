@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from rich.console import Group, RenderableType
 from rich.text import Text
 
-from engine.formats.report.rows import Rows
+from engine.formats.report.rows import TextTable
 from engine.model.tour import PoseProblem, Tour
 
 
@@ -59,7 +59,7 @@ def posed(tours: Sequence[Posed], partition: Parts) -> RenderableType:
     for each in tours:
         names = ", ".join(each.problem.visits[visit].name for visit in each.tour.order)
         rows.append((each.tool, each.arm, f"{each.tour.cost / 1e6:.2f}", names))
-    return Group(parts(partition), Rows(("tool", "arm", "s", "in order"), rows))
+    return Group(parts(partition), TextTable(("tool", "arm", "s", "in order"), rows))
 
 
 def entry(partition: Parts) -> dict[str, Any]:
@@ -77,5 +77,5 @@ def parts(partition: Parts, title: str = "") -> RenderableType:
     rows += [(str(len(partition.done)), "done")] if partition.done else []
     impossible = sorted(Counter(partition.impossible.values()).items())
     rows += [(str(count), f"impossible: {reason}") for reason, count in impossible]
-    table = Rows(("measurements", "by"), rows, right=("measurements",))
+    table = TextTable(("measurements", "by"), rows, right=("measurements",))
     return Group(Text(title), table) if title else table

@@ -6,7 +6,8 @@ Other forms of answers only need the status from this module. So modules for doc
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-from engine.model.forecast import earliest_starts, histories, makespan
+from engine.model.forecast import earliest_starts, makespan
+from engine.model.histories import histories
 from engine.model.outcome import Found, GaveUp, Infeasible, Outcome, Statistics
 from kb.diagnostics import Diagnostic
 from kb.model.conditions import And

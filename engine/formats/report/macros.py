@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 from rich.console import Group, RenderableType
 from rich.text import Text
 
-from engine.formats.report.rows import Rows
+from engine.formats.report.rows import TextTable
 from kb.model.domain import Domain
 from kb.model.macro import Macrop, MacroStep
 
@@ -30,15 +30,15 @@ def macrop(found: Macrop, domain: Domain | None = None) -> RenderableType:
         ("resources", found.resources),
     ]
     rows = [(title, "\n".join(map(str, lines))) for title, lines in parts]
-    table = Rows(("", ""), [(title, said) for title, said in rows if said], lead="bold")
+    table = TextTable(("", ""), [(title, said) for title, said in rows if said], lead="bold")
     return Group(
         Text(f"MACROP {found.name}", style="bold"), table, Text("plan", style="bold"), _steps(found.steps)
     )
 
 
-def _steps(steps: Iterable[MacroStep]) -> Rows:
+def _steps(steps: Iterable[MacroStep]) -> TextTable:
     rows = [(str(step.id), str(step.operator), ", ".join(map(str, step.after))) for step in steps]
-    return Rows(("step", "operator", "after"), rows)
+    return TextTable(("step", "operator", "after"), rows)
 
 
 def listing(
@@ -62,7 +62,7 @@ def listing(
         cells.append(f"{each.saved_s:.2f}")
         cells += [_in_search(each.id, utilities)] if utilities else []
         rows.append([*cells, *([", ".join(stale.get(each.id, ()))] if stale else [])])
-    return Rows(headings, rows, right=numbers) if rows else Text("The library is empty.")
+    return TextTable(headings, rows, right=numbers) if rows else Text("The library is empty.")
 
 
 def _in_search(number: int, utilities: "Mapping[tuple[int, str], Utility]") -> str:
@@ -79,7 +79,7 @@ def folded(parts: Iterable[Mapping[str, Any]]) -> RenderableType | None:
     for part in parts:
         number = f"{part['macrop']} " if part["macrop"] is not None else ""
         rows.append((f"{number}{part['name']}", part["purpose"], _ranges(part["steps"])))
-    return Rows(("MACROP", "for", "steps"), rows) if rows else None
+    return TextTable(("MACROP", "for", "steps"), rows) if rows else None
 
 
 def _ranges(numbers: Iterable[int]) -> str:
@@ -100,7 +100,7 @@ def figures(found: "Figures", subsequences: int, inner: "Utility") -> Renderable
     if subsequences:
         rows.append(("sub-sequences", f"{subsequences}, used {inner.used} of {inner.offered} times offered"))
     rows += [(f"of {name}", str(count)) for name, count in found.domains.items()]
-    return Rows(("", ""), [*rows, ("schema", str(found.schema))])
+    return TextTable(("", ""), [*rows, ("schema", str(found.schema))])
 
 
 def origin(kind: str, number: int | None, name: str, reason: str) -> Text:

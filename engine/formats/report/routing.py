@@ -7,8 +7,8 @@ from engine.formats.report.channels import (
     Boxes,
     End,
     Net,
+    NetRows,
     Ports,
-    Rows,
     Span,
     depth,
     label_span,
@@ -49,7 +49,7 @@ class _Channels:
     ports: Ports
     labels: Sequence[Span]
     tracks: Mapping[int, float]
-    rows: Rows
+    rows: NetRows
     tops: tuple[float, ...]
 
     def line(self, index: int) -> float:
@@ -73,7 +73,7 @@ def route(nets: Sequence[Net], boxes: Boxes, passing: Iterable[tuple[int, float]
     return Routing(channels.tops, ways, tuple(_label(channels, index) for index in range(len(nets))))
 
 
-def _tops(nets: Sequence[Net], boxes: Boxes, rows: Rows) -> tuple[float, ...]:
+def _tops(nets: Sequence[Net], boxes: Boxes, rows: NetRows) -> tuple[float, ...]:
     """The top of each layer. Each channel is as high as its rows need."""
     upper, lower = [0] * depth(boxes), [0] * depth(boxes)
     for index, row in rows.upper.items():

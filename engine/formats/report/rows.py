@@ -22,7 +22,7 @@ def headed(head: str, below: Iterable[str], width: int) -> Text:
 
 
 @dataclass(frozen=True, slots=True)
-class Rows:
+class TextTable:
     """Cells under headings. If all headings are empty, there is no head. `right` names columns of numbers."""
 
     headings: Sequence[str]

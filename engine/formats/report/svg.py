@@ -15,7 +15,7 @@ from engine.formats.report.channels import GRID, Boxes, Net, width_for
 from engine.formats.report.dot import orders
 from engine.formats.report.layout import Edge, Layout, layout
 from engine.formats.report.routing import Point, Routing, route
-from engine.model.forecast import wording
+from engine.model.purposes import wording
 from kb.model.plan import GOAL, START, Plan, Step, StepId
 from kb.model.problem import Problem
 from kb.terms import Atom

@@ -11,10 +11,12 @@ from rich.console import Console, ConsoleOptions, Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from engine.formats.report.rows import Rows, headed
+from engine.formats.report.rows import TextTable, headed
 from engine.formats.report.wrapping import wrapped
-from engine.model.forecast import History, earliest_starts, histories, makespan, purposes
+from engine.model.forecast import earliest_starts, makespan
+from engine.model.histories import History, histories
 from engine.model.outcome import Found, GaveUp, Infeasible, Outcome, Statistics
+from engine.model.purposes import purposes
 from kb.model.plan import Plan, StepId
 from kb.model.problem import Problem
 
@@ -204,4 +206,4 @@ def statistics(figures: Statistics) -> RenderableType:
     rows = [(name, str(count)) for name, count in figures.counts.items()]
     rows += [(f"{name} (s)", f"{seconds:.3f}") for name, seconds in figures.seconds.items()]
     widest = max((len(said) for _, said in rows), default=0)
-    return Rows(("", ""), [(name, said.rjust(widest)) for name, said in rows])
+    return TextTable(("", ""), [(name, said.rjust(widest)) for name, said in rows])

@@ -5,7 +5,7 @@ from typing import Any
 from rich.console import Group, RenderableType
 from rich.text import Text
 
-from engine.formats.report.rows import Rows
+from engine.formats.report.rows import TextTable
 from engine.model.tour import Tour, TourProblem
 
 SHOWN = 40
@@ -40,7 +40,7 @@ def text(tour: Tour, problem: TourProblem) -> RenderableType:
     for tool, names in _runs(tour, problem):
         shown = ", ".join(names[:SHOWN]) + (f", and {len(names) - SHOWN} more" if len(names) > SHOWN else "")
         rows.append((tool or "-", str(len(names)), shown))
-    return Group(Rows(("tool", "visits", "in order"), rows), Text(summary(tour, problem)))
+    return Group(TextTable(("tool", "visits", "in order"), rows), Text(summary(tour, problem)))
 
 
 def summary(tour: Tour, problem: TourProblem) -> str:

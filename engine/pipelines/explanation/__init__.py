@@ -4,7 +4,7 @@ import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 
-from engine.model.explanation import Change, Explanation
+from engine.model.explanation import Amendment, Explanation
 from engine.model.outcome import Found, Infeasible, Outcome
 from engine.pipelines import planning
 from engine.pipelines.explanation.relaxation import INITIAL, assumptions
@@ -118,7 +118,7 @@ class _Inquiry:
                 if any(group & bit and group & other_bit for group in task.mutex_groups):
                     yield f"{one} and {other} are never true at once"
 
-    def changes(self, goals: list[Goal]) -> list[Change]:
+    def changes(self, goals: list[Goal]) -> list[Amendment]:
         """The smallest changes that give the whole problem a plan, at most `MAX_CHANGES` of one size."""
         single = [*self._try(self._removals()), *self._try(self._abduced(1))]
         found = single or [each for size in range(2, MAX_SIZE + 1) for each in self._try(self._abduced(size))]
@@ -127,13 +127,13 @@ class _Inquiry:
         least = min((len(each.facts) for each in found), default=0)
         return [each for each in found if len(each.facts) <= max(least, 1)][:MAX_CHANGES]
 
-    def _removals(self) -> Iterator[Change]:
-        return (Change("remove initial", (fact,)) for fact in self.problem.initial)
+    def _removals(self) -> Iterator[Amendment]:
+        return (Amendment("remove initial", (fact,)) for fact in self.problem.initial)
 
-    def _drops(self, goals: list[Goal]) -> Iterator[Change]:
-        return (Change("drop goal", goal=str(goal)) for goal in goals)
+    def _drops(self, goals: list[Goal]) -> Iterator[Amendment]:
+        return (Amendment("drop goal", goal=str(goal)) for goal in goals)
 
-    def _abduced(self, size: int) -> Iterator[Change]:
+    def _abduced(self, size: int) -> Iterator[Amendment]:
         """Facts to add, first those that speak of what the goals speak of."""
         if self.limits.interrupted():
             return
@@ -153,9 +153,9 @@ class _Inquiry:
             kinds = {each.name for each in assumed}
             facts = tuple(fact for each in assumed if isinstance(fact := each.arguments[0], Function))
             if len(kinds) == 1:
-                yield Change(f"add {kinds.pop()}", facts)
+                yield Amendment(f"add {kinds.pop()}", facts)
 
-    def _try(self, candidates: Iterator[Change]) -> Iterator[Change]:
+    def _try(self, candidates: Iterator[Amendment]) -> Iterator[Amendment]:
         """Those candidates with which there is a plan."""
         found = 0
         self.trials = 0
@@ -170,7 +170,7 @@ class _Inquiry:
                     change, proof=len(outcome.plan.steps), missing=tuple(self._chain(outcome.plan, change))
                 )
 
-    def _chain(self, plan: Plan, change: Change) -> Iterator[str]:
+    def _chain(self, plan: Plan, change: Amendment) -> Iterator[str]:
         """From the goal down to the first step that was out of reach before, and what it needs."""
         first = next((step.id for step in plan.steps if step.operator not in self.known), None)
         if first is None or not change.facts:
@@ -189,7 +189,7 @@ class _Inquiry:
         yield f"{operators[first]} {need} {', '.join(map(str, change.facts))}"
 
 
-def changed(problem: Problem, change: Change) -> Problem:
+def changed(problem: Problem, change: Amendment) -> Problem:
     """The problem with a change made."""
     match change.kind:
         case "add static":

@@ -13,8 +13,9 @@ from dataclasses import dataclass, field
 from engine.model.replay import instances, reached_goals, replayed
 from engine.model.task import GroundOperator, Task, progress
 from engine.stages.grounding import ground
+from engine.stages.macros.lifted.situation import Situation
 from engine.stages.macros.lookup.checking import check
-from engine.stages.macros.lookup.query import Query, Situation, signature
+from engine.stages.macros.lookup.query import Query, signature
 from engine.stages.planning.elimination import eliminate
 from engine.stages.planning.improvement.deorder import deorder
 from kb.model.conditions import TRUE, And, Literal, goal_parts

@@ -8,7 +8,7 @@ from pathlib import Path
 from engine.pipelines import planning
 from engine.pipelines.reuse.subsequences import SIGNATURE
 from engine.stages.macros.learning.generalise import NotGeneral, generalise
-from engine.stages.macros.lifted.world import World
+from engine.stages.macros.lifted.world import CellDomain
 from engine.stages.macros.lookup.repertoire import record_of
 from engine.stages.validation.semantics import Semantics
 from kb.diagnostics import Diagnostic, InvalidInput, Source
@@ -42,7 +42,7 @@ def lesson(file: Path, library: Library) -> Lesson:
     if wrong:
         return Lesson(file, reason="the plan is not valid", diagnostics=tuple(wrong))
     try:
-        learned = generalise(problem, plan, World(problem), Semantics(problem).initial()).macrop
+        learned = generalise(problem, plan, CellDomain(problem), Semantics(problem).initial()).macrop
     except NotGeneral as error:
         return Lesson(file, reason=str(error))
     (number,) = library.add(records([learned]))

@@ -7,16 +7,17 @@ from types import TracebackType
 from engine.model.forecast import makespan
 from engine.model.outcome import Found, Outcome, Statistics
 from engine.pipelines import planning
-from engine.pipelines.gate import Gate
+from engine.pipelines.gate import PlanGate
 from engine.pipelines.reuse.composition import Part, Served, compose, kinds_of, worth_composing
 from engine.pipelines.reuse.subsequences import Subsequences
 from engine.stages.grounding.initial import initial_state
 from engine.stages.grounding.limits import require_affordable_statics
 from engine.stages.grounding.program import Vocabulary
 from engine.stages.macros.learning.generalise import NotGeneral, generalise
-from engine.stages.macros.lifted.world import Worlds
-from engine.stages.macros.lookup.checking import executed
-from engine.stages.macros.lookup.query import Query, Situation, query
+from engine.stages.macros.lifted.execution import executed
+from engine.stages.macros.lifted.situation import Situation
+from engine.stages.macros.lifted.world import CellDomains
+from engine.stages.macros.lookup.query import Query, query
 from engine.stages.macros.lookup.repertoire import Repertoire
 from engine.stages.planning import Limits
 from kb.diagnostics import InvalidInput
@@ -57,8 +58,8 @@ class Practice:
         """Without `learns` the library is used and stays as it is."""
         self.library, self.limits = library, limits
         self.learns = learns and library.writable
-        self._gate = Gate()
-        self._worlds = Worlds()
+        self._gate = PlanGate()
+        self._worlds = CellDomains()
         self._repertoires: list[Repertoire] = []
         self._subsequences: list[Subsequences] = []
 
@@ -140,7 +141,7 @@ class Practice:
         The first one has to stand beside the planner's plan for the same problem, and is not tried where nothing is learned.
         """
         kinds = " + ".join(sorted(kinds_of(asked)))
-        successes, failures = self.library.tried(problem.domain.name, kinds)
+        successes, failures = self.library.trials(problem.domain.name, kinds)
         if failures > successes or not (successes or self.learns) or asked.world.violated:
             return None
         found = self._composed(problem, asked)

@@ -24,8 +24,8 @@ from engine.stages.macros.learning.subsequences import (
     shape,
 )
 from engine.stages.macros.lifted.digests import Digests
-from engine.stages.macros.lookup.checking import executed
-from engine.stages.macros.lookup.query import Situation
+from engine.stages.macros.lifted.execution import executed
+from engine.stages.macros.lifted.situation import Situation
 from engine.stages.macros.lookup.specialise import specialised
 from engine.stages.planning import Macros
 from engine.stages.planning.composites import Pattern
@@ -134,7 +134,7 @@ class Subsequences:
 
     def study(self, problem: Problem, plan: Plan, task: Task, here: Situation, stop: Interrupted) -> None:
         """Learn from the plan for a task from a situation: try what recurs in it and what is known."""
-        tasks = sum(self._library.tried(self.domain.name, self._lessons))
+        tasks = sum(self._library.trials(self.domain.name, self._lessons))
         small = len(task.operators) <= OPERATORS and 1 < len(plan.steps) <= LARGEST
         if tasks >= LESSONS or not small or stop():
             return
@@ -148,7 +148,7 @@ class Subsequences:
         self._keep(paying)
         self._count(self._figures(trials))
         order = Order(plan)
-        self._library.used({each.stored.id: Use(_times(order, each), 0.0) for each in self._known})
+        self._library.note_uses({each.stored.id: Use(_times(order, each), 0.0) for each in self._known})
         self._drop()
 
     def _strangers(self, plan: Plan) -> list[Recurring]:

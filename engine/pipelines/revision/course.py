@@ -7,13 +7,13 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
-from engine.model.forecast import STAGE, stage_atom
 from engine.model.replay import Instances, instances, reached_goals, replayed
+from engine.model.stages import STAGE, stage_atom
 from engine.model.task import Bits, GroundOperator, Task, indices
-from engine.pipelines.gate import Gate
+from engine.pipelines.gate import PlanGate
 from engine.stages.grounding import ground
-from engine.stages.macros.lifted.world import World
-from engine.stages.macros.lookup.query import Situation
+from engine.stages.macros.lifted.situation import Situation
+from engine.stages.macros.lifted.world import CellDomain
 from kb.model.plan import Plan
 from kb.model.problem import Problem
 from kb.terms import Atom, Function
@@ -27,13 +27,13 @@ class Course:
     plan: Plan
     task: Task
     start: Situation
-    gate: Gate
+    gate: PlanGate
 
     @classmethod
     def of(cls, problem: Problem, plan: Plan) -> "Course":
         """Ground the problem once, so that revising need not. Raises `InvalidInput`."""
-        gate = Gate()
-        start = Situation.of(World(problem), gate.semantics(problem).initial())
+        gate = PlanGate()
+        start = Situation.of(CellDomain(problem), gate.semantics(problem).initial())
         return cls(problem, plan, ground(problem), start, gate)
 
     @cached_property

@@ -3,8 +3,8 @@
 from collections.abc import Iterable, Sequence
 
 from engine.pipelines.revision.course import Course
-from engine.stages.macros.lookup.checking import changes_of
-from engine.stages.macros.lookup.query import Situation
+from engine.stages.macros.lifted.execution import changes_of
+from engine.stages.macros.lifted.situation import Situation
 from engine.stages.validation.semantics import Denial
 from kb.asp import AspError, ground_term
 from kb.diagnostics import Diagnostic, InvalidInput, Source, nearest

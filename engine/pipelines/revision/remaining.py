@@ -3,14 +3,14 @@
 import dataclasses
 from collections.abc import Iterable, Mapping, Sequence
 
-from engine.stages.macros.lifted.world import Change
+from engine.stages.macros.lifted.world import StepChange
 from kb.model.conditions import And, Condition, Literal, goal_parts
 from kb.model.problem import Chain, Problem
 from kb.model.workflow import advanced, finished, lasting
 from kb.terms import Atom, ordered
 
 
-def stages_reached(chains: Sequence[Chain], changes: Iterable[Change]) -> dict[str, int]:
+def stages_reached(chains: Sequence[Chain], changes: Iterable[StepChange]) -> dict[str, int]:
     """How many stages of each chain steps have reached, each as soon as possible."""
     reached = dict.fromkeys((chain.name for chain in chains), 0)
     for change in changes:

@@ -10,13 +10,13 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from engine.model.forecast import STAGE
 from engine.model.outcome import Found, Outcome
+from engine.model.stages import STAGE
 from engine.model.task import Bits, GroundOperator, progress
 from engine.pipelines import planning
 from engine.pipelines.revision.course import Course
 from engine.pipelines.revision.remaining import remaining, stages_reached
-from engine.stages.macros.lookup.checking import changes_of
+from engine.stages.macros.lifted.execution import changes_of
 from engine.stages.planning import Limits
 from engine.stages.planning import plan as plan_task
 from engine.stages.planning.elimination import eliminate

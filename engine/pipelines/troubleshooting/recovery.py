@@ -13,9 +13,9 @@ from engine.pipelines.inspection.progress import Progress
 from engine.pipelines.revision import Course, remaining, revise
 from engine.pipelines.revision.remaining import stages_reached
 from engine.stages.diagnosis.revision import revised
-from engine.stages.macros.lifted.world import World
-from engine.stages.macros.lookup.checking import changes_of
-from engine.stages.macros.lookup.query import Situation
+from engine.stages.macros.lifted.execution import changes_of
+from engine.stages.macros.lifted.situation import Situation
+from engine.stages.macros.lifted.world import CellDomain
 from engine.stages.planning import Limits
 from engine.stages.validation.semantics import Semantics
 from kb.model.conditions import Comparison
@@ -63,7 +63,7 @@ def recover(
 
 def rest_of(problem: Problem, plan: Plan, done: Collection[StepId]) -> tuple[Problem, Plan]:
     """What is left of a problem after some steps of a plan for it, had each done what it should, and the other steps."""
-    here = Situation.of(World(problem), Semantics(problem).initial())
+    here = Situation.of(CellDomain(problem), Semantics(problem).initial())
     facts = here.facts
     changes = changes_of(here, [step for step in plan.steps if step.id in done])
     for change in changes:

@@ -1,4 +1,4 @@
-"""Rows of numbers from clingo become ground operators: conditions, supports, deduction, workflow stages.
+"""InstanceRows of numbers from clingo become ground operators: conditions, supports, deduction, workflow stages.
 
 There may be a million rows, so what the rows of a schema share is looked up once, and equal bitsets are one object.
 """
@@ -40,7 +40,7 @@ class Doubt:
 
 
 @dataclass(frozen=True, slots=True)
-class Rows:
+class InstanceRows:
     """The reachable instances of a schema: arguments, one number per dynamic literal, added atoms, deleted atoms.
 
     An unreachable atom is -1; it stands only where it is negated or deleted.
@@ -92,7 +92,7 @@ class Instances:
         self.triggers = self.deduction.triggers()
         self.deduces = self.deduction.has_rules()
 
-    def operators(self, schemas: Iterable[Rows]) -> Iterator[GroundOperator]:
+    def operators(self, schemas: Iterable[InstanceRows]) -> Iterator[GroundOperator]:
         """The ground operators of all rows: one per support and per choice of stages, each once."""
         for _, group in itertools.groupby(schemas, key=lambda rows: rows.schema.operator.name):
             parts = list(group)
@@ -108,7 +108,7 @@ class Instances:
         staged = self.workflow.reaching or any(each.atom.name in self.workflow.events for each in effects)
         return fluents and not staged and not any(map(is_conditional, effects))
 
-    def _plain(self, rows: Rows) -> Iterator[GroundOperator]:
+    def _plain(self, rows: InstanceRows) -> Iterator[GroundOperator]:
         name, terms = rows.schema.operator.name, self.universe.terms
         closing = _Closing(self, rows)
         traits = _Shared(rows.schema.operator)
@@ -120,7 +120,7 @@ class Instances:
             held, duration, cost = traits.of(row, instance)
             yield GroundOperator(instance, base, changes.adds, changes.deletes, (), held, duration, cost)
 
-    def _various(self, rows: Rows) -> Iterator[GroundOperator]:
+    def _various(self, rows: InstanceRows) -> Iterator[GroundOperator]:
         operator, terms = rows.schema.operator, self.universe.terms
         closing = _Closing(self, rows)
         traits = _Shared(operator)
@@ -183,7 +183,7 @@ class Instances:
 class _Closing:
     """The changes of the instances of a schema, each computed once."""
 
-    def __init__(self, made: Instances, rows: Rows) -> None:
+    def __init__(self, made: Instances, rows: InstanceRows) -> None:
         self.made, self.operator = made, rows.schema.operator
         _, self.literals, self.adds = rows.ends
         self.known: dict[tuple[tuple[int, ...], Bits], Changes] = {}

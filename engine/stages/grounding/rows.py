@@ -1,4 +1,4 @@
-"""Rows of numbers from clingo: the instances of operators, conditional effects, derived rules and goals.
+"""InstanceRows of numbers from clingo: the instances of operators, conditional effects, derived rules and goals.
 
 A signed number n stands for "atom n is true", ~n for "atom n is false".
 """
@@ -6,7 +6,7 @@ A signed number n stands for "atom n is true", ~n for "atom n is false".
 from collections.abc import Iterator, Mapping, Sequence
 
 from engine.model.task import Bits
-from engine.stages.grounding.instances import Rows, signed
+from engine.stages.grounding.instances import InstanceRows, signed
 from engine.stages.grounding.program import (
     Conditional,
     Schema,
@@ -24,27 +24,29 @@ from kb.model.domain import Effect, Rule
 from kb.terms import Function, Variable
 
 Signed = tuple[int, ...]
-Changes = tuple[Signed, Bits, Bits]  # conditions, adds, deletes
+ConditionalChange = tuple[Signed, Bits, Bits]  # conditions, adds, deletes
 
 
-def instances(schemas: Sequence[Schema], vocabulary: Vocabulary, universe: Universe) -> Iterator[Rows]:
+def instances(
+    schemas: Sequence[Schema], vocabulary: Vocabulary, universe: Universe
+) -> Iterator[InstanceRows]:
     """Every reachable instance of every schema."""
     tables = universe.tables({f"_row_{schema.number}": _row_rule(schema, vocabulary) for schema in schemas})
     for schema in schemas:
         adds, _ = _changes(schema, vocabulary)
-        yield Rows(schema, tables.pop(f"_row_{schema.number}"), len(adds))
+        yield InstanceRows(schema, tables.pop(f"_row_{schema.number}"), len(adds))
 
 
 def conditional_changes(
     conditionals: Sequence[Conditional], schemas: Sequence[Schema], universe: Universe
-) -> Mapping[tuple[str, Signed], list[Changes]]:
+) -> Mapping[tuple[str, Signed], list[ConditionalChange]]:
     """For each operator and its arguments, what happens under which further conditions."""
     pairs = [
         (each, schema) for each in conditionals for schema in schemas if each.operator is schema.operator
     ]
     owners = {f"_effect_{number}": each for number, (each, _) in enumerate(pairs)}
     rules = {name: _conditional_rule(*pair, name) for name, pair in zip(owners, pairs, strict=True)}
-    found: dict[tuple[str, Signed], dict[Changes, None]] = {}
+    found: dict[tuple[str, Signed], dict[ConditionalChange, None]] = {}
     for name, table in universe.tables(rules).items():
         each = owners[name]
         width = len(each.operator.variables)

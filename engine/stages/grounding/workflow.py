@@ -9,7 +9,7 @@ import itertools
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-from engine.model.forecast import stage_atom
+from engine.model.stages import stage_atom
 from engine.model.task import Bits, ConditionalEffect, bitset, indices
 from engine.stages.grounding.universe import Universe
 from kb.model.problem import Chain, Problem

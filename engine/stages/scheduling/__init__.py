@@ -4,7 +4,8 @@ import time
 from dataclasses import replace
 
 from engine.model.outcome import GaveUp, Infeasible, Statistics
-from engine.model.shop import Schedule, Scheduled, Shop, Timing
+from engine.model.schedule import Schedule, Scheduled, Timing
+from engine.model.shop import Shop
 from engine.stages.scheduling.batches import batch_bound
 from engine.stages.scheduling.bounds import lower_bound
 from engine.stages.scheduling.checker import check_schedule

@@ -6,7 +6,8 @@ Every rule is one function that yields what is wrong, in words for people.
 import itertools
 from collections.abc import Iterator
 
-from engine.model.shop import Adjustment, Device, Hold, Moment, Resource, Schedule, Shop
+from engine.model.schedule import Adjustment, Schedule
+from engine.model.shop import Device, Hold, Moment, Resource, Shop
 
 Interval = tuple[int, int, str]  # from, to, whose
 Work = tuple[int, int, str, str, str]  # from, to, whose, origin, destination

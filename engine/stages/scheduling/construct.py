@@ -8,7 +8,8 @@ schedules with the least estimate of the end: what has been placed and its tail,
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from engine.model.shop import Adjustment, Change, Need, Schedule, Stage
+from engine.model.schedule import Adjustment, Schedule
+from engine.model.shop import Changeover, Need, Stage
 from engine.stages.scheduling.batches import Batches, batches
 from engine.stages.scheduling.bounds import Occupation, least_travel, occupations
 from engine.stages.scheduling.lags import Lags, first_needs
@@ -154,10 +155,10 @@ class Builder:
         fits = all(partial.devices[need.device].setting == need.setting for need in stage.needs)
         return partial if fits else None
 
-    def _change(self, partial: Partial, need: Need) -> Change | None:
+    def _change(self, partial: Partial, need: Need) -> Changeover | None:
         return self.shop.device[need.device].change(partial.devices[need.device].setting, need.setting)
 
-    def _change_start(self, partial: Partial, change: Change, need: Need) -> int:
+    def _change_start(self, partial: Partial, change: Changeover, need: Need) -> int:
         operator = self.shop.device[need.device].operator
         free = partial.units[operator][0] + self._travel(partial, operator, change.origin)
         return max(free, partial.devices[need.device].until)
@@ -167,7 +168,7 @@ class Builder:
             return 0
         return self.shop.resource[resource].travel.get((partial.places[resource], origin), 0)
 
-    def _adjusted(self, partial: Partial, name: str, change: Change, start: int) -> Partial:
+    def _adjusted(self, partial: Partial, name: str, change: Changeover, start: int) -> Partial:
         operator, end = self.shop.device[name].operator, start + change.duration
         places = (
             {**partial.places, operator: change.destination} if operator in partial.places else partial.places

@@ -10,7 +10,7 @@ from itertools import pairwise
 
 from ortools.sat.python.cp_model import IntVar
 
-from engine.model.shop import Change, Device, Need
+from engine.model.shop import Changeover, Device, Need
 from engine.stages.scheduling.batches import batches
 from engine.stages.scheduling.model import Model, Work
 
@@ -23,7 +23,7 @@ class Period:
     end: IntVar
     present: IntVar
     settings: dict[str, IntVar]
-    changes: tuple[tuple[Change, IntVar], ...]
+    changes: tuple[tuple[Changeover, IntVar], ...]
     changed: IntVar | None
 
 
@@ -107,7 +107,9 @@ def _next(model: Model, device: Device, before: Period, settings: list[str], num
     return Period(begin, end, present, literals, changes, changed)
 
 
-def _work(model: Model, device: Device, change: Change, taken: IntVar, start: IntVar, number: int) -> None:
+def _work(
+    model: Model, device: Device, change: Changeover, taken: IntVar, start: IntVar, number: int
+) -> None:
     """What the operator does if it makes this change."""
     end = start + change.duration
     interval = model.cp.new_optional_fixed_size_interval_var(start, change.duration, taken, "")

@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
-from engine.model.shop import Change, Need, Shop, Stage, Window
+from engine.model.shop import Changeover, Need, Shop, Stage, Window
 from engine.stages.scheduling.travel import Table, shortest
 
 NEVER = -(10**12)  # the lag of stages that nothing orders
@@ -65,7 +65,7 @@ class Lags:
 
     def setup(self, one: Stage | None, other: Stage) -> int:
         """What must pass between the starts of `one` (None: time 0) and `other` for devices to be changed."""
-        needed: dict[str, list[tuple[Change, int, int]]] = {}
+        needed: dict[str, list[tuple[Changeover, int, int]]] = {}
         for need in first_needs(other).values():
             device = self.shop.device[need.device]
             left = last_needs(one).get(need.device) if one else None
@@ -81,7 +81,7 @@ class Lags:
         )
 
     def _least(
-        self, operator: str, one: Stage | None, other: Stage, changes: Sequence[tuple[Change, int, int]]
+        self, operator: str, one: Stage | None, other: Stage, changes: Sequence[tuple[Changeover, int, int]]
     ) -> int:
         """The same for the changes by one operator, which works before and after if a stage uses it."""
         home = self.shop.resource[operator].home
@@ -123,7 +123,7 @@ class Lags:
         raise Contradiction(min(changed))
 
 
-def _way(travel: Table, here: str | None, way: Sequence[Change], there: str | None) -> int:
+def _way(travel: Table, here: str | None, way: Sequence[Changeover], there: str | None) -> int:
     """The time for some changes in a row, with travel from `here` and to `there` if they are known."""
     places = [here, *(place for change in way for place in (change.origin, change.destination)), there]
     pairs = zip(places[::2], places[1::2], strict=True)

@@ -3,8 +3,9 @@
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
-from engine.model.forecast import STAGE
-from engine.model.shop import Hold, Moment, Schedule
+from engine.model.schedule import Schedule
+from engine.model.shop import Hold, Moment
+from engine.model.stages import STAGE
 from engine.model.task import Bits, GroundOperator, Task, bitset, progress
 from engine.stages.scheduling.work import CellWork, Visit
 from kb.terms import Function, Term

@@ -8,7 +8,7 @@ import heapq
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
-from engine.model.shop import Change, Device, Need
+from engine.model.shop import Changeover, Device, Need
 from engine.model.task import Bits, GroundOperator, Task, progress
 from engine.stages.scheduling.blocks import Block, Unstructured, atoms_about, touched
 from kb.terms import Term
@@ -141,9 +141,9 @@ class _Finder:
             atoms |= each
         return ", ".join(map(str, self.task.names(atoms)))
 
-    def _change(self, pair: tuple[str, str], path: Path) -> Change:
+    def _change(self, pair: tuple[str, str], path: Path) -> Changeover:
         duration = sum(step.duration for step in path)
-        return Change(*pair, duration, self.place(path[0]), self.place(path[-1]))
+        return Changeover(*pair, duration, self.place(path[0]), self.place(path[-1]))
 
 
 def _settings(wanted: set[Bits], modes: Mapping[Bits, tuple[int, Path]]) -> dict[Bits, Bits]:

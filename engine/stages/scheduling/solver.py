@@ -6,7 +6,8 @@ from collections.abc import Mapping
 from ortools.sat.python import cp_model
 
 from engine.model.outcome import Infeasible
-from engine.model.shop import Adjustment, Schedule, Shop
+from engine.model.schedule import Adjustment, Schedule
+from engine.model.shop import Shop
 from engine.stages.scheduling.devices import Period, Periods, add_devices
 from engine.stages.scheduling.lags import Lags
 from engine.stages.scheduling.limits import ScheduleLimits

@@ -53,8 +53,8 @@ def test_exactly_those_are_outdated_that_rest_on_a_changed_part(target: str) -> 
 def test_uses_add_up_to_seconds_saved(target: str) -> None:
     with Library(target) as library:
         library.add([record("go", planning_s=2.0), record("stay", "themse", planning_s=1.0)])
-        library.used({1: Use(3, 0.5), 2: Use(1, 0.25)})
-        library.used({1: Use(1, 0.5)})
+        library.note_uses({1: Use(3, 0.5), 2: Use(1, 0.25)})
+        library.note_uses({1: Use(1, 0.5)})
         figures = library.figures()
         assert (figures.macrops, figures.shapes, figures.uses, figures.saved_s) == (2, 2, 5, 7.75)
         assert figures.domains == {"bulkhead": 1, "themse": 1}
@@ -135,11 +135,11 @@ def test_a_library_of_the_first_schema_is_brought_up_to_date(target: str) -> Non
         assert library.outdated("bulkhead", lambda _: "b") == {1: ("operator move",)}
         assert library.outdated("bulkhead", lambda _: "a") == {}
         assert [each.requirements for each in library.outlines("bulkhead")] == [None]
-        library.outlined([(macrop("go"), 1, (("state\n\ngo", 2), ("goal\ngo", 1)))])
+        library.note_outlines([(macrop("go"), 1, (("state\n\ngo", 2), ("goal\ngo", 1)))])
         assert [each.requirements for each in library.outlines("bulkhead", "go/0")] == [
             (("state\n\ngo", 2), ("goal\ngo", 1))
         ]
-        library.used({1: Use(1, 0.1)})
+        library.note_uses({1: Use(1, 0.1)})
         assert library.figures().uses == 1
 
 

@@ -56,9 +56,9 @@ def test_it_serves_and_nothing_changes(file: Path, folder_mode: int) -> None:
         assert not library.writable
         assert [each.name for each in library.outlines("bulkhead", "go/0")] == ["go"]
         assert [str(each.macrop.name) for each in library.all()] == ["go"]
-        library.used({1: Use(1, 0.1)})
+        library.note_uses({1: Use(1, 0.1)})
         library.note_trial("bulkhead", "go/0", True)
-        library.outlined([(macrop("go"), 1, ())])
+        library.note_outlines([(macrop("go"), 1, ())])
         with pytest.raises(InvalidInput, match="cannot be used"):
             library.add([Record(macrop("stay"), "stay/0")])
     assert file.read_bytes() == before

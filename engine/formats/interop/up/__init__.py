@@ -9,7 +9,7 @@ from typing import Any
 from engine.formats.interop.up.engine import Stages, UpEngine
 from engine.model.outcome import Outcome
 from engine.pipelines import planning
-from engine.pipelines.gate import Gate
+from engine.pipelines.gate import PlanGate
 from engine.pipelines.optimum import proved
 from engine.pipelines.orders import every_order
 from engine.pipelines.revision import Course, revise
@@ -26,7 +26,7 @@ def _plan(
     improved: Callable[[Plan], None],
     options: dict[str, Any],
 ) -> Outcome:
-    gate = Gate()
+    gate = PlanGate()
     limits = Limits(
         interrupted=interrupted, improved=lambda plan: improved(gate.accepted(problem, plan)), **options
     )

@@ -5,7 +5,7 @@ from engine.stages.macros.learning.reading import Generalised, Reading
 from engine.stages.macros.learning.safety import Safety
 from engine.stages.macros.learning.stages import lifted_chains
 from engine.stages.macros.lifted.schema import NotGeneral
-from engine.stages.macros.lifted.world import State, World
+from engine.stages.macros.lifted.world import CellDomain, State
 from kb.model.conditions import BodyPart, Condition, Exists, Literal, goal_parts
 from kb.model.plan import GOAL, START, Plan
 from kb.model.problem import Problem
@@ -14,7 +14,7 @@ from kb.terms import Atom, Function, Term, Variable, variables
 __all__ = ["Generalised", "NotGeneral", "generalise"]
 
 
-def generalise(problem: Problem, plan: Plan, world: World, initial: State) -> Generalised:
+def generalise(problem: Problem, plan: Plan, world: CellDomain, initial: State) -> Generalised:
     """The MACROP of a valid plan from `initial`. Raises `NotGeneral` with the reason if there is none.
 
     Goals that held all along are not goals of the MACROP.

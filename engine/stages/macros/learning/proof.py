@@ -12,7 +12,7 @@ from engine.stages.macros.learning.terms import Equalities
 from engine.stages.macros.lifted.bodies import solve
 from engine.stages.macros.lifted.facts import Facts
 from engine.stages.macros.lifted.schema import Following, NotGeneral, OperatorSchema
-from engine.stages.macros.lifted.world import Change, State, World, with_derived
+from engine.stages.macros.lifted.world import CellDomain, State, StepChange, with_derived
 from kb.model.conditions import Body, BodyPart, Comparison, Literal, part_variables, substitute_part
 from kb.model.domain import Kind
 from kb.model.plan import GOAL, START, Plan, Step, StepId
@@ -43,7 +43,7 @@ class Part:
 class Proof:
     """The proof of one plan, growing. `origin` gives the constant that each variable stands for in that plan."""
 
-    world: World
+    world: CellDomain
     plan: Plan
     initial: State
     equal: Equalities = field(default_factory=Equalities)
@@ -52,7 +52,7 @@ class Proof:
     needs: dict[Need, None] = field(default_factory=dict)
     constraints: dict[BodyPart, None] = field(default_factory=dict)
     states: dict[StepId, Facts] = field(default_factory=dict)
-    changes: dict[StepId, Change] = field(default_factory=dict)
+    changes: dict[StepId, StepChange] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         self._header: dict[StepId, dict[Variable, Variable]] = {}

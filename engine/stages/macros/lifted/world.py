@@ -22,7 +22,7 @@ KEPT = 1 << 15  # ground steps
 
 
 @dataclass(frozen=True, slots=True)
-class Change:
+class StepChange:
     """What a step adds, and which atoms of the state end."""
 
     adds: tuple[Atom, ...]
@@ -34,7 +34,7 @@ class Change:
         return facts.after(self.ends, self.adds)
 
 
-class World:
+class CellDomain:
     """A domain with the statics of one cell."""
 
     def __init__(self, problem: Problem, schemas: Schemas | None = None) -> None:
@@ -92,13 +92,13 @@ class World:
             self._plain[step.name] = is_plain(schema, self.schemas)
         return ground_step(schema, bindings, self.statics) if self._plain[step.name] else None
 
-    def change(self, step: Function, facts: Facts) -> Change:
+    def change(self, step: Function, facts: Facts) -> StepChange:
         """What a step does in a state in which it can be taken; `facts` have the derived atoms that effects ask for."""
         schema, bindings = self.binding(step)
         adds = dict.fromkeys(atom for each in schema.adds for atom in self._instances(each, bindings, facts))
         ends = dict.fromkeys(atom for each in schema.denies for atom in self._ended(each, bindings, facts))
         events = tuple(substitute_atom(each, bindings) for each in schema.events)
-        return Change(tuple(adds), tuple(atom for atom in ends if atom not in adds), events)
+        return StepChange(tuple(adds), tuple(atom for atom in ends if atom not in adds), events)
 
     def _instances(self, each: Following, bindings: Bindings, facts: Facts) -> Iterator[Atom]:
         for found in solve(each.guard, self.statics, bindings):
@@ -120,7 +120,7 @@ class World:
         return any(holds(each.needs, self, facts, other) for other in solve(each.guard, self.statics, found))
 
 
-def holds(body: Body, world: World, state: Facts, bindings: Bindings) -> bool:
+def holds(body: Body, world: CellDomain, state: Facts, bindings: Bindings) -> bool:
     """Whether some binding makes a body true in a state; derived atoms must be in `state` already."""
     static = tuple(part for part in body if not world.schemas.is_dynamic(part))
     dynamic = tuple(part for part in body if world.schemas.is_dynamic(part))
@@ -133,7 +133,7 @@ def holds(body: Body, world: World, state: Facts, bindings: Bindings) -> bool:
     )
 
 
-def with_derived(world: World, facts: Facts) -> Facts:
+def with_derived(world: CellDomain, facts: Facts) -> Facts:
     """A state with its derived atoms, stratum by stratum, each closed by naive rounds."""
     for stratum in world.strata:
         while True:
@@ -149,7 +149,7 @@ def with_derived(world: World, facts: Facts) -> Facts:
     return facts
 
 
-def _solutions(body: Body, world: World, state: Facts) -> Iterator[Mapping[Variable, Term]]:
+def _solutions(body: Body, world: CellDomain, state: Facts) -> Iterator[Mapping[Variable, Term]]:
     dynamic = tuple(p for p in body if world.schemas.is_dynamic(p) and isinstance(p, Literal) and p.positive)
     negative = tuple(p for p in body if world.schemas.is_dynamic(p) and p not in dynamic)
     static = tuple(p for p in body if not world.schemas.is_dynamic(p))
@@ -169,14 +169,14 @@ def _aggregate_rules(domain: Domain) -> Iterator[str]:
             yield f"{stand_in(body, parameters)} :- {', '.join([*guard(parameters), *map(str, body)])}."
 
 
-class Worlds:
+class CellDomains:
     """The worlds met lately, so that problems of one cell share one."""
 
     def __init__(self, most: int = 8) -> None:
         self._most = most
-        self._recent: list[World] = []
+        self._recent: list[CellDomain] = []
 
-    def of(self, problem: Problem) -> World:
+    def of(self, problem: Problem) -> CellDomain:
         """The world of a problem; a new one is evaluated when none of the recent ones fits."""
         for index, world in enumerate(self._recent):
             if world.fits(problem):
@@ -184,6 +184,6 @@ class Worlds:
                     self._recent.insert(0, self._recent.pop(index))
                 return world
         shared = next((w.schemas for w in self._recent if w.domain is problem.domain), None)
-        world = World(problem, shared)
+        world = CellDomain(problem, shared)
         self._recent = [world, *self._recent[: self._most - 1]]
         return world

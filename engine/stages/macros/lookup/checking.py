@@ -1,22 +1,22 @@
 """A fast check of an instance: the plan is executed in the situation, step by step, from the domain's own operators.
 
 Independent of matching: it sees only the finished plan and the problem's goals, never a MACROP. It shares the
-operator schemas with generalisation, so `engine.stages.validation` still has the last word where time allows.
+operator schemas with generalisation, so the gate (`engine.pipelines.gate`) still has the last word.
 """
 
 import itertools
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, field
+from collections.abc import Iterator
+from dataclasses import dataclass
 
 from engine.stages.macros.lifted.bodies import Bindings, satisfiable
 from engine.stages.macros.lifted.deduction import Following
-from engine.stages.macros.lifted.facts import Facts
-from engine.stages.macros.lifted.ground_steps import GroundStep
-from engine.stages.macros.lifted.schema import NotGeneral, OperatorSchema
-from engine.stages.macros.lifted.world import Change, World, holds, with_derived
-from engine.stages.macros.lookup.query import Query, Situation, is_met
-from kb.model.conditions import Body, Literal
-from kb.model.plan import Plan, Step, StepId
+from engine.stages.macros.lifted.execution import Execution
+from engine.stages.macros.lifted.schema import NotGeneral
+from engine.stages.macros.lifted.situation import Situation
+from engine.stages.macros.lifted.world import CellDomain
+from engine.stages.macros.lookup.query import Query, is_met
+from kb.model.conditions import Literal
+from kb.model.plan import Plan, Step
 from kb.model.workflow import advanced, lasting
 from kb.terms import Atom, is_ground, match, substitute_atom
 
@@ -27,66 +27,6 @@ class Refused:
 
     reason: str
     lost: bool = False
-
-
-@dataclass
-class Execution:
-    """One linearisation, executed."""
-
-    world: World
-    facts: Facts
-    changes: dict[StepId, Change] = field(default_factory=dict)
-
-    def run(self, plan: Plan) -> str:
-        """Execute all steps; why one cannot be taken, or nothing."""
-        for step in plan.steps:
-            refusal = self._take(step)
-            if refusal:
-                return f"step {step.id} {step.operator}: {refusal}"
-        return ""
-
-    def _take(self, step: Step) -> str:
-        known = self.world.ground_step(step.operator)
-        return self.take_known(step, known) if known is not None else self.take_any(step)
-
-    def take_known(self, step: Step, known: GroundStep) -> str:
-        """Execute a step that was worked out before; why it cannot be taken, or nothing."""
-        if known.refusal or not known.applicable(self.facts):
-            return known.refusal or "its precondition does not hold"
-        ends = known.ended(self.facts, self.world.statics)
-        change = self.changes[step.id] = Change(known.adds, ends, known.events)
-        self.facts = change.applied(self.facts)
-        return ""
-
-    def take_any(self, step: Step) -> str:
-        """Execute a step from its operator's schema; why it cannot be taken, or nothing."""
-        schema, bindings = self.world.binding(step.operator)
-        if not satisfiable(schema.body, self.world.statics, bindings):
-            return "its constraints do not hold"
-        derived = any(map(self.world.schemas.rests_on_rules, (*schema.alternatives, *_needs(schema))))
-        facts = with_derived(self.world, self.facts) if derived else self.facts
-        if not any(holds(body, self.world, facts, bindings) for body in schema.alternatives):
-            return "its precondition does not hold"
-        change = self.changes[step.id] = self.world.change(step.operator, facts)
-        contradiction = self._contradiction(schema, bindings, change, facts)
-        if contradiction:
-            return f"it adds and denies {contradiction}"
-        self.facts = change.applied(self.facts)
-        return ""
-
-    def _contradiction(
-        self, schema: OperatorSchema, bindings: Bindings, change: Change, facts: Facts
-    ) -> Atom | None:
-        for each in schema.denies:
-            if each.deduced:
-                for atom in change.adds:
-                    if atom.name == each.atom.name and self.world.fires(each, atom, bindings, facts):
-                        return atom
-        return None
-
-
-def _needs(schema: OperatorSchema) -> Iterator[Body]:
-    return (each.needs for each in (*schema.adds, *schema.denies))
 
 
 def check(plan: Plan, asked: Query) -> Situation | Refused:
@@ -104,26 +44,6 @@ def check(plan: Plan, asked: Query) -> Situation | Refused:
         return Refused(f"{missed} does not hold at the end", missed in asked.kept)
     refusal = _unfinished(plan, asked, run, end) or _disturbed(plan, run)
     return Refused(refusal) if refusal else end
-
-
-def changes_of(start: Situation, steps: Iterable[Step]) -> list[Change]:
-    """What the steps of a valid plan do when they are executed one after another."""
-    world, facts, found = start.world, start.facts, list[Change]()
-    for step in steps:
-        schema, _ = world.binding(step.operator)
-        asks = any(map(world.schemas.rests_on_rules, _needs(schema)))
-        change = world.change(step.operator, with_derived(world, facts) if asks else facts)
-        facts = change.applied(facts)
-        found.append(change)
-    return found
-
-
-def executed(plan: Plan, start: Situation) -> Situation:
-    """The situation that a valid plan leads to."""
-    facts = start.facts
-    for change in changes_of(start, plan.steps):
-        facts = change.applied(facts)
-    return Situation(start.world, facts)
 
 
 def _unfinished(plan: Plan, asked: Query, run: Execution, end: Situation) -> str:
@@ -178,7 +98,7 @@ def _preconditions(step: Step, run: Execution) -> Iterator[Atom]:
                 yield atom
 
 
-def _may_deny(each: Following, atom: Atom, bindings: Bindings, world: World) -> bool:
+def _may_deny(each: Following, atom: Atom, bindings: Bindings, world: CellDomain) -> bool:
     """Whether a consequence denies an atom in some state."""
     if each.atom.name != atom.name:
         return False

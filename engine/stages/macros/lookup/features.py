@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from weakref import WeakKeyDictionary
 
-from engine.stages.macros.lifted.world import World
+from engine.stages.macros.lifted.world import CellDomain
 from engine.stages.macros.lookup.matching import match_open
 from engine.stages.macros.lookup.query import Query
 from kb.model.conditions import Literal, Parameter
@@ -132,9 +132,9 @@ class Profiles:
     """The profiles of the goals met so far in each world: like queries ask for the same again and again."""
 
     def __init__(self) -> None:
-        self._worlds: WeakKeyDictionary[World, dict[Literal, Profile]] = WeakKeyDictionary()
+        self._worlds: WeakKeyDictionary[CellDomain, dict[Literal, Profile]] = WeakKeyDictionary()
 
-    def of(self, world: World, goal: Literal) -> Profile:
+    def of(self, world: CellDomain, goal: Literal) -> Profile:
         """What is known of a goal; the caller adds to it."""
         known = self._worlds.setdefault(world, {})
         if len(known) > GOALS:

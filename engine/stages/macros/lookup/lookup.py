@@ -6,11 +6,12 @@ from dataclasses import dataclass
 
 from engine.stages.macros.lifted.facts import Facts
 from engine.stages.macros.lifted.schema import NotGeneral
+from engine.stages.macros.lifted.situation import Situation
 from engine.stages.macros.lookup.checking import check
 from engine.stages.macros.lookup.index import Entry, Index
 from engine.stages.macros.lookup.instantiate import instantiate
 from engine.stages.macros.lookup.matching import OutOfWork, Work, matches
-from engine.stages.macros.lookup.query import Query, Situation
+from engine.stages.macros.lookup.query import Query
 from kb.model.macro import Macrop
 from kb.model.plan import Plan
 from kb.terms import Term, Variable, is_ground, substitute_atom

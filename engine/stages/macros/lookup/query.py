@@ -6,31 +6,14 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from engine.stages.macros.lifted.facts import Facts
-from engine.stages.macros.lifted.world import World, holds, with_derived
+from engine.stages.macros.lifted.situation import Situation
+from engine.stages.macros.lifted.world import CellDomain, holds, with_derived
 from kb.model.conditions import Condition, Exists, Literal, goal_parts
 from kb.model.macro import Macrop
 from kb.model.problem import Chain, Problem
-from kb.terms import ANYTHING, Atom, ordered, substitute_atom
+from kb.terms import ANYTHING, Atom, substitute_atom
 
 MOST_KEPT = 3
-
-
-@dataclass(frozen=True, slots=True)
-class Situation:
-    """A state of a world. Successors share what a step does not touch, so that moving on is cheap."""
-
-    world: World
-    facts: Facts
-
-    @classmethod
-    def of(cls, world: World, state: Iterable[Atom]) -> "Situation":
-        """The situation of a state, in an order that repeats."""
-        return cls(world, Facts(ordered(state)))
-
-    @property
-    def state(self) -> frozenset[Atom]:
-        """The true atoms."""
-        return self.facts.atoms()
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,7 +35,7 @@ class Query:
         return not self.goals and not self.chains
 
     @property
-    def world(self) -> World:
+    def world(self) -> CellDomain:
         """The world that is asked about."""
         return self.situation.world
 

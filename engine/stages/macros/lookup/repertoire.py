@@ -91,7 +91,7 @@ class Repertoire:
     def flush(self) -> None:
         """Tell the library how often its MACROPs served."""
         if self._uses:
-            self.library.used(self._uses)
+            self.library.note_uses(self._uses)
             self._uses.clear()
             self._noted = 0
 
@@ -113,7 +113,7 @@ class Repertoire:
         macrops = {number: macrop for number, macrop in read.items() if not macrop.subsequence}
         worked_out = {number: requirements(macrop) for number, macrop in macrops.items()}
         if worked_out:
-            self.library.outlined([(macrops[number], number, own) for number, own in worked_out.items()])
+            self.library.note_outlines([(macrops[number], number, own) for number, own in worked_out.items()])
         for each in found:
             if each.requirements is not None:
                 yield each

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from rich.console import Console, RenderableType
 
 from engine.formats.report import text
-from engine.formats.report.rows import Rows
+from engine.formats.report.rows import TextTable
 from engine.pipelines import planning
 from kb.loader import load_problem
 
@@ -38,7 +38,7 @@ def test_every_word_of_every_row_is_there_whole_and_no_line_is_too_long(
     table: tuple[list[str], list[list[str]]], width: int
 ) -> None:
     headings, rows = table
-    shown = lines(Rows(headings, rows), width)
+    shown = lines(TextTable(headings, rows), width)
     assert max(map(len, shown)) <= width
     assert words(" ".join(cell for row in rows for cell in row)) <= words(" ".join(shown))
 
@@ -47,14 +47,14 @@ def test_every_word_of_every_row_is_there_whole_and_no_line_is_too_long(
 @settings(deadline=None)
 def test_with_room_a_row_is_a_line_under_its_headings(table: tuple[list[str], list[list[str]]]) -> None:
     headings, rows = table
-    shown = lines(Rows(headings, rows), 400)
+    shown = lines(TextTable(headings, rows), 400)
     assert [line.split() for line in shown] == [
         " ".join(row).split() for row in ([headings] if any(headings) else []) + rows
     ]
 
 
 def test_numbers_stand_right_and_brackets_are_no_markup() -> None:
-    assert lines(Rows(("n", "of"), [("7", "[bold]"), ("10", "x")], right=("n",)), 40) == [
+    assert lines(TextTable(("n", "of"), [("7", "[bold]"), ("10", "x")], right=("n",)), 40) == [
         " n  of",
         " 7  [bold]",
         "10  x",

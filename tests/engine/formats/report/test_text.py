@@ -8,7 +8,8 @@ from rich.console import Console, RenderableType
 
 from engine.formats.report import text
 from engine.formats.report.wrapping import wrapped
-from engine.model.forecast import earliest_starts, histories, makespan
+from engine.model.forecast import earliest_starts, makespan
+from engine.model.histories import histories
 from engine.model.outcome import Found
 from engine.pipelines import planning
 from kb.loader import load_problem

@@ -82,7 +82,7 @@ def test_what_failed_to_pay_is_not_tried_again(tmp_path: Path) -> None:
     with Library(str(tmp_path / "library.db")) as library, Practice(library) as practice:
         kinds = "| heated/2>cooled/2>stored/1"
         library.note_trial("themse", f" {kinds}", False)
-        assert library.tried("themse", f" {kinds}") == (0, 1)
+        assert library.trials("themse", f" {kinds}") == (0, 1)
         assert practice.plan(problem).origin == "planner"
 
 
@@ -109,6 +109,6 @@ def test_time_spent_in_vain_is_charged(tmp_path: Path) -> None:
         (first,) = library.all()
         assert first.uses == 1
         assert 0 < first.lookup_s < first.planning_s
-        library.used({first.id: Use(0, 1000.0)})
+        library.note_uses({first.id: Use(0, 1000.0)})
         with Practice(library) as practice:
             assert practice.plan(problem).origin == "planner"

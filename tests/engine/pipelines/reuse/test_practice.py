@@ -9,10 +9,10 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from engine.model.outcome import Found
-from engine.pipelines.gate import Gate
+from engine.pipelines.gate import PlanGate
 from engine.pipelines.reuse import Answered, Practice
+from engine.stages.macros.lifted.situation import Situation
 from engine.stages.macros.lookup import lookup
-from engine.stages.macros.lookup.query import Situation
 from engine.stages.planning import Limits
 from engine.stages.validation import validate
 from kb.diagnostics import InvalidInput
@@ -171,9 +171,9 @@ def test_what_the_library_gives_passes_the_checker(
     points: Problem, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     passed: list[Plan] = []
-    checked = Gate.findings
+    checked = PlanGate.findings
     monkeypatch.setattr(
-        Gate, "findings", lambda self, *given: (passed.append(given[1]), checked(self, *given))[1]
+        PlanGate, "findings", lambda self, *given: (passed.append(given[1]), checked(self, *given))[1]
     )
     with Library(str(tmp_path / "library.db")) as library, Practice(library) as practice:
         practice.plan(asked(points, "measured(_, _, meas(m2))"))

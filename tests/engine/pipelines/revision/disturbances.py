@@ -10,7 +10,7 @@ from engine.model.task import progress
 from engine.pipelines.revision import Course
 from engine.pipelines.revision.observing import expected
 from engine.pipelines.revision.remaining import stages_reached
-from engine.stages.macros.lookup.checking import changes_of
+from engine.stages.macros.lifted.execution import changes_of
 from kb.loader.plan import load_plan
 from kb.model.plan import StepId
 from kb.terms import Atom

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from engine.stages.macros.learning.generalise import Generalised, generalise
-from engine.stages.macros.lifted.world import State, World
+from engine.stages.macros.lifted.world import CellDomain, State
 from engine.stages.validation.semantics import Semantics
 from kb.loader import load
 from kb.loader.plan import load_plan
@@ -28,13 +28,13 @@ class Example:
 
     problem: Problem
     plan: Plan
-    world: World
+    world: CellDomain
     initial: State
     learned: Generalised
 
 
 def example(problem: Problem, plan: Plan) -> Example:
-    world = World(problem)
+    world = CellDomain(problem)
     initial = Semantics(problem).initial()
     return Example(problem, plan, world, initial, generalise(problem, plan, world, initial))
 

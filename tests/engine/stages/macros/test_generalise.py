@@ -11,11 +11,12 @@ from macro_cells import GOLDEN, Example, atom, bundled, golden
 
 from engine.stages.macros.learning.generalise import NotGeneral, generalise
 from engine.stages.macros.lifted.bodies import satisfiable
-from engine.stages.macros.lifted.world import World
+from engine.stages.macros.lifted.situation import Situation
+from engine.stages.macros.lifted.world import CellDomain
 from engine.stages.macros.lookup.instantiate import instantiate
 from engine.stages.macros.lookup.matching import Work, matches
 from engine.stages.macros.lookup.program import Program
-from engine.stages.macros.lookup.query import Query, Situation
+from engine.stages.macros.lookup.query import Query
 from engine.stages.validation import validate
 from kb.model.conditions import And, Literal, part_variables
 from kb.model.macro import Macrop
@@ -50,7 +51,7 @@ def _leaves(term: Term) -> Iterator[Term]:
         yield term
 
 
-def constraints_hold(macrop: Macrop, world: World, bindings: dict[Variable, Term]) -> bool:
+def constraints_hold(macrop: Macrop, world: CellDomain, bindings: dict[Variable, Term]) -> bool:
     typed = all(world.statics.has_type(bindings[p.variable], p.type) for p in macrop.types)
     existential = {v for part in macrop.constraints for v in part_variables(part)} - {
         v for s in macrop.steps for v in variables(s.operator)

@@ -5,8 +5,8 @@ import random
 import pytest
 from macro_cells import GOLDEN, Example, golden
 
-from engine.stages.macros.lookup.checking import Execution
-from engine.stages.macros.lookup.query import Situation
+from engine.stages.macros.lifted.execution import Execution
+from engine.stages.macros.lifted.situation import Situation
 from kb.model.plan import Step, StepId
 from kb.terms import Function, Term
 

@@ -9,12 +9,13 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from macro_cells import GOLDEN, Example, atom, bundled, golden
 
+from engine.stages.macros.lifted.situation import Situation
 from engine.stages.macros.lookup.checking import Refused, check
 from engine.stages.macros.lookup.index import Index
 from engine.stages.macros.lookup.lookup import look_up
 from engine.stages.macros.lookup.matching import OutOfWork, Work, joined, matches
 from engine.stages.macros.lookup.program import Program
-from engine.stages.macros.lookup.query import Query, Situation, query, readings
+from engine.stages.macros.lookup.query import Query, query, readings
 from engine.stages.validation import validate
 from kb.model.conditions import And, Literal
 from kb.model.plan import Plan, Step

@@ -4,8 +4,8 @@ import pytest
 
 from engine.pipelines.reuse.subsequences import lifted, pattern_of
 from engine.stages.macros.learning.subsequences import recurring
-from engine.stages.macros.lifted.world import World
-from engine.stages.macros.lookup.query import Situation
+from engine.stages.macros.lifted.situation import Situation
+from engine.stages.macros.lifted.world import CellDomain
 from engine.stages.validation.semantics import Semantics
 from kb.loader import load_plan
 from kb.terms import Term, Variable, match, variables
@@ -15,7 +15,7 @@ from tests.places import BUNDLED as DOMAINS
 @pytest.mark.parametrize("name", ["themse/golden/one.json", "bulkhead/golden/one_point.json"])
 def test_a_lifted_subsequence_has_one_variable_for_each_object_and_fits_where_it_came_from(name: str) -> None:
     problem, plan = load_plan(DOMAINS / name)
-    start = Situation.of(World(problem), Semantics(problem).initial())
+    start = Situation.of(CellDomain(problem), Semantics(problem).initial())
     made = [(each, lifted(each, problem, start)) for each in recurring(plan)[:40]]
     assert any(macrop is not None for _, macrop in made)
     for each, macrop in made:

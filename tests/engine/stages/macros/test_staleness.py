@@ -9,8 +9,9 @@ from hypothesis import strategies as st
 from macro_cells import GOLDEN, Example, bundled, golden
 
 from engine.stages.macros.lifted.digests import Digests
-from engine.stages.macros.lifted.world import World
-from engine.stages.macros.lookup.query import Situation, query, signature_of
+from engine.stages.macros.lifted.situation import Situation
+from engine.stages.macros.lifted.world import CellDomain
+from engine.stages.macros.lookup.query import query, signature_of
 from engine.stages.macros.lookup.repertoire import Repertoire
 from engine.stages.validation import validate
 from engine.stages.validation.semantics import Semantics
@@ -124,7 +125,7 @@ def test_what_is_found_after_an_edit_is_valid_and_not_stale(tmp_path: Path, data
 
 
 def assert_sound(problem: Problem, repertoire: Repertoire, edited_operator: str) -> None:
-    asked = query(problem, Situation.of(World(problem), Semantics(problem).initial()))
+    asked = query(problem, Situation.of(CellDomain(problem), Semantics(problem).initial()))
     assert asked is not None
     hit = repertoire.find(asked)
     if hit is not None:

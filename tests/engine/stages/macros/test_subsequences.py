@@ -5,9 +5,9 @@ import itertools
 import pytest
 
 from engine.stages.macros.learning.subsequences import LONGEST, Order, fits, occurring, recurring, shape
-from engine.stages.macros.lifted.world import World
-from engine.stages.macros.lookup.checking import executed
-from engine.stages.macros.lookup.query import Situation
+from engine.stages.macros.lifted.execution import executed
+from engine.stages.macros.lifted.situation import Situation
+from engine.stages.macros.lifted.world import CellDomain
 from engine.stages.validation.semantics import Semantics
 from kb.loader import load_plan
 from kb.model.plan import Plan, Step
@@ -58,7 +58,7 @@ def test_all_and_only_connected_runs_are_found(made: tuple[Problem, Plan]) -> No
 
 def test_what_comes_before_a_subsequence_leads_to_where_it_can_run(made: tuple[Problem, Plan]) -> None:
     problem, plan = made
-    start = Situation.of(World(problem), Semantics(problem).initial())
+    start = Situation.of(CellDomain(problem), Semantics(problem).initial())
     for each in recurring(plan):
         assert executed(Plan((*each.before, *each.steps)), start) is not None
 

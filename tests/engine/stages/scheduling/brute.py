@@ -3,7 +3,8 @@
 import itertools
 from collections.abc import Iterator
 
-from engine.model.shop import Adjustment, Change, Device, Schedule, Shop
+from engine.model.schedule import Adjustment, Schedule
+from engine.model.shop import Changeover, Device, Shop
 from engine.stages.scheduling.checker import check_schedule
 
 
@@ -50,6 +51,6 @@ def adjustments(device: Device, until: int, most: int = 3) -> Iterator[tuple[Adj
     return further(device.initial, 0, most)
 
 
-def both_ways(one: str, other: str, there: int, back: int) -> tuple[Change, Change]:
+def both_ways(one: str, other: str, there: int, back: int) -> tuple[Changeover, Changeover]:
     """The changes of a device with two settings."""
-    return Change(one, other, there), Change(other, one, back)
+    return Changeover(one, other, there), Changeover(other, one, back)

@@ -4,7 +4,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from engine.model.outcome import Infeasible
-from engine.model.shop import Device, Hold, Job, Moment, Need, Resource, Scheduled, Shop, Stage, Window
+from engine.model.schedule import Scheduled
+from engine.model.shop import Device, Hold, Job, Moment, Need, Resource, Shop, Stage, Window
 from engine.stages.scheduling import check_schedule, schedule
 from tests.engine.stages.scheduling.brute import best, both_ways
 

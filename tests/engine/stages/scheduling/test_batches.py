@@ -4,19 +4,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from engine.model.shop import (
-    Device,
-    Hold,
-    Job,
-    Moment,
-    Need,
-    Resource,
-    Schedule,
-    Scheduled,
-    Shop,
-    Stage,
-    in_order,
-)
+from engine.model.schedule import Schedule, Scheduled
+from engine.model.shop import Device, Hold, Job, Moment, Need, Resource, Shop, Stage, in_order
 from engine.stages.scheduling import ScheduleLimits, devices, horizon, schedule, solver
 from engine.stages.scheduling.batches import batch_bound, batches
 from engine.stages.scheduling.bounds import lower_bound

@@ -4,23 +4,11 @@ from dataclasses import replace
 
 import pytest
 
-from engine.model.shop import (
-    Adjustment,
-    Change,
-    Device,
-    Hold,
-    Job,
-    Moment,
-    Need,
-    Resource,
-    Schedule,
-    Shop,
-    Stage,
-    Window,
-)
+from engine.model.schedule import Adjustment, Schedule
+from engine.model.shop import Changeover, Device, Hold, Job, Moment, Need, Resource, Shop, Stage, Window
 from engine.stages.scheduling import check_schedule
 
-OPEN, SHUT = Change("shut", "open", 2), Change("open", "shut", 2)
+OPEN, SHUT = Changeover("shut", "open", 2), Changeover("open", "shut", 2)
 SHOP = Shop(
     jobs=(
         Job(

@@ -7,7 +7,8 @@ from rich.console import Console
 
 from engine.formats.report.gantt import Gantt, Kind, rows, schedule_entry, summary
 from engine.formats.report.gantt_svg import chart
-from engine.model.shop import Hold, Job, Moment, Resource, Schedule, Shop, Stage
+from engine.model.schedule import Schedule
+from engine.model.shop import Hold, Job, Moment, Resource, Shop, Stage
 from tests.engine.stages.scheduling.test_checker import GOOD, SHOP
 
 

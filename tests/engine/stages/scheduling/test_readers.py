@@ -6,7 +6,8 @@ import pytest
 
 from engine.formats.interop.jobshop import read_jobshop
 from engine.formats.interop.slab import is_slab, read_slab
-from engine.model.shop import Moment, Resource, Scheduled, Window
+from engine.model.schedule import Scheduled
+from engine.model.shop import Moment, Resource, Window
 from engine.stages.scheduling import schedule
 from kb.diagnostics import InvalidInput
 

@@ -7,7 +7,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from engine.model.outcome import GaveUp, Infeasible
-from engine.model.shop import Job, Moment, Resource, Scheduled, Shop, Stage, Window, in_order
+from engine.model.schedule import Scheduled
+from engine.model.shop import Job, Moment, Resource, Shop, Stage, Window, in_order
 from engine.stages.scheduling import ScheduleLimits, check_schedule, schedule
 from engine.stages.scheduling.bounds import jackson, lower_bound
 from engine.stages.scheduling.construct import construct

@@ -8,7 +8,7 @@ import pytest
 
 from engine.model.forecast import makespan
 from engine.model.outcome import Infeasible
-from engine.model.shop import Timetable
+from engine.model.schedule import Timetable
 from engine.pipelines import planning
 from engine.pipelines.timetable import timetable
 from engine.stages.scheduling import check_schedule

@@ -9,10 +9,10 @@ are left out.
 
 from dataclasses import dataclass
 
+from engine.formats.interop.pddl.export.background import NotLiftable
 from engine.formats.interop.pddl.export.flat import flattened
 from engine.formats.interop.pddl.export.ground import GroundWriter
 from engine.formats.interop.pddl.export.plans import GroundPlans, LiftedPlans
-from engine.formats.interop.pddl.export.world import NotLiftable
 from engine.formats.interop.pddl.export.writer import Writer
 from engine.model.task import Task
 from kb.model.plan import Plan

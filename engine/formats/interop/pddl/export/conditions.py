@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 
 import networkx as nx
 
+from engine.formats.interop.pddl.export.background import Background, Fresh, NotLiftable
 from engine.formats.interop.pddl.export.equations import Equations
-from engine.formats.interop.pddl.export.world import Fresh, NotLiftable, World
 from kb.model.conditions import (
     TRUE,
     Aggregate,
@@ -53,13 +53,13 @@ class Locals:
 class Conditions:
     """Translates conditions. It notes which functions need a relation and which derived predicates remain."""
 
-    def __init__(self, world: World) -> None:
-        self.world, self.fresh = world, Fresh()
+    def __init__(self, background: Background) -> None:
+        self.background, self.fresh = background, Fresh()
         self.functions: dict[tuple[str, int], None] = {}
         self._rules: dict[str, list[Rule]] = {}
-        for rule in world.domain.rules:
+        for rule in background.domain.rules:
             self._rules.setdefault(rule.head.name, []).append(rule)
-        self.recursive = frozenset(_recursive(world.domain.rules))
+        self.recursive = frozenset(_recursive(background.domain.rules))
 
     def flat(self, condition: Condition, outer: Mapping[Term, Variable] = {}) -> Condition:
         """The condition in flat terms. `outer` holds the compound terms that already have a variable."""
@@ -90,11 +90,11 @@ class Conditions:
 
     def declared(self, parameter: Parameter) -> Parameter:
         """The parameter with a type that PDDL can declare."""
-        return Parameter(parameter.variable, self.world.plain(parameter.type))
+        return Parameter(parameter.variable, self.background.plain(parameter.type))
 
     def guards(self, parameter: Parameter) -> list[Condition]:
         """The conditions that the declared type of a parameter does not express."""
-        shared = parameter.type in self.world.shared
+        shared = parameter.type in self.background.shared
         return [Literal(Function(parameter.type, (parameter.variable,)))] if shared else []
 
     def term(self, term: Term, type_: str, found: Locals, outer: Mapping[Term, Variable]) -> Term:
@@ -111,7 +111,7 @@ class Conditions:
         return known or self._named(term, found, outer)
 
     def _named(self, term: Function, found: Locals, outer: Mapping[Term, Variable]) -> Variable:
-        signature = self.world.domain.functions.get(term.name)
+        signature = self.background.domain.functions.get(term.name)
         types = signature.arguments if signature else (OBJECT,) * len(term.arguments)
         pairs = zip(term.arguments, types, strict=True)
         arguments = tuple(self.term(argument, type_, found, outer) for argument, type_ in pairs)
@@ -125,7 +125,7 @@ class Conditions:
 
     def atom(self, atom: Atom, found: Locals, outer: Mapping[Term, Variable]) -> Atom:
         """The atom with flat arguments."""
-        types = self.world.signature(atom.name) or (OBJECT,) * len(atom.arguments)
+        types = self.background.signature(atom.name) or (OBJECT,) * len(atom.arguments)
         pairs = zip(atom.arguments, types, strict=True)
         return Function(atom.name, tuple(self.term(term, type_, found, outer) for term, type_ in pairs))
 
@@ -137,8 +137,8 @@ class Conditions:
 
     def plain(self, atom: Atom) -> Condition:
         """A flat atom as a condition: a ground static atom is evaluated; a derived atom is unfolded, unless it is recursive."""
-        if self.world.is_static(atom.name) and all(map(is_ground, atom.arguments)):
-            return TRUE if atom in self.world.known else FALSE
+        if self.background.is_static(atom.name) and all(map(is_ground, atom.arguments)):
+            return TRUE if atom in self.background.known else FALSE
         if atom.name in self.recursive or atom.name not in self._derived:
             return Literal(atom)
         return disjunction(self.body(rule, atom.arguments) for rule in self._rules.get(atom.name, []))
@@ -152,11 +152,11 @@ class Conditions:
             used = {p.atom.name for rule in rules for p in rule.body if isinstance(p, Literal)}
             waiting += sorted(used - reached)
             reached |= used
-        return {each for each in reached if self.world.kinds.get(each) is Kind.FLUENT}
+        return {each for each in reached if self.background.kinds.get(each) is Kind.FLUENT}
 
     @property
     def _derived(self) -> frozenset[str]:
-        return frozenset(name for name, kind in self.world.kinds.items() if kind is Kind.DERIVED)
+        return frozenset(name for name, kind in self.background.kinds.items() if kind is Kind.DERIVED)
 
     def body(self, rule: Rule, arguments: tuple[Term, ...]) -> Condition:
         """The condition under which a rule makes its head true for flat arguments, with some binding of its other variables."""
@@ -175,7 +175,7 @@ class Conditions:
         guards = [
             self.plain(Function(types[v], (value,)))
             for v, value in bound.items()
-            if v in types and types[v] in self.world.domain.types and is_ground(value)
+            if v in types and types[v] in self.background.domain.types and is_ground(value)
         ]
         return self.some([Parameter(v, types.get(v, OBJECT)) for v in open_], conjunction([*guards, inner]))
 
@@ -184,8 +184,8 @@ class Conditions:
         found: dict[Variable, str] = {}
         for part in body:
             if isinstance(part, Literal) and part.positive:
-                for variable, type_ in self._positions(part.atom, self.world.signature(part.atom.name)):
-                    if variable not in found or self.world.is_subtype(type_, found[variable]):
+                for variable, type_ in self._positions(part.atom, self.background.signature(part.atom.name)):
+                    if variable not in found or self.background.is_subtype(type_, found[variable]):
                         found[variable] = type_
         return found
 
@@ -193,8 +193,10 @@ class Conditions:
         for argument, type_ in zip(atom.arguments, types, strict=False):
             if isinstance(argument, Variable):
                 yield argument, type_
-            elif isinstance(argument, Function) and argument.name in self.world.domain.functions:
-                yield from self._positions(argument, self.world.domain.functions[argument.name].arguments)
+            elif isinstance(argument, Function) and argument.name in self.background.domain.functions:
+                yield from self._positions(
+                    argument, self.background.domain.functions[argument.name].arguments
+                )
 
     def _comparison(
         self, left: Term, relation: str, right: Term, outer: Mapping[Term, Variable]

@@ -3,9 +3,9 @@
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
+from engine.formats.interop.pddl.export.background import NotLiftable
 from engine.formats.interop.pddl.export.conditions import Conditions, conjunction
 from engine.formats.interop.pddl.export.equations import Equations
-from engine.formats.interop.pddl.export.world import NotLiftable
 from kb.model.conditions import (
     TRUE,
     And,
@@ -37,7 +37,7 @@ class Closing:
 
     def __init__(self, conditions: Conditions, operator: Operator) -> None:
         self.conditions, self.operator = conditions, operator
-        self.world = conditions.world
+        self.background = conditions.background
         self.types = {parameter.variable: parameter.type for parameter in operator.parameters}
         self.premises = premises(conditions, operator.precondition)
 
@@ -46,7 +46,7 @@ class Closing:
         waiting = [
             Deduced(each)
             for each in self.operator.effects
-            if self.world.kinds.get(each.atom.name) is Kind.FLUENT
+            if self.background.kinds.get(each.atom.name) is Kind.FLUENT
         ]
         added = {each.effect.atom for each in waiting if each.effect.adds}
         seen: set[Effect] = set()
@@ -63,7 +63,7 @@ class Closing:
         """Whether a deleted atom is added again, so that it has no consequences. Raises `NotLiftable` if this is not certain."""
         triggers = {
             each.trigger.atom.name
-            for each in self.world.domain.deductive_operators
+            for each in self.background.domain.deductive_operators
             if not each.trigger.positive
         }
         if atom in added:
@@ -73,7 +73,7 @@ class Closing:
         return False
 
     def _consequences(self, deduced: Deduced) -> Iterator[Deduced]:
-        for number, rule in enumerate(self.world.domain.deductive_operators):
+        for number, rule in enumerate(self.background.domain.deductive_operators):
             effect, trigger = deduced.effect, rule.trigger
             if trigger.positive != effect.adds or trigger.atom.name != effect.atom.name:
                 continue
@@ -139,7 +139,7 @@ class Closing:
 
     def _named(self, atom: Atom) -> tuple[Atom, tuple[Parameter, ...]]:
         """The atom with a variable for each `_`, because the effect changes all matching atoms."""
-        types, extra, arguments = self.world.signature(atom.name), [], []
+        types, extra, arguments = self.background.signature(atom.name), [], []
         for argument, type_ in zip(atom.arguments, types, strict=True):
             if argument == ANYTHING:
                 argument = self.conditions.fresh.variable("any")
@@ -159,17 +159,17 @@ class Closing:
         found: list[Condition] = []
         for parameter in parameters:
             value = bound.get(parameter.variable)
-            if value is None or parameter.type not in self.world.domain.types:
+            if value is None or parameter.type not in self.background.domain.types:
                 continue
-            if not self.world.domain.is_subtype(self._type(value, types), parameter.type):
+            if not self.background.domain.is_subtype(self._type(value, types), parameter.type):
                 found.append(Literal(Function(parameter.type, (value,))))
         return found
 
     def _type(self, term: Term, types: Mapping[Variable, str]) -> str:
         if isinstance(term, Variable):
             return types.get(term, "object")
-        if isinstance(term, Function) and term.arguments and term.name in self.world.domain.functions:
-            return self.world.domain.functions[term.name].result
+        if isinstance(term, Function) and term.arguments and term.name in self.background.domain.functions:
+            return self.background.domain.functions[term.name].result
         return "object"
 
 
@@ -188,7 +188,7 @@ class Premises:
 
 def premises(conditions: Conditions, precondition: Condition) -> Premises:
     """The fluents that a precondition names, directly or through derived predicates."""
-    kinds = conditions.world.kinds
+    kinds = conditions.background.kinds
     certain, others = [], []
     for part in goal_parts(precondition):
         plain = isinstance(part, Literal) and part.positive and kinds.get(part.atom.name) is Kind.FLUENT

@@ -3,11 +3,11 @@
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
+from engine.formats.interop.pddl.export.background import CHAIN, NUMERAL, WORDS, Background
 from engine.formats.interop.pddl.export.conditions import Conditions, conjunction, disjunction
 from engine.formats.interop.pddl.export.operators import FlatOperator, Operators
 from engine.formats.interop.pddl.export.simplification import Simplifier
 from engine.formats.interop.pddl.export.stages import Stages
-from engine.formats.interop.pddl.export.world import CHAIN, NUMERAL, WORDS, World
 from engine.model.task import Task
 from kb.model.conditions import (
     And,
@@ -56,28 +56,31 @@ class Flat:
 
 def flattened(problem: Problem, task: Task) -> Flat:
     """The problem in flat terms; `task` is its ground task. Raises `NotLiftable`."""
-    world = World(problem, task)
-    conditions = Conditions(world)
-    stages = Stages(world, conditions.fresh)
+    background = Background(problem, task)
+    conditions = Conditions(background)
+    stages = Stages(background, conditions.fresh)
     operators = Operators(conditions, stages)
     origins = tuple(operators.flat(operator) for operator in problem.domain.operators)
-    simplifier = Simplifier(world)
+    simplifier = Simplifier(background)
     made = (*(simplifier.operator(each.operator) for each in origins), *stages.beginnings())
     axioms = tuple(_axioms(conditions, simplifier))
     goal = simplifier.condition(conjunction([conditions.flat(problem.goal), *stages.goals()]), {})
     names = frozenset(_predicates([*_conditions(made), *(axiom.condition for axiom in axioms), goal]))
     facts = dict.fromkeys((*operators.facts, *stages.facts(), *stages.initial(), *stages.waiting()))
-    facts |= dict.fromkeys(_relations(conditions, world))
+    facts |= dict.fromkeys(_relations(conditions, background))
     facts |= dict.fromkeys(
-        fact for name in sorted(names) if world.is_static(name) for fact in world.facts.get(name, ())
+        fact
+        for name in sorted(names)
+        if background.is_static(name)
+        for fact in background.facts.get(name, ())
     )
-    facts |= dict.fromkeys(atom for atom in world.initial)
-    objects = dict.fromkeys((*world.terms, *_mentioned(facts), *_constants(made, goal, axioms)))
+    facts |= dict.fromkeys(atom for atom in background.initial)
+    objects = dict.fromkeys((*background.terms, *_mentioned(facts), *_constants(made, goal, axioms)))
     return Flat(
         problem.name,
         problem.domain.name,
-        _types(world),
-        {term: world.type_of(term) for term in objects},
+        _types(background),
+        {term: background.type_of(term) for term in objects},
         made,
         axioms,
         tuple(facts),
@@ -88,30 +91,30 @@ def flattened(problem: Problem, task: Task) -> Flat:
     )
 
 
-def _types(world: World) -> dict[str, str]:
+def _types(background: Background) -> dict[str, str]:
     found = {
-        name: world.plain(type_.parent) if type_.parent in world.domain.types else OBJECT
-        for name, type_ in world.domain.types.items()
-        if name not in world.shared
+        name: background.plain(type_.parent) if type_.parent in background.domain.types else OBJECT
+        for name, type_ in background.domain.types.items()
+        if name not in background.shared
     }
     return found | {NUMERAL: OBJECT, WORDS: OBJECT, CHAIN: OBJECT}
 
 
 def _axioms(conditions: Conditions, simplifier: Simplifier) -> Iterator[Axiom]:
     for name in sorted(conditions.recursive):
-        types = conditions.world.signature(name)
+        types = conditions.background.signature(name)
         parameters = tuple(Parameter(conditions.fresh.variable("x"), type_) for type_ in types)
         arguments = tuple(parameter.variable for parameter in parameters)
-        rules = (rule for rule in conditions.world.domain.rules if rule.head.name == name)
+        rules = (rule for rule in conditions.background.domain.rules if rule.head.name == name)
         condition = disjunction(conditions.body(rule, arguments) for rule in rules)
         declared = tuple(map(conditions.declared, parameters))
         known = {parameter.variable: parameter.type for parameter in declared}
         yield Axiom(name, declared, simplifier.condition(condition, known))
 
 
-def _relations(conditions: Conditions, world: World) -> Iterator[Atom]:
+def _relations(conditions: Conditions, background: Background) -> Iterator[Atom]:
     """The facts of the relations that replace compound terms."""
-    for term in world.terms:
+    for term in background.terms:
         if isinstance(term, Function) and (term.name, len(term.arguments)) in conditions.functions:
             yield Function(f"_is_{term.name}", (*term.arguments, term))
 

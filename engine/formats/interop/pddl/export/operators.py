@@ -44,11 +44,11 @@ class Operators:
     facts: dict[Atom, None] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        self.world = self.conditions.world
+        self.background = self.conditions.background
         self.instances: dict[str, dict[Function, int]] = {}
-        for each in self.world.task.operators:
+        for each in self.background.task.operators:
             self.instances.setdefault(each.instance.name, {})[each.instance] = each.cost
-        self.priced = any(each.cost is not None for each in self.world.domain.operators)
+        self.priced = any(each.cost is not None for each in self.background.domain.operators)
 
     def flat(self, operator: Operator) -> FlatOperator:
         """The operator in a form that PDDL can express. Raises `NotLiftable`."""
@@ -57,7 +57,9 @@ class Operators:
         outer = found.named
         effects = list(Closing(self.conditions, operator).effects())
         effects += [e for effect in effects for e in self.stages.advancing(effect)]
-        events = tuple(e.atom for e in operator.effects if self.world.kinds.get(e.atom.name) is Kind.EVENT)
+        events = tuple(
+            e.atom for e in operator.effects if self.background.kinds.get(e.atom.name) is Kind.EVENT
+        )
         named = [self.stages.happening(number, event) for number, event in enumerate(events)]
         parameters = (*operator.parameters, *found.parameters, *(p for _, own, _ in named for p in own))
         static, dynamic = self._constraints(operator, events)
@@ -87,7 +89,7 @@ class Operators:
     def _hoist(self, operator: Operator, found: Locals) -> None:
         """Parameters for the compound terms that every instance needs, in its preconditions and adds."""
         atoms = [p.atom for p in goal_parts(operator.precondition) if isinstance(p, Literal) and p.positive]
-        kinds = self.world.kinds
+        kinds = self.background.kinds
         atoms = [atom for atom in atoms if kinds.get(atom.name) is Kind.FLUENT]
         atoms += [e.atom for e in operator.effects if e.adds and not e.parameters and e.condition == TRUE]
         for atom in atoms:
@@ -117,7 +119,7 @@ class Operators:
     def _is_static(self, part: Condition) -> bool:
         match part:
             case Literal(atom):
-                return self.world.is_static(atom.name)
+                return self.background.is_static(atom.name)
             case Comparison() | Aggregate():
                 return True
             case _:

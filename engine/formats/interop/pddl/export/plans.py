@@ -8,7 +8,7 @@ from engine.formats.interop.pddl.export.names import PddlNames
 from engine.formats.interop.pddl.export.operators import FlatOperator
 from engine.formats.interop.pddl.export.stages import BEGIN, named
 from engine.formats.interop.pddl.expressions import actions
-from engine.model.forecast import STAGE, stage_atom
+from engine.model.stages import STAGE, stage_atom
 from engine.model.task import GroundOperator, Task, progress
 from kb.diagnostics import Diagnostic, InvalidInput, Source, nearest
 from kb.files import File

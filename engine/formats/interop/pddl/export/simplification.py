@@ -6,8 +6,8 @@ With fewer conditional effects, more planners and heuristics accept the export.
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import replace
 
+from engine.formats.interop.pddl.export.background import Background
 from engine.formats.interop.pddl.export.conditions import FALSE, conjunction, disjunction, negation
-from engine.formats.interop.pddl.export.world import World
 from kb.model.conditions import (
     TRUE,
     And,
@@ -30,8 +30,8 @@ Scope = Mapping[Variable, str]
 class Simplifier:
     """Simplifies flat operators and conditions, given the types of their variables."""
 
-    def __init__(self, world: World) -> None:
-        self.world = world
+    def __init__(self, background: Background) -> None:
+        self.background = background
 
     def operator(self, operator: Operator) -> Operator:
         """The operator with simpler conditions; effects that cannot happen are dropped."""
@@ -69,7 +69,11 @@ class Simplifier:
 
     def _known(self, name: str, variable: Variable, scope: Scope) -> bool:
         known = scope.get(variable)
-        return name in self.world.domain.types and known is not None and self.world.is_subtype(known, name)
+        return (
+            name in self.background.domain.types
+            and known is not None
+            and self.background.is_subtype(known, name)
+        )
 
 
 def _without_exceptions(effect: Effect, added: Collection[Atom]) -> Effect:

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 
-from engine.formats.interop.pddl.export.world import CHAIN, NUMERAL, Fresh, NotLiftable, World
+from engine.formats.interop.pddl.export.background import CHAIN, NUMERAL, Background, Fresh, NotLiftable
 from kb.model.conditions import And, Condition, Literal, Parameter
 from kb.model.domain import Effect, Operator
 from kb.model.problem import Chain
@@ -26,9 +26,9 @@ def reached(chain: Chain, count: int) -> Atom:
 class Stages:
     """The chains of a problem as fluents, static facts and effects."""
 
-    def __init__(self, world: World, fresh: Fresh) -> None:
-        self.world, self.fresh = world, fresh
-        self.chains = world.problem.chains
+    def __init__(self, background: Background, fresh: Fresh) -> None:
+        self.background, self.fresh = background, fresh
+        self.chains = background.problem.chains
         self.names = {stage.name for chain in self.chains for stage in chain.stages}
 
     def facts(self) -> Iterator[Atom]:
@@ -42,7 +42,7 @@ class Stages:
     def _matching(self, stage: Atom) -> list[Atom]:
         if is_ground(stage):
             return [stage]
-        return [atom for atom in self.world.task.atoms if reaches(atom, stage)]
+        return [atom for atom in self.background.task.atoms if reaches(atom, stage)]
 
     def initial(self) -> Iterator[Atom]:
         """The counters at the start: chains that wait for no other chain are at their beginning."""
@@ -65,7 +65,7 @@ class Stages:
 
     def goals(self) -> Iterator[Condition]:
         """Every chain is finished. A fluent that ends a chain still holds, unless a later chain of the same subject follows."""
-        lasts = lasting(self.chains, self.world.domain)
+        lasts = lasting(self.chains, self.background.domain)
         for chain in self.chains:
             yield Literal(reached(chain, len(chain.stages)))
             if chain.name in lasts:

@@ -19,7 +19,7 @@ class NotLiftable(Exception):
     """A construct that lifted PDDL cannot express. The ground task can."""
 
 
-class World:
+class Background:
     """The statics of a problem: facts by predicate, the objects of each type, and one declared type per object."""
 
     def __init__(self, problem: Problem, task: Task) -> None:

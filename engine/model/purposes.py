@@ -1,0 +1,38 @@
+"""What each step of a plan is there for, and how conditions are said."""
+
+from collections.abc import Callable
+
+from engine.model.stages import stage_atom
+from kb.model.plan import GOAL, Plan, StepId
+from kb.model.problem import Problem
+from kb.terms import Atom
+
+
+def purposes(problem: Problem, plan: Plan) -> dict[StepId, dict[str, list[str]]]:
+    """For each step what it achieves, and for which steps ("goal" for the goal): why it is there."""
+    say = wording(problem)
+    found: dict[StepId, dict[str, list[str]]] = {}
+    for link in plan.links:
+        consumer = "goal" if link.consumer == GOAL else str(link.consumer)
+        consumers = found.setdefault(link.producer, {}).setdefault(say(link.condition), [])
+        if consumer not in consumers:
+            consumers.append(consumer)
+    return found
+
+
+def wording(problem: Problem | None) -> Callable[[Atom], str]:
+    """How conditions are said: stages of the problem's workflow as their own atoms, `not p` for `not(p)`."""
+    chains = problem.chains if problem else ()
+    stages = {stage_atom(c, n): str(stage) for c in chains for n, stage in enumerate(c.stages, 1)}
+    stages |= {stage_atom(chain, 0): f"before {chain.stages[0]}" for chain in chains if chain.stages}
+
+    def say(condition: Atom) -> str:
+        return stages.get(condition) or plainly(condition)
+
+    return say
+
+
+def plainly(condition: Atom) -> str:
+    """A condition as people write it: `not p` for `not(p)`."""
+    negative = condition.name == "not" and len(condition.arguments) == 1
+    return f"not {condition.arguments[0]}" if negative else str(condition)

@@ -1,0 +1,69 @@
+"""When what is to be scheduled happens: a schedule of a shop, and the timetable of a plan. Times are integers."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from engine.model.outcome import GaveUp, Infeasible, Statistics
+from engine.model.shop import Changeover, Shop
+from kb.model.plan import Plan, StepId
+
+
+@dataclass(frozen=True, slots=True)
+class Adjustment:
+    """A device is brought from one setting to another by its operator."""
+
+    device: str
+    change: Changeover
+    start: int
+
+    @property
+    def end(self) -> int:
+        """When it is done."""
+        return self.start + self.change.duration
+
+
+@dataclass(frozen=True, slots=True)
+class Schedule:
+    """When each stage and each change of a device starts. No schedule is shorter than `lower_bound`.
+
+    `tardiness` is the weighted sum of what jobs end after they are due, which comes before the makespan; `proved`
+    says that there is no better schedule. Start times are a forecast; the order is what is promised.
+    """
+
+    starts: Mapping[str, int]
+    adjustments: tuple[Adjustment, ...]
+    makespan: int
+    lower_bound: int
+    tardiness: int = 0
+    proved: bool = False
+
+    @property
+    def gap(self) -> float:
+        """How much longer than the lower bound it may be, as a share of the makespan."""
+        return (self.makespan - self.lower_bound) / self.makespan if self.makespan else 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Scheduled:
+    """A schedule that the independent checker accepts."""
+
+    schedule: Schedule
+    statistics: Statistics = field(default_factory=Statistics)
+
+
+Timing = Scheduled | Infeasible | GaveUp
+
+
+@dataclass(frozen=True, slots=True)
+class Timetable:
+    """A plan with the start of each step, and the schedule of the shop behind it.
+
+    `shop` has a stage per block of steps that serves an object. `note` says why the plan kept its own order, if it did.
+    """
+
+    plan: Plan
+    starts: Mapping[StepId, int]
+    shop: Shop
+    schedule: Schedule
+    note: str = ""
+    statistics: Statistics = field(default_factory=Statistics)

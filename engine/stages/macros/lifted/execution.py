@@ -1,0 +1,97 @@
+"""Plans executed by lifted operators: what each step does, and the situation that it leads to.
+
+`Execution` asks whether each step can be taken; `changes_of` and `executed` take that for granted.
+"""
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field
+
+from engine.stages.macros.lifted.bodies import Bindings, satisfiable
+from engine.stages.macros.lifted.facts import Facts
+from engine.stages.macros.lifted.ground_steps import GroundStep
+from engine.stages.macros.lifted.schema import OperatorSchema
+from engine.stages.macros.lifted.situation import Situation
+from engine.stages.macros.lifted.world import CellDomain, StepChange, holds, with_derived
+from kb.model.conditions import Body
+from kb.model.plan import Plan, Step, StepId
+from kb.terms import Atom
+
+
+@dataclass
+class Execution:
+    """One linearisation, executed."""
+
+    world: CellDomain
+    facts: Facts
+    changes: dict[StepId, StepChange] = field(default_factory=dict)
+
+    def run(self, plan: Plan) -> str:
+        """Execute all steps; why one cannot be taken, or nothing."""
+        for step in plan.steps:
+            refusal = self._take(step)
+            if refusal:
+                return f"step {step.id} {step.operator}: {refusal}"
+        return ""
+
+    def _take(self, step: Step) -> str:
+        known = self.world.ground_step(step.operator)
+        return self.take_known(step, known) if known is not None else self.take_any(step)
+
+    def take_known(self, step: Step, known: GroundStep) -> str:
+        """Execute a step that was worked out before; why it cannot be taken, or nothing."""
+        if known.refusal or not known.applicable(self.facts):
+            return known.refusal or "its precondition does not hold"
+        ends = known.ended(self.facts, self.world.statics)
+        change = self.changes[step.id] = StepChange(known.adds, ends, known.events)
+        self.facts = change.applied(self.facts)
+        return ""
+
+    def take_any(self, step: Step) -> str:
+        """Execute a step from its operator's schema; why it cannot be taken, or nothing."""
+        schema, bindings = self.world.binding(step.operator)
+        if not satisfiable(schema.body, self.world.statics, bindings):
+            return "its constraints do not hold"
+        derived = any(map(self.world.schemas.rests_on_rules, (*schema.alternatives, *_needs(schema))))
+        facts = with_derived(self.world, self.facts) if derived else self.facts
+        if not any(holds(body, self.world, facts, bindings) for body in schema.alternatives):
+            return "its precondition does not hold"
+        change = self.changes[step.id] = self.world.change(step.operator, facts)
+        contradiction = self._contradiction(schema, bindings, change, facts)
+        if contradiction:
+            return f"it adds and denies {contradiction}"
+        self.facts = change.applied(self.facts)
+        return ""
+
+    def _contradiction(
+        self, schema: OperatorSchema, bindings: Bindings, change: StepChange, facts: Facts
+    ) -> Atom | None:
+        for each in schema.denies:
+            if each.deduced:
+                for atom in change.adds:
+                    if atom.name == each.atom.name and self.world.fires(each, atom, bindings, facts):
+                        return atom
+        return None
+
+
+def _needs(schema: OperatorSchema) -> Iterator[Body]:
+    return (each.needs for each in (*schema.adds, *schema.denies))
+
+
+def changes_of(start: Situation, steps: Iterable[Step]) -> list[StepChange]:
+    """What the steps of a valid plan do when they are executed one after another."""
+    world, facts, found = start.world, start.facts, list[StepChange]()
+    for step in steps:
+        schema, _ = world.binding(step.operator)
+        asks = any(map(world.schemas.rests_on_rules, _needs(schema)))
+        change = world.change(step.operator, with_derived(world, facts) if asks else facts)
+        facts = change.applied(facts)
+        found.append(change)
+    return found
+
+
+def executed(plan: Plan, start: Situation) -> Situation:
+    """The situation that a valid plan leads to."""
+    facts = start.facts
+    for change in changes_of(start, plan.steps):
+        facts = change.applied(facts)
+    return Situation(start.world, facts)
