@@ -172,7 +172,7 @@ def test_a_broken_urdf_is_told(name: str, folder: Path) -> None:
 def test_a_mesh_in_another_format_is_told(folder: Path) -> None:
     (folder / "packages" / "crane" / "hook.dae").write_text("<COLLADA/>")
     (folder / "crane.urdf").write_text(ROBOT.replace("hook.obj", "hook.dae"))
-    assert any("no mesh format" in each.message for each in read(folder)[1])
+    assert any("not a supported mesh format" in each.message for each in read(folder)[1])
 
 
 PARTS = re.findall(r"<[^>]*>|[^<]+", ROBOT)
