@@ -29,6 +29,8 @@ cpdef void nearest_pairs(
     object poses, Pieces p, Pairs q, double beyond, object distance, object pair, object witness
 ) except *
 
+cdef bint fit(Room here, const long long[:, ::1] pairs) noexcept nogil
+
 cdef void _nearest_pair(
     Room here, Separations s, Pairs q, Py_ssize_t n, double[::1] least, long long[::1] number, double[:, ::1] points
 ) noexcept nogil

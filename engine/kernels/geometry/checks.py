@@ -9,7 +9,7 @@ import math
 import cython
 import numpy as np
 
-from engine.kernels.arrays import Floats, Longs, refuse_beyond, refuse_unless
+from engine.kernels.arrays import Floats, Longs
 from engine.kernels.geometry import gjk, layout, room, segments, volumes
 from engine.kernels.geometry.distance import Separations
 from engine.kernels.geometry.layout import Pairs, Pieces
@@ -44,8 +44,9 @@ def first_contacts(poses: Floats, p: Pieces, q: Pairs, out: Longs) -> None:
 
     Raises `ValueError` for arrays that do not fit together, as all of these do.
     """
-    refuse_unless("pairs that touch", out, np.int64, (len(poses),))
     here, found = _room(poses, p, q), out
+    if found.shape[0] != here.batch:
+        raise ValueError(f"{here.batch} carrier poses have as many results, not {found.shape[0]}")
     with cython.nogil:
         for n in range(here.batch):
             found[n] = _first_contact(here, q, n)
@@ -98,8 +99,9 @@ def _place_once(here: Room, i: int, n: int) -> None:
 
 def count_hits(poses: Floats, p: Pieces, q: Pairs, hits: Longs) -> None:
     """In how many of the carrier poses each group (g,) has a pair that touches."""
-    refuse_unless("hits", hits, np.int64, (len(q.groups),))
     here, count = _room(poses, p, q), hits
+    if count.shape[0] != q._groups.shape[0]:
+        raise ValueError(f"{q._groups.shape[0]} groups have as many results, not {count.shape[0]}")
     with cython.nogil:
         for n in range(here.batch):
             room.move_bounds(here, n)
@@ -112,10 +114,9 @@ def nearest_pairs(
     poses: Floats, p: Pieces, q: Pairs, beyond: float, distance: Floats, pair: Longs, witness: Floats
 ) -> None:
     """The least signed distance (n,) below `beyond`, its pair (n,) or -1, and its points and normal (n, 9)."""
-    refuse_unless("distances", distance, np.float64, (len(poses),))
-    refuse_unless("nearest pairs", pair, np.int64, (len(poses),))
-    refuse_unless("nearest points", witness, np.float64, (len(poses), 9))
     here, least, number, points = _room(poses, p, q), distance, pair, witness
+    if not here.batch == least.shape[0] == number.shape[0] == points.shape[0] or points.shape[1] != 9:
+        raise ValueError(f"{here.batch} carrier poses have as many results, points with 9 entries")
     s = Separations(np.asarray(here.world), here.most)
     with cython.nogil:
         for n in range(here.batch):
@@ -145,17 +146,27 @@ def _nearest_pair(
                     points[n, x] = s._found[x]
 
 
+def fit(here: Room, pairs: Longs) -> bool:
+    """Whether an array (m, 2) has pairs of the pieces that there are."""
+    if pairs.shape[1] != 2:
+        return False
+    for m in range(pairs.shape[0]):
+        for side in range(2):
+            if not 0 <= pairs[m, side] < here.count:
+                return False
+    return True
+
+
 def near_pairs(
     poses: Floats, p: Pieces, pairs: Longs, within: float, distance: Floats, witness: Floats
 ) -> None:
     """For one set of carrier poses (1, k + 1, 3, 4), the signed distance of every pair (m,) nearer than `within`, else
     infinity, and its points and normal (m, 9)."""
-    refuse_unless("pairs", pairs, np.int64, (None, 2))
-    refuse_beyond("pieces of pairs", pairs, p.count)
-    refuse_unless("distances", distance, np.float64, (len(pairs),))
-    refuse_unless("nearest points", witness, np.float64, (len(pairs), 9))
-    refuse_unless("carrier poses", poses, np.float64, (1, None, 3, 4))
     here, asked, each, points = Room(p, poses), pairs, distance, witness
+    if here.batch != 1 or not fit(here, asked):
+        raise ValueError(f"pairs (m, 2) of {here.count} pieces at one set of carrier poses, not {here.batch}")
+    if not asked.shape[0] == each.shape[0] == points.shape[0] or points.shape[1] != 9:
+        raise ValueError(f"{asked.shape[0]} pairs have as many results, points with 9 entries")
     s = Separations(np.asarray(here.world), here.most)
     with cython.nogil:
         room.move_bounds(here, 0)

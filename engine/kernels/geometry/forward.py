@@ -7,7 +7,7 @@ import math
 import cython
 import numpy as np
 
-from engine.kernels.arrays import Floats, Longs, Truths, refuse_unless
+from engine.kernels.arrays import Floats, Longs, Truths
 
 
 def carriers(parent: Longs, origin: Floats, axis: Floats, prismatic: Truths, q: Floats, out: Floats) -> None:

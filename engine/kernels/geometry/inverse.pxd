@@ -36,5 +36,5 @@ cdef (double, double) _hand(Batch e, Py_ssize_t n, Py_ssize_t b, Triple whole, T
 @cython.locals(missed="double[:, ::1]", n=Py_ssize_t, b=Py_ssize_t)
 cpdef void residuals(Batch e, object out) except *
 
-@cython.locals(worst=double)
 cdef double _residual(Batch e, Py_ssize_t n, Py_ssize_t b) noexcept nogil
+cdef double _largest(double worst, Triple v) noexcept nogil

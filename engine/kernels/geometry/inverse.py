@@ -119,7 +119,12 @@ def _spherical_wrist(e: Batch, n: int) -> None:
     for i in range(2):
         base = first[0] if i == 0 else first[1]
         end = vectors.minus(vectors.turn(h1, -base, target), vectors.minus(o2, o1))
-        third = angles_to_plane(upper, h3, fore, (vectors.dot(end, end) - vectors.dot(upper, upper) - vectors.dot(fore, fore)) / 2.0)
+        third = angles_to_plane(
+            upper,
+            h3,
+            fore,
+            (vectors.dot(end, end) - vectors.dot(upper, upper) - vectors.dot(fore, fore)) / 2.0,
+        )
         for j in range(2):
             elbow = third[0] if j == 0 else third[1]
             second = angle_onto(h2, vectors.plus(upper, vectors.turn(h3, elbow, fore)), end)
@@ -191,7 +196,9 @@ def _elbow(e: Batch, n: int, b: int, wrist: V) -> float:
     total, sixth = _hand(e, n, b, whole, palm)
     end = vectors.minus(whole, vectors.turn(h2, total, palm))
     upper, fore = vectors.minus(o3, o2), vectors.minus(o4, o3)
-    third = angles_to_plane(upper, h3, fore, (vectors.dot(end, end) - vectors.dot(upper, upper) - vectors.dot(fore, fore)) / 2.0)
+    third = angles_to_plane(
+        upper, h3, fore, (vectors.dot(end, end) - vectors.dot(upper, upper) - vectors.dot(fore, fore)) / 2.0
+    )
     for j in range(2):
         bend = third[0] if j == 0 else third[1]
         second = angle_onto(h2, vectors.plus(upper, vectors.turn(h3, bend, fore)), end)
@@ -220,7 +227,10 @@ def _hand(e: Batch, n: int, b: int, whole: V, palm: V) -> tuple[float, float]:
 
 
 def residuals(e: Batch, out: Floats) -> None:
-    """How far each valid branch misses E, in metres and radians alike: out (n, 8), infinite where not valid."""
+    """How far each valid branch misses E, in metres and radians alike: out (n, 8), infinite where not valid.
+
+    Raises `ValueError` for another array.
+    """
     refuse_unless("residuals", out, np.float64, (e.count, 8))
     missed = out
     with cython.nogil:
@@ -232,14 +242,23 @@ def residuals(e: Batch, out: Floats) -> None:
 
 
 def _residual(e: Batch, n: int, b: int) -> float:
-    """The largest error of the images of the origin and of three unit steps from it."""
-    worst = 0.0
-    for c in range(4):
-        at = vectors.vector(1.0 if c == 0 else 0.0, 1.0 if c == 1 else 0.0, 1.0 if c == 2 else 0.0)
-        wanted = moved(e, n, at)
-        for joint in range(6, 0, -1):
-            about = point(e, joint)
-            at = vectors.plus(about, vectors.turn(axis(e, joint), e.q[n, b, joint - 1], vectors.minus(at, about)))
-        missed = vectors.minus(at, wanted)
-        worst = max(worst, abs(missed[0]), abs(missed[1]), abs(missed[2]))
-    return worst
+    """The largest error of the images of three unit steps from the origin, and of the origin."""
+    x, y = vectors.vector(1.0, 0.0, 0.0), vectors.vector(0.0, 1.0, 0.0)
+    z, origin = vectors.vector(0.0, 0.0, 1.0), vectors.vector(0.0, 0.0, 0.0)
+    end_x, end_y, end_z, end_origin = moved(e, n, x), moved(e, n, y), moved(e, n, z), moved(e, n, origin)
+    for joint in range(6, 0, -1):
+        h, o, angle = axis(e, joint), point(e, joint), e.q[n, b, joint - 1]
+        s, c = math.sin(angle), math.cos(angle)
+        x = vectors.plus(o, vectors.turn_by(h, s, c, vectors.minus(x, o)))
+        y = vectors.plus(o, vectors.turn_by(h, s, c, vectors.minus(y, o)))
+        z = vectors.plus(o, vectors.turn_by(h, s, c, vectors.minus(z, o)))
+        origin = vectors.plus(o, vectors.turn_by(h, s, c, vectors.minus(origin, o)))
+    worst = _largest(0.0, vectors.minus(x, end_x))
+    worst = _largest(worst, vectors.minus(y, end_y))
+    worst = _largest(worst, vectors.minus(z, end_z))
+    return _largest(worst, vectors.minus(origin, end_origin))
+
+
+def _largest(worst: float, v: V) -> float:
+    """The largest of a number and the sizes of the entries."""
+    return max(worst, abs(v[0]), abs(v[1]), abs(v[2]))

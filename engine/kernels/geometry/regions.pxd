@@ -23,6 +23,10 @@ cpdef void near_solids(Pieces p, Tree tree, double within, object near) except *
 )
 cpdef void first_hits(object poses, Pieces p, Tree tree, object pairs, object skip, object out) except *
 
+cdef int _refuse_unless_fitting(
+    Room here, Walk w, const long long[:, ::1] pairs, const unsigned char[:, ::1] skip, Py_ssize_t results
+) except -1
+
 cdef bint _pairs_touch(Room here, const long long[:, ::1] pairs) noexcept nogil
 cdef bint _hits(
     Room here, Walk w, const unsigned char[:, ::1] skip, Py_ssize_t asking, Py_ssize_t number

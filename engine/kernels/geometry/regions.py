@@ -9,7 +9,7 @@ descendants may reach out of it (`tree.grow`). To compare the region itself woul
 import cython
 import numpy as np
 
-from engine.kernels.arrays import Floats, Longs, Truths, refuse_beyond, refuse_unless
+from engine.kernels.arrays import Floats, Longs, Truths
 from engine.kernels.geometry import checks, room, volumes
 from engine.kernels.geometry.distance import Separations
 from engine.kernels.geometry.layout import Pieces, Tree
@@ -56,8 +56,9 @@ def near_solids(p: Pieces, tree: Tree, within: float, near: Truths) -> None:
     Raises `ValueError` for arrays that do not fit together, as all of these do.
     """
     regions = tree.count
-    refuse_unless("regions that are near", near, np.bool_, (p.count - regions, regions))
     here, w, told = Room(p, np.empty((0, p.carriers, 3, 4))), Walk(tree), near.view(np.uint8)
+    if told.shape[0] + regions != here.count or told.shape[1] != regions:
+        raise ValueError(f"regions that are near must be (pieces that ask, {regions}), not {near.shape}")
     with cython.nogil:
         for n in range(told.shape[0]):
             _begin(w)
@@ -72,9 +73,8 @@ def first_hits(poses: Floats, p: Pieces, tree: Tree, pairs: Longs, skip: Truths,
 
     `skip` (asking, regions) are those that may touch.
     """
-    _refuse_unless_fitting(p, tree, pairs, skip)
-    refuse_unless("hits", out, np.bool_, (len(poses),))
     here, w, told, may, both = Room(p, poses), Walk(tree), out.view(np.uint8), skip.view(np.uint8), pairs
+    _refuse_unless_fitting(here, w, both, may, told.shape[0])
     with cython.nogil:
         for n in range(here.batch):
             room.move_bounds(here, n)
@@ -86,10 +86,13 @@ def first_hits(poses: Floats, p: Pieces, tree: Tree, pairs: Longs, skip: Truths,
                 asking += 1
 
 
-def _refuse_unless_fitting(p: Pieces, tree: Tree, pairs: Longs, skip: Truths) -> None:
-    refuse_unless("pairs", pairs, np.int64, (None, 2))
-    refuse_beyond("pieces of pairs", pairs, p.count)
-    refuse_unless("regions that may touch", skip, np.bool_, (p.count - tree.count, tree.count))
+def _refuse_unless_fitting(here: Room, w: Walk, pairs: Longs, skip: Truths, results: int) -> None:
+    if not checks.fit(here, pairs):
+        raise ValueError(f"pairs must be (m, 2), of {here.count} pieces")
+    if skip.shape[0] + w.tree.count != here.count or skip.shape[1] != w.tree.count:
+        raise ValueError(f"regions that may touch must be (pieces that ask, {w.tree.count})")
+    if results != here.batch:
+        raise ValueError(f"{here.batch} carrier poses have as many results, not {results}")
 
 
 def _pairs_touch(here: Room, pairs: Longs) -> bool:
@@ -116,9 +119,8 @@ def nearest_hits(
     poses: Floats, p: Pieces, tree: Tree, pairs: Longs, skip: Truths, beyond: float, distance: Floats
 ) -> None:
     """The least signed distance (n,) below `beyond` between asking pieces and solid regions, and in `pairs`."""
-    _refuse_unless_fitting(p, tree, pairs, skip)
-    refuse_unless("distances", distance, np.float64, (len(poses),))
     here, w, least, may, both = Room(p, poses), Walk(tree), distance, skip.view(np.uint8), pairs
+    _refuse_unless_fitting(here, w, both, may, least.shape[0])
     s = Separations(np.asarray(here.world), here.most)
     with cython.nogil:
         for n in range(here.batch):
@@ -139,7 +141,9 @@ def _nearest_of_pairs(here: Room, s: Separations, pairs: Longs, best: float) -> 
     return best
 
 
-def _nearest(here: Room, s: Separations, w: Walk, skip: Truths, asking: int, number: int, best: float) -> float:
+def _nearest(
+    here: Room, s: Separations, w: Walk, skip: Truths, asking: int, number: int, best: float
+) -> float:
     """The least signed distance of one asking piece from a solid region, if below `best`."""
     piece = w.tree.count + asking
     _begin(w)

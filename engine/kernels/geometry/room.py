@@ -4,7 +4,7 @@
 
 import numpy as np
 
-from engine.kernels.arrays import Floats, refuse_unless
+from engine.kernels.arrays import Floats
 from engine.kernels.geometry import layout
 from engine.kernels.geometry.gjk import Cores
 from engine.kernels.geometry.layout import Pieces
@@ -17,17 +17,19 @@ class Room:
     """
 
     def __init__(self, p: Pieces, poses: Floats) -> None:
-        if p.carriers > poses.shape[1]:
-            raise ValueError(f"there are poses of {poses.shape[1]} carriers for pieces on {p.carriers}")
-        refuse_unless("carrier poses", poses, np.float64, (None, None, 3, 4))
-        self.count, self.batch, self.most, self.poses = p.count, len(poses), p.most, poses
+        self.poses = poses
+        if self.poses.shape[1] < p.carriers or self.poses.shape[2] != 3 or self.poses.shape[3] != 4:
+            raise ValueError(f"carrier poses must be (n, {p.carriers} or more, 3, 4), not {poses.shape}")
+        self.count, self.batch, self.most = p.count, len(poses), p.most
         self.pieces = p
         self.vertices, self.stretch = self.pieces._vertices, self.pieces._stretch
         self.radius = self.pieces._radius
         self.carrier, self.own = self.pieces._carrier, self.pieces._bounds
         world = p.vertices.copy()
         self.world, self.cores, self.bounds = world, Cores(world), p.bounds.copy()
-        self.placed = np.where(p.carrier == 0, len(poses), -1)  # the last of the batch that each was placed for
+        self.placed = np.empty(self.count, np.int64)  # the last of the batch that each was placed for
+        for i in range(self.count):
+            self.placed[i] = self.batch if self.carrier[i] == 0 else -1
 
 
 def move_bounds(room: Room, n: int) -> None:
@@ -51,7 +53,9 @@ def _turn(room: Room, n: int, k: int, i: int, at: int) -> None:
     """Turn three entries of the bounds of a piece as its carrier is."""
     x, y, z = room.own[i, at], room.own[i, at + 1], room.own[i, at + 2]
     for r in range(3):
-        room.bounds[i, at + r] = room.poses[n, k, r, 0] * x + room.poses[n, k, r, 1] * y + room.poses[n, k, r, 2] * z
+        room.bounds[i, at + r] = (
+            room.poses[n, k, r, 0] * x + room.poses[n, k, r, 1] * y + room.poses[n, k, r, 2] * z
+        )
 
 
 def place(room: Room, n: int, i: int) -> None:

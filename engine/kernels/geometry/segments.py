@@ -16,7 +16,11 @@ def _end(room: Room, i: int, last: bool) -> V:
 def segment_gap(room: Room, i: int, j: int) -> float:
     """The distance between two placed points or segments, squared (Ericson 2005, 5.1.9)."""
     a, b = _end(room, i, False), _end(room, j, False)
-    u, w, r = vectors.minus(_end(room, i, True), a), vectors.minus(_end(room, j, True), b), vectors.minus(a, b)
+    u, w, r = (
+        vectors.minus(_end(room, i, True), a),
+        vectors.minus(_end(room, j, True), b),
+        vectors.minus(a, b),
+    )
     uu, ww, uw = vectors.dot(u, u), vectors.dot(w, w), vectors.dot(u, w)
     ur, wr = vectors.dot(u, r), vectors.dot(w, r)
     s = _clamped(uw * wr - ur * ww, uu * ww - uw * uw)

@@ -21,9 +21,7 @@ cdef inline Triple plus(Triple a, Triple b) noexcept nogil:
 cdef inline Triple times(double s, Triple a) noexcept nogil:
     return (s * a[0], s * a[1], s * a[2])
 
-cdef inline Triple turn(Triple axis, double angle, Triple v) noexcept nogil:
-    cdef double s = math.sin(angle)
-    cdef double c = math.cos(angle)
+cdef inline Triple turn_by(Triple axis, double s, double c, Triple v) noexcept nogil:
     cdef double along = (1.0 - c) * dot(axis, v)
     cdef Triple around = cross(axis, v)
     return (
@@ -31,3 +29,6 @@ cdef inline Triple turn(Triple axis, double angle, Triple v) noexcept nogil:
         c * v[1] + s * around[1] + along * axis[1],
         c * v[2] + s * around[2] + along * axis[2],
     )
+
+cdef inline Triple turn(Triple axis, double angle, Triple v) noexcept nogil:
+    return turn_by(axis, math.sin(angle), math.cos(angle), v)

@@ -39,7 +39,10 @@ if not cython.compiled:
 
     def turn(axis: V, angle: float, v: V) -> V:
         """`v` turned about the unit vector `axis` (Rodrigues)."""
-        s, c = math.sin(angle), math.cos(angle)
+        return turn_by(axis, math.sin(angle), math.cos(angle), v)
+
+    def turn_by(axis: V, s: float, c: float, v: V) -> V:
+        """The same by the sine and the cosine of the angle."""
         along = (1.0 - c) * dot(axis, v)
         around = cross(axis, v)
         return (

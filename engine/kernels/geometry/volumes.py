@@ -16,7 +16,11 @@ def verdict(room: Room, i: int, j: int, by: float) -> int:
 
     Of two balls, and of a ball and a block, the bounds are the pieces, so that nothing is left undecided.
     """
-    x, y, z = room.bounds[i, 0] - room.bounds[j, 0], room.bounds[i, 1] - room.bounds[j, 1], room.bounds[i, 2] - room.bounds[j, 2]
+    x, y, z = (
+        room.bounds[i, 0] - room.bounds[j, 0],
+        room.bounds[i, 1] - room.bounds[j, 1],
+        room.bounds[i, 2] - room.bounds[j, 2],
+    )
     reach = room.bounds[i, layout.BALL] + room.bounds[j, layout.BALL] + by
     if reach < 0.0 or x * x + y * y + z * z > reach * reach:
         return APART
