@@ -12,6 +12,7 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
 Longs = NDArray[np.int64]
 Truths = NDArray[np.bool_]
+Bytes = NDArray[np.uint8]  # truths, as kernels see them
 
 
 def refuse_unless(what: str, array: NDArray[Any], kind: type, shape: tuple[int | None, ...]) -> None:

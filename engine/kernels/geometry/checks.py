@@ -25,12 +25,13 @@ def touches(here: Room, i: int, j: int, by: float) -> bool:
     """
     na, nb, reach = here.stretch[i, 1], here.stretch[j, 1], here.radius[i] + here.radius[j] + by
     if na <= 2 and nb <= 2:
-        return segments.segment_gap(here, i, j) <= reach * reach
+        return bool(segments.segment_gap(here, i, j) <= reach * reach)
     if na <= 2 and here.own[j, layout.KIND] == layout.BLOCK_ITSELF:
-        return segments.segment_block_gap(here, i, j) <= reach * reach
+        return bool(segments.segment_block_gap(here, i, j) <= reach * reach)
     if nb <= 2 and here.own[i, layout.KIND] == layout.BLOCK_ITSELF:
-        return segments.segment_block_gap(here, j, i) <= reach * reach
-    return gjk.core_distance(here.cores, here.stretch[i, 0], na, here.stretch[j, 0], nb, reach) <= reach
+        return bool(segments.segment_block_gap(here, j, i) <= reach * reach)
+    a, b = here.stretch[i, 0], here.stretch[j, 0]
+    return bool(gjk.core_distance(here.cores, a, na, b, nb, reach) <= reach)
 
 
 def separation(here: Room, s: Separations, i: int, j: int) -> float:
@@ -79,7 +80,7 @@ def _first_of_group(here: Room, q: Pairs, g: int, n: int) -> int:
         checked = i
         said = volumes.verdict(here, i, j, 0.0)
         if said == volumes.TOUCHING or (said == volumes.UNDECIDED and _decided(here, i, j, n)):
-            return q._order[m]
+            return int(q._order[m])
         m += 1
     return -1
 

@@ -46,7 +46,7 @@ def core_depth(c: Cores, p: Polytope, a: int, na: int, b: int, nb: int, out: Flo
         if vectors.dot(normal, w) - p.planes[face, 3] <= 1e-11 or count > MAX_FACES:
             break
         count = _grow(c, p, used, count)
-    depth = max(0.0, p.planes[face, 3])
+    depth = max(0.0, float(p.planes[face, 3]))
     _deepest_points(c, p, a, na, b, nb, _normal(p, face), depth, out)
     return depth
 

@@ -15,6 +15,9 @@ cdef class Batch:
     cdef double[:, :, ::1] q
     cdef double[:, ::1] valid
 
+@cython.locals(arm=bint, poses=bint, q=bint)
+cdef bint _fits(Batch e) noexcept
+
 cdef double angle_onto(Triple axis, Triple start, Triple end) noexcept nogil
 cdef Triple angles_to_plane(Triple normal, Triple axis, Triple start, double offset) noexcept nogil
 cdef Triple axis(Batch e, int joint) noexcept nogil

@@ -12,9 +12,8 @@ axes may stand at any angles, so that orthogonal and three-roll wrists are one c
 import math
 
 import cython
-import numpy as np
 
-from engine.kernels.arrays import Floats, refuse_unless
+from engine.kernels.arrays import Floats
 from engine.kernels.geometry import vectors
 from engine.kernels.geometry.vectors import V
 
@@ -29,13 +28,20 @@ class Batch:
         """Takes h (6, 3), o (6, 3), the point that the last axes share, and poses E (n, 4, 4); written are q (n, 8, 6)
         and valid (n, 8): 1 or 0. Raises `ValueError` for other arrays.
         """
-        refuse_unless("axes", h, np.float64, (6, 3))
-        refuse_unless("points on axes", o, np.float64, (6, 3))
-        refuse_unless("poses", poses, np.float64, (None, 4, 4))
-        refuse_unless("branches", q, np.float64, (len(poses), 8, 6))
-        refuse_unless("valid branches", valid, np.float64, (len(poses), 8))
-        self.count, self.h, self.o, self.poses, self.q, self.valid = len(poses), h, o, poses, q, valid
+        self.h, self.o, self.poses, self.q, self.valid = h, o, poses, q, valid
         self.x, self.y, self.z = centre
+        self.count = self.poses.shape[0]
+        if not _fits(self):
+            raise ValueError(
+                f"axes and points must be (6, 3), E (n, 4, 4), q (n, 8, 6), valid (n, 8): E is {poses.shape}"
+            )
+
+
+def _fits(e: Batch) -> bool:
+    arm = e.h.shape[0] == e.o.shape[0] == 6 and e.h.shape[1] == e.o.shape[1] == 3
+    poses = e.poses.shape[1] == 4 and e.poses.shape[2] == 4
+    q = e.q.shape[0] == e.count and e.q.shape[1] == 8 and e.q.shape[2] == 6
+    return arm and poses and q and e.valid.shape[0] == e.count and e.valid.shape[1] == 8
 
 
 def angle_onto(axis: V, start: V, end: V) -> float:
@@ -231,8 +237,9 @@ def residuals(e: Batch, out: Floats) -> None:
 
     Raises `ValueError` for another array.
     """
-    refuse_unless("residuals", out, np.float64, (e.count, 8))
     missed = out
+    if missed.shape[0] != e.count or missed.shape[1] != 8:
+        raise ValueError(f"residuals must be ({e.count}, 8), not {out.shape}")
     with cython.nogil:
         for n in range(e.count):
             for b in range(8):

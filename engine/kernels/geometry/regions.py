@@ -9,7 +9,7 @@ descendants may reach out of it (`tree.grow`). To compare the region itself woul
 import cython
 import numpy as np
 
-from engine.kernels.arrays import Floats, Longs, Truths
+from engine.kernels.arrays import Bytes, Floats, Longs, Truths
 from engine.kernels.geometry import checks, room, volumes
 from engine.kernels.geometry.distance import Separations
 from engine.kernels.geometry.layout import Pieces, Tree
@@ -46,7 +46,7 @@ def _next_solid(w: Walk, here: Room, asking: int, by: float, number: int) -> int
             w.stack[w.size] = w.tree._children[c]
             w.size += 1
         if w.tree._solid[r]:
-            return r
+            return int(r)
     return -1
 
 
@@ -86,7 +86,7 @@ def first_hits(poses: Floats, p: Pieces, tree: Tree, pairs: Longs, skip: Truths,
                 asking += 1
 
 
-def _refuse_unless_fitting(here: Room, w: Walk, pairs: Longs, skip: Truths, results: int) -> None:
+def _refuse_unless_fitting(here: Room, w: Walk, pairs: Longs, skip: Bytes, results: int) -> None:
     if not checks.fit(here, pairs):
         raise ValueError(f"pairs must be (m, 2), of {here.count} pieces")
     if skip.shape[0] + w.tree.count != here.count or skip.shape[1] != w.tree.count:
@@ -103,7 +103,7 @@ def _pairs_touch(here: Room, pairs: Longs) -> bool:
     return False
 
 
-def _hits(here: Room, w: Walk, skip: Truths, asking: int, number: int) -> bool:
+def _hits(here: Room, w: Walk, skip: Bytes, asking: int, number: int) -> bool:
     """Whether one asking piece touches a solid region."""
     piece = w.tree.count + asking
     _begin(w)
@@ -142,7 +142,7 @@ def _nearest_of_pairs(here: Room, s: Separations, pairs: Longs, best: float) -> 
 
 
 def _nearest(
-    here: Room, s: Separations, w: Walk, skip: Truths, asking: int, number: int, best: float
+    here: Room, s: Separations, w: Walk, skip: Bytes, asking: int, number: int, best: float
 ) -> float:
     """The least signed distance of one asking piece from a solid region, if below `best`."""
     piece = w.tree.count + asking

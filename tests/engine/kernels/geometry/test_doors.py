@@ -106,5 +106,5 @@ def test_separations_are_asked_of_rows_that_are_there() -> None:
 def test_branches_have_eight_rows_of_six() -> None:
     axes, E = np.zeros((6, 3)), np.zeros((2, 4, 4))
     inverse.Batch(axes, axes, (0.0, 0.0, 0.0), E, np.zeros((2, 8, 6)), np.zeros((2, 8)))
-    with pytest.raises(ValueError, match="branches"):
+    with pytest.raises(ValueError, match="8, 6"):
         inverse.Batch(axes, axes, (0.0, 0.0, 0.0), E, np.zeros((2, 7, 6)), np.zeros((2, 8)))
