@@ -1,4 +1,9 @@
-"""Arrays that kernels take. A module that needs NumPy for its types alone imports them from here."""
+"""Arrays that kernels take, and what is refused before one runs: compiled loops look at no bounds.
+
+A module that needs NumPy for its types alone imports them from here.
+"""
+
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -7,3 +12,22 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
 Longs = NDArray[np.int64]
 Truths = NDArray[np.bool_]
+Bytes = NDArray[np.uint8]  # truths, as kernels see them
+
+
+def refuse_unless(what: str, array: NDArray[Any], kind: type, shape: tuple[int | None, ...]) -> None:
+    """Raise `ValueError` unless an array has this kind of entries and this shape (None: any length), row after row."""
+    fits = len(array.shape) == len(shape) and all(
+        length in (None, there) for length, there in zip(shape, array.shape, strict=True)
+    )
+    if not fits:
+        wanted = ", ".join("n" if length is None else str(length) for length in shape)
+        raise ValueError(f"{what}: the array must have the shape ({wanted}), not {array.shape}")
+    if array.dtype != kind or not array.flags.c_contiguous:
+        raise ValueError(f"{what}: the array must be of {kind.__name__}, row after row, not {array.dtype}")
+
+
+def refuse_beyond(what: str, numbers: Longs, count: int) -> None:
+    """Raise `ValueError` unless all numbers are from 0 up to, but not including, `count`."""
+    if numbers.size and (int(numbers.min()) < 0 or int(numbers.max()) >= count):
+        raise ValueError(f"{what}: numbers must be from 0 to {count - 1}")

@@ -1,225 +1,181 @@
+# cython: language_level=3, annotation_typing=False, infer_types=True, boundscheck=False, wraparound=False
+# cython: initializedcheck=False, cdivision=True
 """Collision of whole scenes, configuration after configuration. A pair is looked at closely only when its bounding
 volumes meet.
 """
 
 import math
-from typing import NamedTuple
 
+import cython
 import numpy as np
 
-from engine.kernels.arrays import Floats, Longs, Truths
-from engine.kernels.geometry import compiled, inlined
-from engine.kernels.geometry.distance import separation
-from engine.kernels.geometry.gjk import core_distance
-from engine.kernels.geometry.layout import BLOCK_ITSELF, KIND, Pairs, Pieces
-from engine.kernels.geometry.volumes import (
-    APART,
-    TOUCHING,
-    UNDECIDED,
-    place_bounds,
-    segment_block_gap,
-    segment_gap,
-    verdict,
-)
+from engine.kernels.arrays import Floats, Longs
+from engine.kernels.geometry import gjk, layout, room, segments, volumes
+from engine.kernels.geometry.distance import Separations
+from engine.kernels.geometry.layout import Pairs, Pieces
+from engine.kernels.geometry.room import Room
+
+INFINITE = math.inf
 
 
-@compiled
-def carriers(parent: Longs, origin: Floats, axis: Floats, prismatic: Truths, q: Floats, out: Floats) -> None:
-    """The pose of every carrier (n, k + 1, 3, 4) for configurations q (n, k)."""
-    turned = np.empty((3, 3))
-    for n in range(out.shape[0]):
-        _set_identity(out[n, 0])
-        for j in range(parent.shape[0]):
-            value = q[n, j]
-            _motion(axis[j], 0.0 if prismatic[j] else value, turned)
-            above, here, fixed = out[n, parent[j]], out[n, j + 1], origin[j]
-            for r in range(3):
-                x = above[r, 0] * fixed[0, 0] + above[r, 1] * fixed[1, 0] + above[r, 2] * fixed[2, 0]
-                y = above[r, 0] * fixed[0, 1] + above[r, 1] * fixed[1, 1] + above[r, 2] * fixed[2, 1]
-                z = above[r, 0] * fixed[0, 2] + above[r, 1] * fixed[1, 2] + above[r, 2] * fixed[2, 2]
-                p = (
-                    above[r, 0] * fixed[0, 3]
-                    + above[r, 1] * fixed[1, 3]
-                    + above[r, 2] * fixed[2, 3]
-                    + above[r, 3]
-                )
-                slide = value if prismatic[j] else 0.0
-                p += slide * (x * axis[j, 0] + y * axis[j, 1] + z * axis[j, 2])
-                for c in range(3):
-                    here[r, c] = x * turned[0, c] + y * turned[1, c] + z * turned[2, c]
-                here[r, 3] = p
-
-
-@compiled
-def _set_identity(pose: Floats) -> None:
-    pose[:] = 0.0
-    pose[0, 0] = pose[1, 1] = pose[2, 2] = 1.0
-
-
-@compiled
-def _motion(axis: Floats, angle: float, out: Floats) -> None:
-    """The rotation (3, 3) about a unit axis (Rodrigues)."""
-    s, c = math.sin(angle), math.cos(angle)
-    x, y, z, t = axis[0], axis[1], axis[2], 1.0 - c
-    out[0, 0], out[0, 1], out[0, 2] = c + t * x * x, t * x * y - s * z, t * x * z + s * y
-    out[1, 0], out[1, 1], out[1, 2] = t * x * y + s * z, c + t * y * y, t * y * z - s * x
-    out[2, 0], out[2, 1], out[2, 2] = t * x * z - s * y, t * y * z + s * x, c + t * z * z
-
-
-class Room(NamedTuple):
-    """What is written while checking; made once for a batch."""
-
-    world: Floats  # (v, 3) vertices in the world
-    bounds: Floats  # (n, 18) bounds in the world
-    simplex: Floats  # (5, 10)
-    found: Floats  # (9,)
-
-
-@compiled
-def room_for(p: Pieces) -> Room:
-    """Room for some pieces; those that stand in the world have their place already."""
-    return Room(p.vertices.copy(), p.bounds.copy(), np.empty((5, 10)), np.empty(9))
-
-
-@compiled
-def move_bounds(pose: Floats, carrier: Longs, own: Floats, placed: Floats) -> None:
-    """Put the bounds (n, 18) of all that moves where the carriers (k + 1, 3, 4) are."""
-    for i in range(carrier.shape[0]):
-        if carrier[i] != 0:
-            place_bounds(pose[carrier[i]], own, i, placed)
-
-
-@compiled
-def place(pose: Floats, p: Pieces, i: int, world: Floats) -> None:
-    """The vertices of piece `i` in the world."""
-    T, vertices = pose[p.carrier[i]], p.vertices
-    for row in range(p.stretch[i, 0], p.stretch[i, 0] + p.stretch[i, 1]):
-        for r in range(3):
-            world[row, r] = (
-                T[r, 0] * vertices[row, 0] + T[r, 1] * vertices[row, 1] + T[r, 2] * vertices[row, 2] + T[r, 3]
-            )
-
-
-@compiled
-def move_vertices(pose: Floats, p: Pieces, room: Room) -> None:
-    """Put the vertices of all that moves where the carriers are."""
-    for i in range(p.carrier.shape[0]):
-        if p.carrier[i] != 0:
-            place(pose, p, i, room.world)
-
-
-@compiled
-def touches(p: Pieces, room: Room, i: int, j: int, by: float) -> bool:
+def touches(here: Room, i: int, j: int, by: float) -> bool:
     """Whether two placed pieces are within `by` (at least 0) of each other.
 
     Points, segments and blocks by formulas of their own, the rest by GJK.
     """
-    a, na, b, nb = p.stretch[i, 0], p.stretch[i, 1], p.stretch[j, 0], p.stretch[j, 1]
-    reach, v = p.radius[i] + p.radius[j] + by, room.world
+    na, nb, reach = here.stretch[i, 1], here.stretch[j, 1], here.radius[i] + here.radius[j] + by
     if na <= 2 and nb <= 2:
-        return bool(segment_gap(v, a, na, b, nb) <= reach * reach)
-    if na <= 2 and p.bounds[j, KIND] == BLOCK_ITSELF:
-        return bool(segment_block_gap(v, a, na, room.bounds, j) <= reach * reach)
-    if nb <= 2 and p.bounds[i, KIND] == BLOCK_ITSELF:
-        return bool(segment_block_gap(v, b, nb, room.bounds, i) <= reach * reach)
-    return bool(core_distance(v, a, na, b, nb, reach, room.simplex) <= reach)
+        return bool(segments.segment_gap(here, i, j) <= reach * reach)
+    if na <= 2 and here.own[j, layout.KIND] == layout.BLOCK_ITSELF:
+        return bool(segments.segment_block_gap(here, i, j) <= reach * reach)
+    if nb <= 2 and here.own[i, layout.KIND] == layout.BLOCK_ITSELF:
+        return bool(segments.segment_block_gap(here, j, i) <= reach * reach)
+    a, b = here.stretch[i, 0], here.stretch[j, 0]
+    return bool(gjk.core_distance(here.cores, a, na, b, nb, reach) <= reach)
 
 
-@compiled
-def piece_separation(p: Pieces, room: Room, i: int, j: int) -> float:
-    """The signed distance of two placed pieces, with points and normal in `room.found`."""
-    a, na, b, nb = p.stretch[i, 0], p.stretch[i, 1], p.stretch[j, 0], p.stretch[j, 1]
-    return separation(room.world, a, na, p.radius[i], b, nb, p.radius[j], room.simplex, room.found)
+def separation(here: Room, s: Separations, i: int, j: int) -> float:
+    """The signed distance of two placed pieces, with points and normal in `s`."""
+    a, na, b, nb = here.stretch[i, 0], here.stretch[i, 1], here.stretch[j, 0], here.stretch[j, 1]
+    return s.between(a, na, here.radius[i], b, nb, here.radius[j])
 
 
-@compiled
 def first_contacts(poses: Floats, p: Pieces, q: Pairs, out: Longs) -> None:
-    """For each of the carrier poses (n, k + 1, 3, 4) the first pair that touches (n,), or -1."""
-    room, placed = room_for(p), np.full(p.carrier.shape[0], -1)
-    placed[p.carrier == 0] = poses.shape[0]
-    for n in range(poses.shape[0]):
-        move_bounds(poses[n], p.carrier, p.bounds, room.bounds)
-        out[n] = -1
-        for g in range(q.groups.shape[0]):
-            if verdict(room.bounds, q.groups[g, 0], q.groups[g, 1], 0.0) != APART:
-                out[n] = _first_of_group(poses[n], p, q, g, n, placed, room)
-                if out[n] >= 0:
-                    break
+    """For each of the carrier poses (n, k + 1, 3, 4) the first pair that touches (n,), or -1.
+
+    Raises `ValueError` for arrays that do not fit together, as all of these do.
+    """
+    here, found = _room(poses, p, q), out
+    if found.shape[0] != here.batch:
+        raise ValueError(f"{here.batch} carrier poses have as many results, not {found.shape[0]}")
+    with cython.nogil:
+        for n in range(here.batch):
+            found[n] = _first_contact(here, q, n)
 
 
-@compiled
-def count_hits(poses: Floats, p: Pieces, q: Pairs, hits: Longs) -> None:
-    """In how many of the carrier poses each group (g,) has a pair that touches."""
-    room, placed = room_for(p), np.full(p.carrier.shape[0], -1)
-    placed[p.carrier == 0] = poses.shape[0]
-    for n in range(poses.shape[0]):
-        move_bounds(poses[n], p.carrier, p.bounds, room.bounds)
-        for g in range(q.groups.shape[0]):
-            if _first_of_group(poses[n], p, q, g, n, placed, room) >= 0:
-                hits[g] += 1
+def _room(poses: Floats, p: Pieces, q: Pairs) -> Room:
+    if q.numbers > p.count:
+        raise ValueError(f"pairs of {q.numbers} pieces, but there are {p.count}")
+    return Room(p, poses)
 
 
-@inlined
-def _first_of_group(pose: Floats, p: Pieces, q: Pairs, g: int, n: int, placed: Longs, room: Room) -> int:
+def _first_contact(here: Room, q: Pairs, n: int) -> int:
+    room.move_bounds(here, n)
+    for g in range(q._groups.shape[0]):
+        if volumes.verdict(here, q._groups[g, 0], q._groups[g, 1], 0.0) != volumes.APART:
+            first = _first_of_group(here, q, g, n)
+            if first >= 0:
+                return first
+    return -1
+
+
+def _first_of_group(here: Room, q: Pairs, g: int, n: int) -> int:
     """The first pair of a group that touches, or -1. A first piece that is off the other bounds spares its pairs."""
-    m, last, checked = q.groups[g, 2], q.groups[g, 3], -1
+    m, last, around, checked = q._groups[g, 2], q._groups[g, 3], q._groups[g, 1], -1
     while m < last:
-        i, j = q.pairs[m, 0], q.pairs[m, 1]
-        if i != checked and verdict(room.bounds, i, q.groups[g, 1], 0.0) == APART:
-            m = q.after[m]
+        i, j = q._pairs[m, 0], q._pairs[m, 1]
+        if i != checked and volumes.verdict(here, i, around, 0.0) == volumes.APART:
+            m = q._after[m]
             continue
         checked = i
-        said = verdict(room.bounds, i, j, 0.0)
-        if said == TOUCHING or (said == UNDECIDED and _decided(pose, p, i, j, n, placed, room)):
-            return int(q.order[m])
+        said = volumes.verdict(here, i, j, 0.0)
+        if said == volumes.TOUCHING or (said == volumes.UNDECIDED and _decided(here, i, j, n)):
+            return int(q._order[m])
         m += 1
     return -1
 
 
-@compiled
-def _decided(pose: Floats, p: Pieces, i: int, j: int, n: int, placed: Longs, room: Room) -> bool:
-    """Whether two pieces touch; their vertices are placed first, if their number in `placed` is old."""
-    for each in (i, j):
-        if placed[each] < n:
-            place(pose, p, each, room.world)
-            placed[each] = n
-    return touches(p, room, i, j, 0.0)
+def _decided(here: Room, i: int, j: int, n: int) -> bool:
+    """Whether two pieces touch; their vertices are placed first."""
+    _place_once(here, i, n)
+    _place_once(here, j, n)
+    return touches(here, i, j, 0.0)
 
 
-@compiled
+def _place_once(here: Room, i: int, n: int) -> None:
+    if here.placed[i] < n:
+        room.place(here, n, i)
+        here.placed[i] = n
+
+
+def count_hits(poses: Floats, p: Pieces, q: Pairs, hits: Longs) -> None:
+    """In how many of the carrier poses each group (g,) has a pair that touches."""
+    here, count = _room(poses, p, q), hits
+    if count.shape[0] != q._groups.shape[0]:
+        raise ValueError(f"{q._groups.shape[0]} groups have as many results, not {count.shape[0]}")
+    with cython.nogil:
+        for n in range(here.batch):
+            room.move_bounds(here, n)
+            for g in range(count.shape[0]):
+                if _first_of_group(here, q, g, n) >= 0:
+                    count[g] += 1
+
+
 def nearest_pairs(
     poses: Floats, p: Pieces, q: Pairs, beyond: float, distance: Floats, pair: Longs, witness: Floats
 ) -> None:
     """The least signed distance (n,) below `beyond`, its pair (n,) or -1, and its points and normal (n, 9)."""
-    room = room_for(p)
-    for n in range(poses.shape[0]):
-        move_bounds(poses[n], p.carrier, p.bounds, room.bounds)
-        move_vertices(poses[n], p, room)
-        distance[n], pair[n], witness[n] = beyond, -1, 0.0
-        for g in range(q.groups.shape[0]):
-            margin = max(distance[n], 0.0)
-            if verdict(room.bounds, q.groups[g, 0], q.groups[g, 1], margin) == APART:
-                continue
-            for m in range(q.groups[g, 2], q.groups[g, 3]):
-                i, j = q.pairs[m, 0], q.pairs[m, 1]
-                if verdict(room.bounds, i, j, max(distance[n], 0.0)) == APART:
-                    continue
-                gap = piece_separation(p, room, i, j)
-                if gap < distance[n]:
-                    distance[n], pair[n], witness[n] = gap, q.order[m], room.found
+    here, least, number, points = _room(poses, p, q), distance, pair, witness
+    if not here.batch == least.shape[0] == number.shape[0] == points.shape[0] or points.shape[1] != 9:
+        raise ValueError(f"{here.batch} carrier poses have as many results, points with 9 entries")
+    s = Separations(np.asarray(here.world), here.most)
+    with cython.nogil:
+        for n in range(here.batch):
+            least[n] = beyond
+            _nearest_pair(here, s, q, n, least, number, points)
 
 
-@compiled
-def near_pairs(
-    pose: Floats, p: Pieces, pairs: Longs, within: float, distance: Floats, witness: Floats
+def _nearest_pair(
+    here: Room, s: Separations, q: Pairs, n: int, least: Floats, number: Longs, points: Floats
 ) -> None:
-    """For one set of carrier poses, the signed distance of every pair (m,) nearer than `within`, else infinity."""
-    room = room_for(p)
-    move_bounds(pose, p.carrier, p.bounds, room.bounds)
-    move_vertices(pose, p, room)
+    room.move_bounds(here, n)
+    room.move_vertices(here, n)
+    number[n] = -1
+    for x in range(9):
+        points[n, x] = 0.0
+    for g in range(q._groups.shape[0]):
+        if volumes.verdict(here, q._groups[g, 0], q._groups[g, 1], max(least[n], 0.0)) == volumes.APART:
+            continue
+        for m in range(q._groups[g, 2], q._groups[g, 3]):
+            i, j = q._pairs[m, 0], q._pairs[m, 1]
+            if volumes.verdict(here, i, j, max(least[n], 0.0)) == volumes.APART:
+                continue
+            gap = separation(here, s, i, j)
+            if gap < least[n]:
+                least[n], number[n] = gap, q._order[m]
+                for x in range(9):
+                    points[n, x] = s._found[x]
+
+
+def fit(here: Room, pairs: Longs) -> bool:
+    """Whether an array (m, 2) has pairs of the pieces that there are."""
+    if pairs.shape[1] != 2:
+        return False
     for m in range(pairs.shape[0]):
-        i, j = pairs[m, 0], pairs[m, 1]
-        distance[m] = math.inf
-        if verdict(room.bounds, i, j, within) != APART:
-            distance[m] = piece_separation(p, room, i, j)
-            witness[m] = room.found
+        for side in range(2):
+            if not 0 <= pairs[m, side] < here.count:
+                return False
+    return True
+
+
+def near_pairs(
+    poses: Floats, p: Pieces, pairs: Longs, within: float, distance: Floats, witness: Floats
+) -> None:
+    """For one set of carrier poses (1, k + 1, 3, 4), the signed distance of every pair (m,) nearer than `within`, else
+    infinity, and its points and normal (m, 9)."""
+    here, asked, each, points = Room(p, poses), pairs, distance, witness
+    if here.batch != 1 or not fit(here, asked):
+        raise ValueError(f"pairs (m, 2) of {here.count} pieces at one set of carrier poses, not {here.batch}")
+    if not asked.shape[0] == each.shape[0] == points.shape[0] or points.shape[1] != 9:
+        raise ValueError(f"{asked.shape[0]} pairs have as many results, points with 9 entries")
+    s = Separations(np.asarray(here.world), here.most)
+    with cython.nogil:
+        room.move_bounds(here, 0)
+        room.move_vertices(here, 0)
+        for m in range(asked.shape[0]):
+            i, j = asked[m, 0], asked[m, 1]
+            each[m] = INFINITE
+            if volumes.verdict(here, i, j, within) != volumes.APART:
+                each[m] = separation(here, s, i, j)
+                for x in range(9):
+                    points[m, x] = s._found[x]

@@ -1,3 +1,5 @@
+# cython: language_level=3, annotation_typing=False, infer_types=True, boundscheck=False, wraparound=False
+# cython: initializedcheck=False, cdivision=True
 """How deep two convex hulls overlap: the distance from the origin to the surface of their difference.
 
 A polytope inside the difference is grown until its nearest face is one of the difference's own (the expanding polytope
@@ -9,180 +11,205 @@ import math
 
 import numpy as np
 
-from engine.kernels.arrays import Floats, Longs
-from engine.kernels.geometry import compiled
-from engine.kernels.geometry.gjk import core_distance, nearest_points, point_of, support
-from engine.kernels.geometry.vectors import V, cross, dot, minus, times
+from engine.kernels.arrays import Floats
+from engine.kernels.geometry import gjk, vectors
+from engine.kernels.geometry.gjk import CORNERS, Cores
+from engine.kernels.geometry.vectors import V
 
-MAX_POINTS = 160
+MAX_POINTS = CORNERS
 MAX_FACES = 4 * MAX_POINTS  # a hull of n corners has at most 2 n - 4 triangles
+INFINITE = math.inf
 
 
-@compiled
-def core_depth(vertices: Floats, a: int, na: int, b: int, nb: int, out: Floats) -> float:
+class Polytope:
+    """Room for the polytope that grows, and for two hulls of at most `most` vertices each, drawn apart.
+
+    Growing may add up to two faces for each that is replaced, when rounding has made the polytope less than convex.
+    """
+
+    def __init__(self, most: int) -> None:
+        self.faces, self.planes = np.empty((3 * MAX_FACES, 3), np.int64), np.empty((3 * MAX_FACES, 4))
+        self.edges = np.empty((3 * MAX_FACES, 2), np.int64)
+        self.apart = Cores(np.empty((2 * most, 3)))
+
+
+def core_depth(c: Cores, p: Polytope, a: int, na: int, b: int, nb: int, out: Floats) -> float:
     """How deep two hulls that meet overlap, with the points and the normal in `out` (9,); of flat differences the normal alone."""
-    points = np.zeros((MAX_POINTS, 10))
-    if not _first_tetrahedron(vertices, a, na, b, nb, points, out):
+    if not _first_tetrahedron(c, a, na, b, nb, out):
         return 0.0
-    faces, planes = np.zeros((MAX_FACES, 3), np.int64), np.zeros((MAX_FACES, 4))
-    count = _first_faces(points, faces, planes)
-    edges = np.zeros((2 * MAX_FACES, 2), np.int64)
-    face = 0
+    _first_faces(c, p)
+    count, face = 4, 0
     for used in range(4, MAX_POINTS):
-        face = _nearest_face(planes, count)
-        normal = point_of(planes, face, 0)
-        w = support(vertices, a, na, b, nb, normal, points, used)
-        if dot(normal, w) - planes[face, 3] <= 1e-11:
+        face = _nearest_face(p, count)
+        normal = _normal(p, face)
+        w = gjk.support(c, a, na, b, nb, normal, used)
+        if vectors.dot(normal, w) - p.planes[face, 3] <= 1e-11 or count > MAX_FACES:
             break
-        count = _grow(points, used, faces, planes, count, edges)
-    depth = max(0.0, float(planes[face, 3]))
-    _deepest_points(vertices, a, na, b, nb, point_of(planes, face, 0), depth, out)
+        count = _grow(c, p, used, count)
+    depth = max(0.0, float(p.planes[face, 3]))
+    _deepest_points(c, p, a, na, b, nb, _normal(p, face), depth, out)
     return depth
 
 
-@compiled
-def _first_tetrahedron(
-    vertices: Floats, a: int, na: int, b: int, nb: int, points: Floats, out: Floats
-) -> bool:
+def _first_tetrahedron(c: Cores, a: int, na: int, b: int, nb: int, out: Floats) -> bool:
     """Four corners of the difference that span a volume; if it has none, a normal of it in `out` and False."""
     size = 0.0
-    line = (0.0, 0.0, 0.0)
+    line = vectors.vector(0.0, 0.0, 0.0)
     for axis in range(3):
-        d = (1.0 if axis == 0 else 0.0, 1.0 if axis == 1 else 0.0, 1.0 if axis == 2 else 0.0)
-        low = support(vertices, a, na, b, nb, times(-1.0, d), points, 4)
-        high = support(vertices, a, na, b, nb, d, points, 5)
-        step = minus(high, low)
-        if dot(step, step) > size:
-            size, line = dot(step, step), step
-            points[0], points[1] = points[4], points[5]
+        d = vectors.vector(1.0 if axis == 0 else 0.0, 1.0 if axis == 1 else 0.0, 1.0 if axis == 2 else 0.0)
+        low = gjk.support(c, a, na, b, nb, vectors.times(-1.0, d), 4)
+        high = gjk.support(c, a, na, b, nb, d, 5)
+        step = vectors.minus(high, low)
+        if vectors.dot(step, step) > size:
+            size, line = vectors.dot(step, step), step
+            _copy(c, 4, 0)
+            _copy(c, 5, 1)
     if size < 1e-24:
-        _set_normal(out, (0.0, 0.0, 1.0))
+        _set_normal(out, vectors.vector(0.0, 0.0, 1.0))
         return False
-    return _third_and_fourth(vertices, a, na, b, nb, points, out, line)
+    return _third_and_fourth(c, a, na, b, nb, out, line)
 
 
-@compiled
-def _third_and_fourth(
-    vertices: Floats, a: int, na: int, b: int, nb: int, points: Floats, out: Floats, line: V
-) -> bool:
-    start = point_of(points, 0, 0)
+def _third_and_fourth(c: Cores, a: int, na: int, b: int, nb: int, out: Floats, line: V) -> bool:
+    start, along = gjk.corner(c, 0), vectors.dot(line, line)
     across = _aside(line)
-    other = cross(times(1.0 / math.sqrt(dot(line, line)), line), across)
-    normal, best = (0.0, 0.0, 0.0), 0.0
+    other = vectors.cross(vectors.times(1.0 / math.sqrt(along), line), across)
+    normal, best = vectors.vector(0.0, 0.0, 0.0), 0.0
     for turn in range(4):
-        d = across if turn % 2 == 0 else other
-        w = support(vertices, a, na, b, nb, times(1.0 if turn < 2 else -1.0, d), points, 4)
-        n = cross(line, minus(w, start))
-        if dot(n, n) > best:
-            normal, best = n, dot(n, n)
-            points[2] = points[4]
-    if best <= 1e-20 * dot(line, line) * dot(line, line):
+        d = vectors.times(1.0 if turn < 2 else -1.0, across)
+        if turn % 2 == 1:
+            d = vectors.times(1.0 if turn < 2 else -1.0, other)
+        w = gjk.support(c, a, na, b, nb, d, 4)
+        n = vectors.cross(line, vectors.minus(w, start))
+        if vectors.dot(n, n) > best:
+            normal, best = n, vectors.dot(n, n)
+            _copy(c, 4, 2)
+    if best <= 1e-20 * along * along:
         _set_normal(out, across)
         return False
-    normal = times(1.0 / math.sqrt(best), normal)
-    up = dot(minus(support(vertices, a, na, b, nb, normal, points, 3), start), normal)
-    down = dot(minus(support(vertices, a, na, b, nb, times(-1.0, normal), points, 4), start), normal)
+    normal = vectors.times(1.0 / math.sqrt(best), normal)
+    up = vectors.dot(vectors.minus(gjk.support(c, a, na, b, nb, normal, 3), start), normal)
+    w = gjk.support(c, a, na, b, nb, vectors.times(-1.0, normal), 4)
+    down = vectors.dot(vectors.minus(w, start), normal)
     if -down > up:
-        points[3] = points[4]
-    if max(up, -down) <= 1e-10 * math.sqrt(dot(line, line)):
+        _copy(c, 4, 3)
+    if max(up, -down) <= 1e-10 * math.sqrt(along):
         _set_normal(out, normal)
         return False
     return True
 
 
-@compiled
+def _copy(c: Cores, start: int, end: int) -> None:
+    """Write one corner over another."""
+    for x in range(10):
+        c.corners[end, x] = c.corners[start, x]
+
+
 def _set_normal(out: Floats, normal: V) -> None:
-    out[6], out[7], out[8] = normal
+    out[6], out[7], out[8] = normal[0], normal[1], normal[2]
 
 
-@compiled
 def _aside(axis: V) -> V:
     """A unit vector at right angles."""
     x, y, z = abs(axis[0]), abs(axis[1]), abs(axis[2])
-    unit = (1.0, 0.0, 0.0) if x <= y and x <= z else (0.0, 1.0, 0.0) if y <= z else (0.0, 0.0, 1.0)
-    across = cross(axis, unit)
-    return times(1.0 / math.sqrt(dot(across, across)), across)
+    unit = vectors.vector(0.0, 0.0, 1.0)
+    if x <= y and x <= z:
+        unit = vectors.vector(1.0, 0.0, 0.0)
+    elif y <= z:
+        unit = vectors.vector(0.0, 1.0, 0.0)
+    across = vectors.cross(axis, unit)
+    return vectors.times(1.0 / math.sqrt(vectors.dot(across, across)), across)
 
 
-@compiled
-def _first_faces(points: Floats, faces: Longs, planes: Floats) -> int:
+def _normal(p: Polytope, face: int) -> V:
+    return (p.planes[face, 0], p.planes[face, 1], p.planes[face, 2])
+
+
+def _first_faces(c: Cores, p: Polytope) -> None:
     """The four faces of the first tetrahedron, turned outwards."""
-    p = point_of(points, 0, 0)
-    normal = cross(minus(point_of(points, 1, 0), p), minus(point_of(points, 2, 0), p))
-    swap = dot(normal, minus(point_of(points, 3, 0), p)) > 0.0
-    b, c = (2, 1) if swap else (1, 2)
-    corners = ((0, b, c), (0, 3, b), (b, 3, c), (c, 3, 0))
-    for f in range(4):
-        _set_face(points, faces, planes, f, corners[f])
-    return 4
+    start = gjk.corner(c, 0)
+    one, other = vectors.minus(gjk.corner(c, 1), start), vectors.minus(gjk.corner(c, 2), start)
+    i, j = 1, 2
+    if vectors.dot(vectors.cross(one, other), vectors.minus(gjk.corner(c, 3), start)) > 0.0:
+        i, j = 2, 1
+    _set_face(c, p, 0, 0, i, j)
+    _set_face(c, p, 1, 0, 3, i)
+    _set_face(c, p, 2, i, 3, j)
+    _set_face(c, p, 3, j, 3, 0)
 
 
-@compiled
-def _set_face(points: Floats, faces: Longs, planes: Floats, f: int, corners: tuple[int, int, int]) -> None:
+def _set_face(c: Cores, p: Polytope, f: int, i: int, j: int, k: int) -> None:
     """A face and its plane; one without area is never the nearest."""
-    faces[f, 0], faces[f, 1], faces[f, 2] = corners
-    p = point_of(points, corners[0], 0)
-    normal = cross(minus(point_of(points, corners[1], 0), p), minus(point_of(points, corners[2], 0), p))
-    length = math.sqrt(dot(normal, normal))
+    p.faces[f, 0], p.faces[f, 1], p.faces[f, 2] = i, j, k
+    start = gjk.corner(c, i)
+    normal = vectors.cross(vectors.minus(gjk.corner(c, j), start), vectors.minus(gjk.corner(c, k), start))
+    length = math.sqrt(vectors.dot(normal, normal))
     if length < 1e-18:
-        planes[f, 0], planes[f, 1], planes[f, 2], planes[f, 3] = 0.0, 0.0, 0.0, math.inf
+        p.planes[f, 0], p.planes[f, 1], p.planes[f, 2], p.planes[f, 3] = 0.0, 0.0, 0.0, INFINITE
         return
-    normal = times(1.0 / length, normal)
-    planes[f, 0], planes[f, 1], planes[f, 2] = normal
-    planes[f, 3] = dot(normal, p)
+    normal = vectors.times(1.0 / length, normal)
+    p.planes[f, 0], p.planes[f, 1], p.planes[f, 2] = normal[0], normal[1], normal[2]
+    p.planes[f, 3] = vectors.dot(normal, start)
 
 
-@compiled
-def _nearest_face(planes: Floats, count: int) -> int:
+def _nearest_face(p: Polytope, count: int) -> int:
     found = 0
     for f in range(count):
-        if planes[f, 3] < planes[found, 3]:
+        if p.planes[f, 3] < p.planes[found, 3]:
             found = f
     return found
 
 
-@compiled
-def _grow(points: Floats, new: int, faces: Longs, planes: Floats, count: int, edges: Longs) -> int:
+def _grow(c: Cores, p: Polytope, new: int, count: int) -> int:
     """Replace the faces that see the new point by a cone over their rim; returns how many faces there are then."""
-    w = point_of(points, new, 0)
+    w = gjk.corner(c, new)
     rim, kept, f = 0, count, 0
     while f < kept:
-        if planes[f, 3] < math.inf and dot(point_of(planes, f, 0), w) - planes[f, 3] > 1e-13:
+        if p.planes[f, 3] < INFINITE and vectors.dot(_normal(p, f), w) - p.planes[f, 3] > 1e-13:
             for e in range(3):
-                rim = _toggle(edges, rim, faces[f, e], faces[f, (e + 1) % 3])
+                rim = _toggle(p, rim, p.faces[f, e], p.faces[f, (e + 1) % 3])
             kept -= 1
-            faces[f], planes[f] = faces[kept], planes[kept]
+            _move_face(p, kept, f)
         else:
             f += 1
     for e in range(rim):
-        _set_face(points, faces, planes, kept + e, (edges[e, 0], edges[e, 1], new))
+        _set_face(c, p, kept + e, p.edges[e, 0], p.edges[e, 1], new)
     return kept + rim
 
 
-@compiled
-def _toggle(edges: Longs, count: int, start: int, end: int) -> int:
+def _move_face(p: Polytope, start: int, end: int) -> None:
+    """Write one face over another."""
+    for x in range(3):
+        p.faces[end, x] = p.faces[start, x]
+    for x in range(4):
+        p.planes[end, x] = p.planes[start, x]
+
+
+def _toggle(p: Polytope, count: int, start: int, end: int) -> int:
     """Add a directed edge, or remove its reverse."""
     for e in range(count):
-        if edges[e, 0] == end and edges[e, 1] == start:
-            edges[e, 0], edges[e, 1] = edges[count - 1, 0], edges[count - 1, 1]
+        if p.edges[e, 0] == end and p.edges[e, 1] == start:
+            p.edges[e, 0], p.edges[e, 1] = p.edges[count - 1, 0], p.edges[count - 1, 1]
             return count - 1
-    edges[count, 0], edges[count, 1] = start, end
+    p.edges[count, 0], p.edges[count, 1] = start, end
     return count + 1
 
 
-@compiled
 def _deepest_points(
-    vertices: Floats, a: int, na: int, b: int, nb: int, normal: V, depth: float, out: Floats
+    c: Cores, p: Polytope, a: int, na: int, b: int, nb: int, normal: V, depth: float, out: Floats
 ) -> None:
     """The points on both hulls where they are deepest: where they are nearest once the second is drawn off along `normal`."""
-    away = times(depth + 1.0, normal)
-    rows, simplex = np.empty((na + nb, 3)), np.empty((5, 10))
-    rows[:na] = vertices[a : a + na]
+    away = vectors.times(depth + 1.0, normal)
+    for i in range(na):
+        for x in range(3):
+            p.apart.rows[i, x] = c.rows[a + i, x]
     for i in range(nb):
-        for c in range(3):
-            rows[na + i, c] = vertices[b + i, c] + away[c]
-    core_distance(rows, 0, na, na, nb, math.inf, simplex)
-    nearest_points(simplex, int(simplex[4, 9]), out)
-    for c in range(3):
-        out[3 + c] -= away[c]
+        p.apart.rows[na + i, 0] = c.rows[b + i, 0] + away[0]
+        p.apart.rows[na + i, 1] = c.rows[b + i, 1] + away[1]
+        p.apart.rows[na + i, 2] = c.rows[b + i, 2] + away[2]
+    gjk.core_distance(p.apart, 0, na, na, nb, INFINITE)
+    gjk.nearest_points(p.apart, out)
+    out[3] -= away[0]
+    out[4] -= away[1]
+    out[5] -= away[2]
     _set_normal(out, normal)

@@ -1,30 +1,52 @@
+# cython: language_level=3, annotation_typing=False, infer_types=True, boundscheck=False, wraparound=False
+# cython: initializedcheck=False, cdivision=True
 """Signed distance of two pieces with the points where they are nearest or deepest."""
 
 import math
 
-from engine.kernels.arrays import Floats
-from engine.kernels.geometry import compiled
-from engine.kernels.geometry.depth import core_depth
-from engine.kernels.geometry.gjk import core_distance, nearest_points
+import numpy as np
+
+from engine.kernels.arrays import Floats, refuse_unless
+from engine.kernels.geometry import depth, gjk
+from engine.kernels.geometry.depth import Polytope
+from engine.kernels.geometry.gjk import Cores
+
+INFINITE = math.inf
 
 
-@compiled
-def separation(
-    vertices: Floats, a: int, na: int, ra: float, b: int, nb: int, rb: float, simplex: Floats, out: Floats
-) -> float:
-    """Signed distance of two pieces, negative when they overlap.
+class Separations:
+    """Signed distances between pieces that are stretches of rows of `vertices` (v, 3), of at most `most` rows each.
 
-    `out` (9,) gets the point on the first, the point on the second, and the unit normal from the first to the second.
+    `found` (9,) has the point on the first, the point on the second, and the unit normal from the first to the second,
+    as they were found last. Rows may be written to between two questions. Raises `ValueError` for another array.
     """
-    distance = core_distance(vertices, a, na, b, nb, math.inf, simplex)
-    if distance > 1e-12:
-        nearest_points(simplex, int(simplex[4, 9]), out)
-        for c in range(3):
-            out[6 + c] = (out[3 + c] - out[c]) / distance
-    else:
-        nearest_points(simplex, int(simplex[4, 9]), out)
-        distance = -core_depth(vertices, a, na, b, nb, out)
-    for c in range(3):
-        out[c] += ra * out[6 + c]
-        out[3 + c] -= rb * out[6 + c]
-    return distance - ra - rb
+
+    def __init__(self, vertices: Floats, most: int) -> None:
+        refuse_unless("vertices", vertices, np.float64, (None, 3))
+        self.cores, self.polytope = Cores(vertices), Polytope(most)
+        self.found = self._found = np.empty(9)
+
+    def separation(self, a: int, na: int, ra: float, b: int, nb: int, rb: float) -> float:
+        """Signed distance of two pieces, each its first row, number of rows and radius; negative when they overlap.
+
+        Raises `ValueError` for rows that are not there.
+        """
+        rows, most = self.cores.rows.shape[0], self.polytope.apart.rows.shape[0] // 2
+        if min(a, b) < 0 or min(na, nb) < 1 or max(a + na, b + nb) > rows or max(na, nb) > most:
+            raise ValueError(f"there are {rows} rows, and pieces of 1 to {most}: not {a}, {na} and {b}, {nb}")
+        return self.between(a, na, ra, b, nb, rb)
+
+    def between(self, a: int, na: int, ra: float, b: int, nb: int, rb: float) -> float:
+        """The same for kernels, unchecked."""
+        found = self._found
+        distance = gjk.core_distance(self.cores, a, na, b, nb, INFINITE)
+        gjk.nearest_points(self.cores, found)
+        if distance > 1e-12:
+            for x in range(3):
+                found[6 + x] = (found[3 + x] - found[x]) / distance
+        else:
+            distance = -depth.core_depth(self.cores, self.polytope, a, na, b, nb, found)
+        for x in range(3):
+            found[x] += ra * found[6 + x]
+            found[3 + x] -= rb * found[6 + x]
+        return distance - ra - rb

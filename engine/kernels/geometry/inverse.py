@@ -1,3 +1,5 @@
+# cython: language_level=3, annotation_typing=False, infer_types=True, boundscheck=False, wraparound=False
+# cython: initializedcheck=False, cdivision=True
 """Closed-form inverse kinematics of six revolute axes, one pose after the other, all eight branches.
 
 The arm is given at its zero configuration: unit axes h (6, 3) and a point o (6, 3) on each. The target is
@@ -9,30 +11,54 @@ axes may stand at any angles, so that orthogonal and three-roll wrists are one c
 
 import math
 
-from engine.kernels.arrays import Floats
-from engine.kernels.geometry import compiled
-from engine.kernels.geometry.vectors import V, cross, dot, minus, plus, times, turn
+import cython
 
+from engine.kernels.arrays import Floats
+from engine.kernels.geometry import vectors
+from engine.kernels.geometry.vectors import V
+
+INFINITE = math.inf
 SLACK = 1e-7  # how far beyond a limit a cosine may lie; Newton's method repairs or the residual rejects it
 
 
-@compiled
+class Batch:
+    """Targets E of an arm and their branches; made once for a batch."""
+
+    def __init__(self, h: Floats, o: Floats, centre: V, poses: Floats, q: Floats, valid: Floats) -> None:
+        """Takes h (6, 3), o (6, 3), the point that the last axes share, and poses E (n, 4, 4); written are q (n, 8, 6)
+        and valid (n, 8): 1 or 0. Raises `ValueError` for other arrays.
+        """
+        self.h, self.o, self.poses, self.q, self.valid = h, o, poses, q, valid
+        self.x, self.y, self.z = centre
+        self.count = self.poses.shape[0]
+        if not _fits(self):
+            raise ValueError(
+                f"axes and points must be (6, 3), E (n, 4, 4), q (n, 8, 6), valid (n, 8): E is {poses.shape}"
+            )
+
+
+def _fits(e: Batch) -> bool:
+    arm = e.h.shape[0] == e.o.shape[0] == 6 and e.h.shape[1] == e.o.shape[1] == 3
+    poses = e.poses.shape[1] == 4 and e.poses.shape[2] == 4
+    q = e.q.shape[0] == e.count and e.q.shape[1] == 8 and e.q.shape[2] == 6
+    return arm and poses and q and e.valid.shape[0] == e.count and e.valid.shape[1] == 8
+
+
 def angle_onto(axis: V, start: V, end: V) -> float:
     """The angle that turns `start` onto `end` about `axis`, as nearly as it can; 0 when either lies along the axis."""
-    p = minus(start, times(dot(axis, start), axis))
-    q = minus(end, times(dot(axis, end), axis))
-    scale = dot(p, p) * dot(q, q)
+    p = vectors.minus(start, vectors.times(vectors.dot(axis, start), axis))
+    q = vectors.minus(end, vectors.times(vectors.dot(axis, end), axis))
+    scale = vectors.dot(p, p) * vectors.dot(q, q)
     if scale < 1e-32:
         return 0.0
-    return math.atan2(dot(axis, cross(p, q)), dot(p, q))
+    return math.atan2(vectors.dot(axis, vectors.cross(p, q)), vectors.dot(p, q))
 
 
-@compiled
 def angles_to_plane(normal: V, axis: V, start: V, offset: float) -> V:
     """Both angles at which `start`, turned about `axis`, has `normal . start == offset`, then 1 if there are any, or 0."""
-    along = dot(normal, axis) * dot(axis, start)
-    a = dot(normal, start) - along
-    b = dot(normal, cross(axis, start))
+    along = vectors.dot(normal, axis) * vectors.dot(axis, start)
+    a = vectors.dot(normal, start) - along
+    b = vectors.dot(normal, vectors.cross(axis, start))
     amplitude = math.hypot(a, b)
     if amplitude < 1e-14:
         return (0.0, 0.0, 1.0 if abs(offset - along) < 1e-9 else 0.0)
@@ -44,161 +70,202 @@ def angles_to_plane(normal: V, axis: V, start: V, offset: float) -> V:
     return (middle + spread, middle - spread, 1.0)
 
 
-@compiled
-def row(matrix: Floats, index: int) -> V:
-    """Row `index` of an (n, 3) array."""
-    return (matrix[index, 0], matrix[index, 1], matrix[index, 2])
+def axis(e: Batch, joint: int) -> V:
+    """The axis of a joint, counted from 1."""
+    return (e.h[joint - 1, 0], e.h[joint - 1, 1], e.h[joint - 1, 2])
 
 
-@compiled
-def rotate(E: Floats, v: V) -> V:
-    """The rotation in E (4, 4) applied to `v`."""
+def point(e: Batch, joint: int) -> V:
+    """The point on the axis of a joint, counted from 1."""
+    return (e.o[joint - 1, 0], e.o[joint - 1, 1], e.o[joint - 1, 2])
+
+
+def rotate(e: Batch, n: int, v: V) -> V:
+    """The rotation in target `n` applied to `v`."""
     return (
-        E[0, 0] * v[0] + E[0, 1] * v[1] + E[0, 2] * v[2],
-        E[1, 0] * v[0] + E[1, 1] * v[1] + E[1, 2] * v[2],
-        E[2, 0] * v[0] + E[2, 1] * v[1] + E[2, 2] * v[2],
+        e.poses[n, 0, 0] * v[0] + e.poses[n, 0, 1] * v[1] + e.poses[n, 0, 2] * v[2],
+        e.poses[n, 1, 0] * v[0] + e.poses[n, 1, 1] * v[1] + e.poses[n, 1, 2] * v[2],
+        e.poses[n, 2, 0] * v[0] + e.poses[n, 2, 1] * v[1] + e.poses[n, 2, 2] * v[2],
     )
 
 
-@compiled
-def rotate_back(E: Floats, v: V) -> V:
-    """The inverse rotation in E (4, 4) applied to `v`."""
+def rotate_back(e: Batch, n: int, v: V) -> V:
+    """The inverse rotation in target `n` applied to `v`."""
     return (
-        E[0, 0] * v[0] + E[1, 0] * v[1] + E[2, 0] * v[2],
-        E[0, 1] * v[0] + E[1, 1] * v[1] + E[2, 1] * v[2],
-        E[0, 2] * v[0] + E[1, 2] * v[1] + E[2, 2] * v[2],
+        e.poses[n, 0, 0] * v[0] + e.poses[n, 1, 0] * v[1] + e.poses[n, 2, 0] * v[2],
+        e.poses[n, 0, 1] * v[0] + e.poses[n, 1, 1] * v[1] + e.poses[n, 2, 1] * v[2],
+        e.poses[n, 0, 2] * v[0] + e.poses[n, 1, 2] * v[1] + e.poses[n, 2, 2] * v[2],
     )
 
 
-@compiled
-def moved(E: Floats, v: V) -> V:
-    """The point `v` displaced by E (4, 4)."""
-    return plus(rotate(E, v), (E[0, 3], E[1, 3], E[2, 3]))
+def moved(e: Batch, n: int, v: V) -> V:
+    """The point `v` displaced by target `n`."""
+    shift = vectors.vector(e.poses[n, 0, 3], e.poses[n, 1, 3], e.poses[n, 2, 3])
+    return vectors.plus(rotate(e, n, v), shift)
 
 
-@compiled
-def spherical_wrist(h: Floats, o: Floats, centre: V, poses: Floats, q: Floats, valid: Floats) -> None:
-    """Axes 2 and 3 parallel, axes 4 to 6 through `centre`. Fills q (n, 8, 6), valid (n, 8) with 1 or 0."""
-    h1, h2, h3, o1, o2, o3 = row(h, 0), row(h, 1), row(h, 2), row(o, 0), row(o, 1), row(o, 2)
-    upper, fore = minus(o3, o2), minus(centre, o3)
-    reach = (dot(upper, upper), dot(fore, fore))
-    for n in range(poses.shape[0]):
-        E = poses[n]
-        target = minus(moved(E, centre), o1)
-        first = angles_to_plane(h2, times(-1.0, h1), target, dot(h2, minus(centre, o1)))
-        for i in range(2):
-            end = minus(turn(h1, -first[i], target), minus(o2, o1))
-            third = angles_to_plane(upper, h3, fore, (dot(end, end) - reach[0] - reach[1]) / 2.0)
-            for j in range(2):
-                second = angle_onto(h2, plus(upper, turn(h3, third[j], fore)), end)
-                branch = 4 * i + 2 * j
-                for b in (branch, branch + 1):
-                    q[n, b, 0], q[n, b, 1], q[n, b, 2] = first[i], second, third[j]
-                solved = _wrist(h, E, q[n], branch)
-                valid[n, branch] = valid[n, branch + 1] = first[2] * third[2] * solved
+def centre_of(e: Batch) -> V:
+    """The point that the last axes share."""
+    return (e.x, e.y, e.z)
 
 
-@compiled
-def _wrist(h: Floats, E: Floats, q: Floats, branch: int) -> float:
+def spherical_wrist(e: Batch) -> None:
+    """Axes 2 and 3 parallel, axes 4 to 6 through the centre: fill all branches."""
+    with cython.nogil:
+        for n in range(e.count):
+            _spherical_wrist(e, n)
+
+
+def _spherical_wrist(e: Batch, n: int) -> None:
+    h1, h2, h3, o1, o2, o3 = axis(e, 1), axis(e, 2), axis(e, 3), point(e, 1), point(e, 2), point(e, 3)
+    centre = centre_of(e)
+    upper, fore = vectors.minus(o3, o2), vectors.minus(centre, o3)
+    target = vectors.minus(moved(e, n, centre), o1)
+    first = angles_to_plane(h2, vectors.times(-1.0, h1), target, vectors.dot(h2, vectors.minus(centre, o1)))
+    for i in range(2):
+        base = first[0] if i == 0 else first[1]
+        end = vectors.minus(vectors.turn(h1, -base, target), vectors.minus(o2, o1))
+        third = angles_to_plane(
+            upper,
+            h3,
+            fore,
+            (vectors.dot(end, end) - vectors.dot(upper, upper) - vectors.dot(fore, fore)) / 2.0,
+        )
+        for j in range(2):
+            elbow = third[0] if j == 0 else third[1]
+            second = angle_onto(h2, vectors.plus(upper, vectors.turn(h3, elbow, fore)), end)
+            b = 4 * i + 2 * j
+            for k in range(2):
+                e.q[n, b + k, 0], e.q[n, b + k, 1], e.q[n, b + k, 2] = base, second, elbow
+            solved = first[2] * third[2] * _wrist(e, n, b)
+            e.valid[n, b] = solved
+            e.valid[n, b + 1] = solved
+
+
+def _wrist(e: Batch, n: int, b: int) -> float:
     """Fill the last three joints of two branches whose first three are known; whether the wrist can turn so far."""
-    h4, h5, h6 = row(h, 3), row(h, 4), row(h, 5)
-    tool = _back(h, q[branch], rotate(E, h6))  # R36 h6
-    fifth = angles_to_plane(h4, h5, h6, dot(h4, tool))
+    h4, h5, h6 = axis(e, 4), axis(e, 5), axis(e, 6)
+    tool = _back(e, n, b, rotate(e, n, h6))  # R36 h6
+    fifth = angles_to_plane(h4, h5, h6, vectors.dot(h4, tool))
     aside = _across(h6)
-    turned = _back(h, q[branch], rotate(E, aside))  # R36 aside
+    turned = _back(e, n, b, rotate(e, n, aside))  # R36 aside
     for k in range(2):
-        fourth = angle_onto(h4, turn(h5, fifth[k], h6), tool)
-        sixth = angle_onto(h6, aside, turn(h5, -fifth[k], turn(h4, -fourth, turned)))
-        q[branch + k, 3], q[branch + k, 4], q[branch + k, 5] = fourth, fifth[k], sixth
+        bend = fifth[0] if k == 0 else fifth[1]
+        fourth = angle_onto(h4, vectors.turn(h5, bend, h6), tool)
+        sixth = angle_onto(h6, aside, vectors.turn(h5, -bend, vectors.turn(h4, -fourth, turned)))
+        e.q[n, b + k, 3], e.q[n, b + k, 4], e.q[n, b + k, 5] = fourth, bend, sixth
     return fifth[2]
 
 
-@compiled
-def _back(h: Floats, q: Floats, v: V) -> V:
+def _back(e: Batch, n: int, b: int, v: V) -> V:
     """`v` seen after the first three joints."""
-    return turn(row(h, 2), -q[2], turn(row(h, 1), -q[1], turn(row(h, 0), -q[0], v)))
+    once = vectors.turn(axis(e, 1), -e.q[n, b, 0], v)
+    return vectors.turn(axis(e, 3), -e.q[n, b, 2], vectors.turn(axis(e, 2), -e.q[n, b, 1], once))
 
 
-@compiled
 def _across(axis: V) -> V:
     """Some vector that is not along `axis`, at right angles to it."""
     if abs(axis[0]) < 0.6:
-        return cross(axis, (1.0, 0.0, 0.0))
-    return cross(axis, (0.0, 1.0, 0.0))
+        return vectors.cross(axis, vectors.vector(1.0, 0.0, 0.0))
+    return vectors.cross(axis, vectors.vector(0.0, 1.0, 0.0))
 
 
-@compiled
-def parallel_axes(h: Floats, o: Floats, centre: V, poses: Floats, q: Floats, valid: Floats) -> None:
-    """Axes 2, 3 and 4 parallel, axes 5 and 6 through `centre`. Fills q (n, 8, 6), valid (n, 8) with 1 or 0."""
-    h1, h2, o1 = row(h, 0), row(h, 1), row(o, 0)
-    for n in range(poses.shape[0]):
-        E = poses[n]
-        target = minus(moved(E, centre), o1)
-        first = angles_to_plane(h2, times(-1.0, h1), target, dot(h2, minus(centre, o1)))
-        for i in range(2):
-            wrist = turn(h1, -first[i], target)
-            tool = turn(h1, -first[i], rotate(E, row(h, 5)))
-            fifth = angles_to_plane(h2, row(h, 4), row(h, 5), dot(h2, tool))
-            for k in range(2):
-                branch = 4 * i + 2 * k
-                for b in (branch, branch + 1):
-                    q[n, b, 0], q[n, b, 4] = first[i], fifth[k]
-                solved = _elbow(h, o, centre, wrist, E, q[n], branch)
-                valid[n, branch] = valid[n, branch + 1] = first[2] * fifth[2] * solved
+def parallel_axes(e: Batch) -> None:
+    """Axes 2, 3 and 4 parallel, axes 5 and 6 through the centre: fill all branches."""
+    with cython.nogil:
+        for n in range(e.count):
+            _parallel_axes(e, n)
 
 
-@compiled
-def _elbow(h: Floats, o: Floats, centre: V, wrist: V, E: Floats, q: Floats, branch: int) -> float:
+def _parallel_axes(e: Batch, n: int) -> None:
+    h1, h2, h5, h6, o1, centre = axis(e, 1), axis(e, 2), axis(e, 5), axis(e, 6), point(e, 1), centre_of(e)
+    target = vectors.minus(moved(e, n, centre), o1)
+    first = angles_to_plane(h2, vectors.times(-1.0, h1), target, vectors.dot(h2, vectors.minus(centre, o1)))
+    for i in range(2):
+        base = first[0] if i == 0 else first[1]
+        wrist = vectors.turn(h1, -base, target)
+        tool = vectors.turn(h1, -base, rotate(e, n, h6))
+        fifth = angles_to_plane(h2, h5, h6, vectors.dot(h2, tool))
+        for k in range(2):
+            b, bend = 4 * i + 2 * k, fifth[0] if k == 0 else fifth[1]
+            for j in range(2):
+                e.q[n, b + j, 0], e.q[n, b + j, 4] = base, bend
+            solved = first[2] * fifth[2] * _elbow(e, n, b, wrist)
+            e.valid[n, b] = solved
+            e.valid[n, b + 1] = solved
+
+
+def _elbow(e: Batch, n: int, b: int, wrist: V) -> float:
     """Fill joints 2, 3, 4 and 6 of two branches whose joints 1 and 5 are known; whether the arm is long enough."""
-    h2, h5, h6 = row(h, 1), row(h, 4), row(h, 5)
-    q1, q5 = q[branch, 0], q[branch, 4]
-    whole, palm = minus(wrist, minus(row(o, 1), row(o, 0))), minus(centre, row(o, 3))
-    parallel = turn(h5, -q5, h2)
-    beside = cross(parallel, h6)
-    if dot(beside, beside) > 1e-13:
-        # h2^T R1^T R06 = h2^T R5 R6, so that R6 turns R06^T R1 h2 onto R5^T h2
-        sixth = angle_onto(h6, rotate_back(E, turn(row(h, 0), q1, h2)), parallel)
-        aside = _across(h2)
-        seen = turn(h6, -sixth, turn(h5, -q5, aside))
-        total = angle_onto(h2, aside, turn(row(h, 0), -q1, rotate(E, seen)))  # q2 + q3 + q4 about h2
-    else:  # axis 6 is parallel to axis 4: of the continuum the hand that reaches farthest
-        total = angle_onto(h2, palm, whole)
-        aside = _across(h6)
-        seen = turn(h2, -total, turn(row(h, 0), -q1, rotate(E, aside)))
-        sixth = angle_onto(h6, aside, turn(h5, -q5, seen))
-    end = minus(whole, turn(h2, total, palm))
-    upper, fore = minus(row(o, 2), row(o, 1)), minus(row(o, 3), row(o, 2))
+    h2, h3, o2, o3, o4 = axis(e, 2), axis(e, 3), point(e, 2), point(e, 3), point(e, 4)
+    whole, palm = vectors.minus(wrist, vectors.minus(o2, point(e, 1))), vectors.minus(centre_of(e), o4)
+    total, sixth = _hand(e, n, b, whole, palm)
+    end = vectors.minus(whole, vectors.turn(h2, total, palm))
+    upper, fore = vectors.minus(o3, o2), vectors.minus(o4, o3)
     third = angles_to_plane(
-        upper, row(h, 2), fore, (dot(end, end) - dot(upper, upper) - dot(fore, fore)) / 2.0
+        upper, h3, fore, (vectors.dot(end, end) - vectors.dot(upper, upper) - vectors.dot(fore, fore)) / 2.0
     )
     for j in range(2):
-        second = angle_onto(h2, plus(upper, turn(row(h, 2), third[j], fore)), end)
-        rest = total - second - dot(h2, row(h, 2)) * third[j]
-        q[branch + j, 1], q[branch + j, 2] = second, third[j]
-        q[branch + j, 3], q[branch + j, 5] = dot(h2, row(h, 3)) * rest, sixth
+        bend = third[0] if j == 0 else third[1]
+        second = angle_onto(h2, vectors.plus(upper, vectors.turn(h3, bend, fore)), end)
+        rest = total - second - vectors.dot(h2, h3) * bend
+        e.q[n, b + j, 1], e.q[n, b + j, 2] = second, bend
+        e.q[n, b + j, 3], e.q[n, b + j, 5] = vectors.dot(h2, axis(e, 4)) * rest, sixth
     return third[2]
 
 
-@compiled
-def residuals(h: Floats, o: Floats, poses: Floats, q: Floats, valid: Floats, out: Floats) -> None:
-    """How far each valid branch misses E, in metres and radians alike: out (n, 8), infinite where not valid."""
-    for n in range(poses.shape[0]):
-        for b in range(q.shape[1]):
-            out[n, b] = math.inf
-            if valid[n, b] > 0.0:
-                out[n, b] = _residual(h, o, poses[n], q[n, b])
+def _hand(e: Batch, n: int, b: int, whole: V, palm: V) -> tuple[float, float]:
+    """How far joints 2, 3 and 4 turn together about axis 2, and joint 6."""
+    h1, h2, h5, h6, q1, q5 = axis(e, 1), axis(e, 2), axis(e, 5), axis(e, 6), e.q[n, b, 0], e.q[n, b, 4]
+    parallel = vectors.turn(h5, -q5, h2)
+    beside = vectors.cross(parallel, h6)
+    if vectors.dot(beside, beside) > 1e-13:
+        # h2^T R1^T R06 = h2^T R5 R6, so that R6 turns R06^T R1 h2 onto R5^T h2
+        sixth = angle_onto(h6, rotate_back(e, n, vectors.turn(h1, q1, h2)), parallel)
+        aside = _across(h2)
+        seen = vectors.turn(h6, -sixth, vectors.turn(h5, -q5, aside))
+        return (angle_onto(h2, aside, vectors.turn(h1, -q1, rotate(e, n, seen))), sixth)
+    # axis 6 is parallel to axis 4: of the continuum the hand that reaches farthest
+    total = angle_onto(h2, palm, whole)
+    aside = _across(h6)
+    seen = vectors.turn(h2, -total, vectors.turn(h1, -q1, rotate(e, n, aside)))
+    return (total, angle_onto(h6, aside, vectors.turn(h5, -q5, seen)))
 
 
-@compiled
-def _residual(h: Floats, o: Floats, E: Floats, q: Floats) -> float:
-    """The largest error of the images of the origin and of three unit steps from it."""
-    worst = 0.0
-    for c in range(4):
-        point = (1.0 if c == 0 else 0.0, 1.0 if c == 1 else 0.0, 1.0 if c == 2 else 0.0)
-        wanted = moved(E, point)
-        for joint in range(5, -1, -1):
-            about = row(o, joint)
-            point = plus(about, turn(row(h, joint), q[joint], minus(point, about)))
-        missed = minus(point, wanted)
-        worst = max(worst, abs(missed[0]), abs(missed[1]), abs(missed[2]))
-    return worst
+def residuals(e: Batch, out: Floats) -> None:
+    """How far each valid branch misses E, in metres and radians alike: out (n, 8), infinite where not valid.
+
+    Raises `ValueError` for another array.
+    """
+    missed = out
+    if missed.shape[0] != e.count or missed.shape[1] != 8:
+        raise ValueError(f"residuals must be ({e.count}, 8), not {out.shape}")
+    with cython.nogil:
+        for n in range(e.count):
+            for b in range(8):
+                missed[n, b] = INFINITE
+                if e.valid[n, b] > 0.0:
+                    missed[n, b] = _residual(e, n, b)
+
+
+def _residual(e: Batch, n: int, b: int) -> float:
+    """The largest error of the images of three unit steps from the origin, and of the origin."""
+    x, y = vectors.vector(1.0, 0.0, 0.0), vectors.vector(0.0, 1.0, 0.0)
+    z, origin = vectors.vector(0.0, 0.0, 1.0), vectors.vector(0.0, 0.0, 0.0)
+    end_x, end_y, end_z, end_origin = moved(e, n, x), moved(e, n, y), moved(e, n, z), moved(e, n, origin)
+    for joint in range(6, 0, -1):
+        h, o, angle = axis(e, joint), point(e, joint), e.q[n, b, joint - 1]
+        s, c = math.sin(angle), math.cos(angle)
+        x = vectors.plus(o, vectors.turn_by(h, s, c, vectors.minus(x, o)))
+        y = vectors.plus(o, vectors.turn_by(h, s, c, vectors.minus(y, o)))
+        z = vectors.plus(o, vectors.turn_by(h, s, c, vectors.minus(z, o)))
+        origin = vectors.plus(o, vectors.turn_by(h, s, c, vectors.minus(origin, o)))
+    worst = _largest(0.0, vectors.minus(x, end_x))
+    worst = _largest(worst, vectors.minus(y, end_y))
+    worst = _largest(worst, vectors.minus(z, end_z))
+    return _largest(worst, vectors.minus(origin, end_origin))
+
+
+def _largest(worst: float, v: V) -> float:
+    """The largest of a number and the sizes of the entries."""
+    return max(worst, abs(v[0]), abs(v[1]), abs(v[2]))

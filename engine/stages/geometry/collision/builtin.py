@@ -79,7 +79,7 @@ class BuiltinChecker:
         pairs = self._pairs.pairs
         distance, witness = np.empty(len(pairs)), np.empty((len(pairs), 9))
         poses = pose_batch(self._scene, np.asarray(where, dtype=float)[None])
-        near_pairs(poses[0], self._pieces, pairs, float(within_m), distance, witness)
+        near_pairs(poses, self._pieces, pairs, float(within_m), distance, witness)
         near = np.nonzero(distance <= within_m)[0]
         return nearest_of_bodies(
             Contact(

@@ -64,4 +64,5 @@ def likeliest_first(poses: Floats, pieces: Pieces, pairs: Pairs) -> Pairs:
 
     hits = np.zeros(len(pairs.groups), dtype=np.int64)
     count_hits(poses, pieces, pairs, hits)
-    return pairs._replace(groups=np.ascontiguousarray(pairs.groups[np.argsort(-hits, kind="stable")]))
+    groups = np.ascontiguousarray(pairs.groups[np.argsort(-hits, kind="stable")])
+    return Pairs(pairs.pairs, groups, pairs.after, pairs.order)

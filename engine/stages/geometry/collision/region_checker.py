@@ -70,7 +70,7 @@ class RegionChecker:
     def contacts(self, where: Floats, within_m: float = 0.0) -> tuple[Contact, ...]:
         """Every pair of bodies nearer than `within_m`, nearest first."""
         poses = pose_batch(self._scene, np.asarray(where, dtype=float)[None])
-        found, checked = self._among_moving(poses[0], within_m), self._checked()
+        found, checked = self._among_moving(poses, within_m), self._checked()
         for piece in self._asking:
             T = np.vstack([poses[0, piece.carrier], [0.0, 0.0, 0.0, 1.0]])
             near = self.tree.contacts([piece], T, within_m)

@@ -133,8 +133,9 @@ class InverseKinematics:
 
         def look(first: int, after: int) -> None:
             rows = slice(first, after)
-            solve(axes, points, centre, displaced[rows], q[rows], valid[rows])
-            inverse.residuals(axes, points, displaced[rows], q[rows], valid[rows], residual[rows])
+            batch = inverse.Batch(axes, points, centre, displaced[rows], q[rows], valid[rows])
+            solve(batch)
+            inverse.residuals(batch, residual[rows])
 
         in_stretches(len(poses), look)
         return q, residual

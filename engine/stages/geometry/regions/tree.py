@@ -153,18 +153,19 @@ class RegionTree:
         self, pieces: Sequence[Piece], T_world_body: Floats, within_m: float = 0.0
     ) -> tuple[Contact, ...]:
         """Everything solid that is nearer than `within_m` to such a body, nearest first, with depth and points."""
-        from engine.kernels.geometry.distance import separation
+        from engine.kernels.geometry.distance import Separations
 
         placed = [_placed(piece, T_world_body) for piece in pieces]
-        queries, out, simplex = pack(placed), np.empty(9), np.empty((5, 10))
+        queries = pack(placed)
         everything, regions, found = joined(self.pieces, queries), list(self.regions.values()), []
+        separations = Separations(everything.vertices, everything.most)
         for n, r in zip(*np.nonzero(self._near(queries, within_m)), strict=True):
             one, other = len(regions) + n, r
             (a, na), (b, nb) = everything.stretch[one], everything.stretch[other]
             radii = everything.radius[one], everything.radius[other]
-            distance = separation(everything.vertices, a, na, radii[0], b, nb, radii[1], simplex, out)
+            distance = separations.separation(a, na, radii[0], b, nb, radii[1])
             if distance <= within_m:
-                parts = [part.copy() for part in np.split(out, 3)]
+                parts = [part.copy() for part in np.split(separations.found, 3)]
                 found.append(Contact(placed[n].body, regions[r].piece.body, float(distance), *parts))
         return nearest_of_bodies(found)
 

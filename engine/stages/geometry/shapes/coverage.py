@@ -129,13 +129,14 @@ class _Convex:
 
     def _measured(self, points: Floats) -> Floats:
         """Signed distances (n,) from the core, by the kernels."""
-        from engine.kernels.geometry.distance import separation
+        from engine.kernels.geometry.distance import Separations
 
-        rows, out = np.vstack([np.zeros((1, 3)), self.vertices]), np.empty(9)
-        simplex, found = np.empty((5, 10)), np.empty(len(points))
+        rows, found = np.vstack([np.zeros((1, 3)), self.vertices]), np.empty(len(points))
+        count = len(self.vertices)
+        separations = Separations(rows, count)
         for n, point in enumerate(points):
             rows[0] = point
-            found[n] = separation(rows, 0, 1, 0.0, 1, len(self.vertices), 0.0, simplex, out)
+            found[n] = separations.separation(0, 1, 0.0, 1, count, 0.0)
         return found
 
 

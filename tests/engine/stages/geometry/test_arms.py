@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from engine.kernels.geometry.checks import carriers
+from engine.kernels.geometry.forward import carriers
 from engine.model.geometry import Floats
 from engine.stages.geometry import transforms
 from engine.stages.geometry.kinematics.arms import ArmModel, carrier_poses, wrapped

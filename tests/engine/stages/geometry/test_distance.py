@@ -8,11 +8,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from engine.kernels.geometry.distance import separation
-from engine.kernels.geometry.volumes import segment_block_gap, segment_gap
-from engine.model.geometry import Floats
+from engine.kernels.geometry.distance import Separations
+from engine.kernels.geometry.room import Room
+from engine.kernels.geometry.segments import segment_block_gap, segment_gap
+from engine.model.geometry import Floats, Piece
 from engine.stages.geometry.collision.reference import signed_distance
 from engine.stages.geometry.shapes.hull import FlatError, hull_triangles, planes
+from engine.stages.geometry.shapes.packing import pack
 from engine.stages.geometry.transforms import rotation
 
 kinds = st.sampled_from(["point", "segment", "block", "cloud", "plate"])
@@ -36,11 +38,14 @@ def body(kind: str, rng: np.random.Generator) -> Floats:
 
 
 def compiled(first: Floats, second: Floats, radii: tuple[float, float] = (0.0, 0.0)) -> tuple[float, Floats]:
-    out = np.empty(9)
-    rows = np.vstack([first, second])
-    split = len(first)
-    found = separation(rows, 0, split, radii[0], split, len(second), radii[1], np.empty((5, 10)), out)
-    return found, out
+    rows, split = np.vstack([first, second]), len(first)
+    separations = Separations(rows, max(split, len(second)))
+    found = separations.separation(0, split, radii[0], split, len(second), radii[1])
+    return found, separations.found
+
+
+def standing(*pieces: Piece) -> Room:
+    return Room(pack(pieces), np.empty((0, 1, 3, 4)))
 
 
 @settings(max_examples=400, deadline=None)
@@ -91,8 +96,8 @@ def test_moving_by_the_depth_along_the_normal_parts_two_bodies(one: str, other: 
 def test_segments_have_a_formula_of_their_own(one: str, other: str, seed: int) -> None:
     rng = np.random.default_rng(seed)
     first, second = body(one, rng), body(other, rng)
-    rows = np.vstack([first, second])
-    gap = segment_gap(rows, 0, len(first), len(first), len(second))
+    pieces = [Piece("", 0, np.eye(4), vertices, 0.0) for vertices in (first, second)]
+    gap = segment_gap(standing(*pieces), 0, 1)
     assert math.isclose(math.sqrt(gap), max(0.0, compiled(first, second)[0]), abs_tol=1e-7)
 
 
@@ -106,9 +111,8 @@ def test_segments_and_blocks_have_a_formula_of_their_own(one: str, seed: int) ->
     pose[:3, :3] = rotation(axis / np.linalg.norm(axis), 1.0)
     corners = np.array(list(product((-1, 1), repeat=3))) * half
     middle = rng.normal(size=3) * 0.2
-    R = pose[:3, :3]
-    bounds = np.concatenate([R @ middle, [0.0], R.T.ravel(), half, [0.0, 1.0]])[None]
-    gap = segment_block_gap(segment, 0, len(segment), bounds, 0)
+    block = Piece("", 0, pose, corners + middle, 0.0, box=True)
+    gap = segment_block_gap(standing(Piece("", 0, np.eye(4), segment, 0.0), block), 0, 1)
     plain = signed_distance(segment, (corners + middle) @ pose[:3, :3].T)
     assert math.isclose(math.sqrt(gap), max(0.0, plain), abs_tol=1e-7)
 

@@ -1,0 +1,62 @@
+# cython: language_level=3, annotation_typing=False, infer_types=True, boundscheck=False, wraparound=False
+# cython: initializedcheck=False, cdivision=True
+"""Where the carriers of joints are in configuration after configuration."""
+
+import math
+
+import cython
+import numpy as np
+
+from engine.kernels.arrays import Floats, Longs, Truths
+
+
+def carriers(parent: Longs, origin: Floats, axis: Floats, prismatic: Truths, q: Floats, out: Floats) -> None:
+    """The pose of every carrier (n, k + 1, 3, 4) for configurations q (n, k): rad or m.
+
+    Each joint has its parent carrier (k,), which comes before its own, its origin there (k, 4, 4) and its unit axis (k, 3).
+    Raises `ValueError` for arrays that do not fit together.
+    """
+    count = len(parent)
+    if origin.shape != (count, 4, 4) or axis.shape != (count, 3) or prismatic.shape != (count,):
+        raise ValueError(f"the arrays of {count} joints do not fit together")
+    if q.shape != (len(out), count) or out.shape[1:] != (count + 1, 3, 4):
+        raise ValueError(f"{count} joints need values (n, {count}), not {q.shape}")
+    up, fixed, along, slides, values, poses = parent, origin, axis, prismatic.view(np.uint8), q, out
+    for j in range(count):
+        if not 0 <= up[j] <= j:
+            raise ValueError(f"joint {j} hangs on carrier {up[j]}, which does not come before it")
+    with cython.nogil:
+        for n in range(poses.shape[0]):
+            _identity(poses, n)
+            for j in range(up.shape[0]):
+                _joint(fixed, along, slides[j], up[j], j, values[n, j], n, poses)
+
+
+def _identity(out: Floats, n: int) -> None:
+    for r in range(3):
+        for c in range(4):
+            out[n, 0, r, c] = 1.0 if r == c else 0.0
+
+
+def _joint(
+    origin: Floats, axis: Floats, prismatic: bool, parent: int, j: int, value: float, n: int, out: Floats
+) -> None:
+    """Put the carrier of joint `j` where it is: its origin, turned about the axis (Rodrigues) or moved along it."""
+    angle, slide = value, 0.0
+    if prismatic:
+        angle, slide = 0.0, value
+    s, c = math.sin(angle), math.cos(angle)
+    a0, a1, a2, t = axis[j, 0], axis[j, 1], axis[j, 2], 1.0 - c
+    m00, m01, m02 = c + t * a0 * a0, t * a0 * a1 - s * a2, t * a0 * a2 + s * a1
+    m10, m11, m12 = t * a0 * a1 + s * a2, c + t * a1 * a1, t * a1 * a2 - s * a0
+    m20, m21, m22 = t * a0 * a2 - s * a1, t * a1 * a2 + s * a0, c + t * a2 * a2
+    for r in range(3):
+        u, v, w = out[n, parent, r, 0], out[n, parent, r, 1], out[n, parent, r, 2]
+        x = u * origin[j, 0, 0] + v * origin[j, 1, 0] + w * origin[j, 2, 0]
+        y = u * origin[j, 0, 1] + v * origin[j, 1, 1] + w * origin[j, 2, 1]
+        z = u * origin[j, 0, 2] + v * origin[j, 1, 2] + w * origin[j, 2, 2]
+        p = u * origin[j, 0, 3] + v * origin[j, 1, 3] + w * origin[j, 2, 3] + out[n, parent, r, 3]
+        out[n, j + 1, r, 0] = x * m00 + y * m10 + z * m20
+        out[n, j + 1, r, 1] = x * m01 + y * m11 + z * m21
+        out[n, j + 1, r, 2] = x * m02 + y * m12 + z * m22
+        out[n, j + 1, r, 3] = p + slide * (x * a0 + y * a1 + z * a2)

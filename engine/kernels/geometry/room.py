@@ -1,0 +1,79 @@
+# cython: language_level=3, annotation_typing=False, infer_types=True, boundscheck=False, wraparound=False
+# cython: initializedcheck=False, cdivision=True
+"""Pieces where their carriers are: what kernels write while they go through a batch of carrier poses."""
+
+import numpy as np
+
+from engine.kernels.arrays import Floats
+from engine.kernels.geometry import layout
+from engine.kernels.geometry.gjk import Cores
+from engine.kernels.geometry.layout import Pieces
+
+
+class Room:
+    """Pieces and the carrier poses (n, k + 1, 3, 4) of a batch; made once for it. What stands has its place already.
+
+    `world` (v, 3) are vertices and `bounds` (n, 18) bounds in the world. Raises `ValueError` for poses that do not fit.
+    """
+
+    def __init__(self, p: Pieces, poses: Floats) -> None:
+        self.poses = poses
+        if self.poses.shape[1] < p.carriers or self.poses.shape[2] != 3 or self.poses.shape[3] != 4:
+            raise ValueError(f"carrier poses must be (n, {p.carriers} or more, 3, 4), not {poses.shape}")
+        self.count, self.batch, self.most = p.count, len(poses), p.most
+        self.pieces = p
+        self.vertices, self.stretch = self.pieces._vertices, self.pieces._stretch
+        self.radius = self.pieces._radius
+        self.carrier, self.own = self.pieces._carrier, self.pieces._bounds
+        world = p.vertices.copy()
+        self.world, self.cores, self.bounds = world, Cores(world), p.bounds.copy()
+        self.placed = np.empty(self.count, np.int64)  # the last of the batch that each was placed for
+        for i in range(self.count):
+            self.placed[i] = self.batch if self.carrier[i] == 0 else -1
+
+
+def move_bounds(room: Room, n: int) -> None:
+    """Put the bounds of all that moves where the carriers are in pose `n` of the batch."""
+    for i in range(room.count):
+        if room.carrier[i] != 0:
+            _place_bounds(room, n, i)
+
+
+def _place_bounds(room: Room, n: int, i: int) -> None:
+    k = room.carrier[i]
+    _turn(room, n, k, i, layout.CENTRE)
+    for r in range(3):
+        room.bounds[i, r] += room.poses[n, k, r, 3]
+    if room.own[i, layout.KIND] != layout.BALL_ITSELF:
+        for axis in range(3):
+            _turn(room, n, k, i, layout.AXES + 3 * axis)
+
+
+def _turn(room: Room, n: int, k: int, i: int, at: int) -> None:
+    """Turn three entries of the bounds of a piece as its carrier is."""
+    x, y, z = room.own[i, at], room.own[i, at + 1], room.own[i, at + 2]
+    for r in range(3):
+        room.bounds[i, at + r] = (
+            room.poses[n, k, r, 0] * x + room.poses[n, k, r, 1] * y + room.poses[n, k, r, 2] * z
+        )
+
+
+def place(room: Room, n: int, i: int) -> None:
+    """Put the vertices of piece `i` where its carrier is."""
+    k, first = room.carrier[i], room.stretch[i, 0]
+    for v in range(first, first + room.stretch[i, 1]):
+        x, y, z = room.vertices[v, 0], room.vertices[v, 1], room.vertices[v, 2]
+        for r in range(3):
+            room.world[v, r] = (
+                room.poses[n, k, r, 0] * x
+                + room.poses[n, k, r, 1] * y
+                + room.poses[n, k, r, 2] * z
+                + room.poses[n, k, r, 3]
+            )
+
+
+def move_vertices(room: Room, n: int) -> None:
+    """Put the vertices of all that moves where the carriers are."""
+    for i in range(room.count):
+        if room.carrier[i] != 0:
+            place(room, n, i)

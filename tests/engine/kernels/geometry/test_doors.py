@@ -1,0 +1,110 @@
+"""Arrays that do not fit are refused before a kernel runs: compiled loops look at no bounds."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from engine.kernels.geometry import checks, inverse
+from engine.kernels.geometry.distance import Separations
+from engine.kernels.geometry.forward import carriers
+from engine.kernels.geometry.layout import KIND, Pairs, Pieces, Tree
+
+
+def pieces(**changed: Any) -> Pieces:
+    """Two points, the second on carrier 1."""
+    arrays = {
+        "vertices": np.zeros((2, 3)),
+        "stretch": np.array([[0, 1], [1, 1]]),
+        "radius": np.ones(2),
+        "carrier": np.array([0, 1]),
+        "bounds": np.zeros((2, KIND + 1)),
+    }
+    return Pieces(**(arrays | changed))
+
+
+def pairs(**changed: Any) -> Pairs:
+    """One pair."""
+    arrays = {
+        "pairs": np.array([[0, 1]]),
+        "groups": np.array([[0, 1, 0, 1]]),
+        "after": np.array([1]),
+        "order": np.array([0]),
+    }
+    return Pairs(**(arrays | changed))
+
+
+def tree(**changed: Any) -> Tree:
+    """One region."""
+    arrays = {
+        "first": np.array([0, 0]),
+        "children": np.zeros(0, np.int64),
+        "roots": np.array([0]),
+        "solid": np.array([True]),
+        "grow": np.zeros(1),
+    }
+    return Tree(**(arrays | changed))
+
+
+@pytest.mark.parametrize(
+    ("make", "changed"),
+    [
+        (pieces, {"vertices": np.zeros((2, 2))}),
+        (pieces, {"vertices": np.zeros((2, 3), np.float32)}),
+        (pieces, {"vertices": np.zeros((3, 2)).T}),
+        (pieces, {"stretch": np.array([[0, 1], [1, 2]])}),
+        (pieces, {"stretch": np.array([[0, 1], [-1, 1]])}),
+        (pieces, {"stretch": np.array([[0, 1], [1, 0]])}),
+        (pieces, {"carrier": np.array([0, -1])}),
+        (pieces, {"bounds": np.zeros((2, 17))}),
+        (pairs, {"groups": np.array([[0, 1, 0, 2]])}),
+        (pairs, {"after": np.array([0])}),
+        (pairs, {"pairs": np.array([[0, -1]])}),
+        (pairs, {"order": np.zeros(2, np.int64)}),
+        (tree, {"roots": np.array([1])}),
+        (tree, {"roots": np.array([0, 0])}),
+        (tree, {"first": np.array([0, 1])}),
+        (tree, {"solid": np.array([1])}),
+    ],
+)
+def test_arrays_that_do_not_fit_together_are_refused(make: Any, changed: dict[str, Any]) -> None:
+    make()
+    with pytest.raises(ValueError, match=r"must (be|have|come)|more roots"):
+        make(**changed)
+
+
+def test_poses_must_be_those_of_all_carriers_and_results_have_a_row_for_each() -> None:
+    poses, found = np.zeros((3, 2, 3, 4)), np.empty(3, np.int64)
+    checks.first_contacts(poses, pieces(), pairs(), found)
+    for bad in (poses[:, :1].copy(), poses[:, :, :2].copy()):
+        with pytest.raises(ValueError, match="carrier poses must be"):
+            checks.first_contacts(bad, pieces(), pairs(), found)
+    with pytest.raises(ValueError, match="3 carrier poses have as many results"):
+        checks.first_contacts(poses, pieces(), pairs(), found[:2])
+    with pytest.raises(ValueError, match="pairs of 3 pieces"):
+        checks.first_contacts(poses, pieces(), pairs(pairs=np.array([[0, 2]])), found)
+
+
+def test_joints_need_a_value_each_and_hang_on_carriers_before_their_own() -> None:
+    arrays = np.zeros((2, 4, 4)), np.zeros((2, 3)), np.zeros(2, bool)
+    carriers(np.array([0, 1]), *arrays, np.zeros((5, 2)), np.empty((5, 3, 3, 4)))
+    with pytest.raises(ValueError, match="2 joints need"):
+        carriers(np.array([0, 1]), *arrays, np.zeros((5, 3)), np.empty((5, 3, 3, 4)))
+    with pytest.raises(ValueError, match="joint 0 hangs on carrier 1"):
+        carriers(np.array([1, 1]), *arrays, np.zeros((5, 2)), np.empty((5, 3, 3, 4)))
+
+
+def test_separations_are_asked_of_rows_that_are_there() -> None:
+    separations = Separations(np.zeros((4, 3)), 2)
+    assert separations.separation(0, 2, 0.5, 2, 2, 0.5) == -1.0
+    for rows in ((0, 2, 3, 2), (-1, 2, 2, 2), (0, 3, 3, 1), (0, 0, 2, 2)):
+        a, na, b, nb = rows
+        with pytest.raises(ValueError, match="there are 4 rows"):
+            separations.separation(a, na, 0.0, b, nb, 0.0)
+
+
+def test_branches_have_eight_rows_of_six() -> None:
+    axes, E = np.zeros((6, 3)), np.zeros((2, 4, 4))
+    inverse.Batch(axes, axes, (0.0, 0.0, 0.0), E, np.zeros((2, 8, 6)), np.zeros((2, 8)))
+    with pytest.raises(ValueError, match="8, 6"):
+        inverse.Batch(axes, axes, (0.0, 0.0, 0.0), E, np.zeros((2, 7, 6)), np.zeros((2, 8)))

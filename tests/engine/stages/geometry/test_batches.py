@@ -1,0 +1,68 @@
+"""A batch of another shape is refused: the kernels would read beyond it."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from engine.model.geometry import Floats, Scene
+from engine.ports import CollisionChecker
+from engine.stages.geometry.collision.builtin import BuiltinChecker
+from engine.stages.geometry.collision.region_checker import RegionChecker
+from engine.stages.geometry.world.model import World
+from engine.stages.geometry.world.scenes import free_scene_of, scene_of
+from kb.model.cell import (
+    Arm,
+    Body,
+    BodyKind,
+    Box,
+    Cell,
+    Joint,
+    Link,
+    MountedArm,
+    PlacedShape,
+    Placement,
+    Pose,
+)
+
+SIDE = PlacedShape(Box((0.2, 0.2, 0.2)))
+CHECKERS: list[Callable[[Scene], CollisionChecker]] = [BuiltinChecker, RegionChecker]
+
+
+@pytest.fixture(scope="module")
+def world() -> World:
+    """An arm of two joints, a block in its way, and a part."""
+    joints = (Joint("shoulder"), Joint("elbow", (Pose((0.4, 0.0, 0.0)),)))
+    arm = Arm("arm", joints, (Link("hand", 2, (Pose((0.4, 0.0, 0.0)),), (SIDE,)),))
+    bodies = [
+        Body("block", BodyKind.FIXTURE, Placement("world", Pose((0.8, 0.0, 0.0))), (SIDE,)),
+        Body("part", BodyKind.PART, Placement("world", Pose((0.0, 0.0, 2.0))), (SIDE,)),
+    ]
+    cell = Cell("made_up", {"arm": MountedArm(arm)}, bodies={each.name: each for each in bodies})
+    return World.of(cell)
+
+
+@pytest.mark.parametrize("make", CHECKERS)
+@pytest.mark.parametrize("shape", [(1500, 1), (1500, 3), (3,), (1500, 2, 2)])
+def test_configurations_have_a_value_for_each_joint(
+    make: Callable[[Scene], CollisionChecker], shape: tuple[int, ...], world: World
+) -> None:
+    checker, wrong = make(scene_of(world)), np.zeros(shape)
+    assert checker.collides(np.zeros((3, 2))).all()
+    for ask in (checker.collides, checker.clearance):
+        with pytest.raises(ValueError, match=r"configurations must be \(n, 2\)"):
+            ask(wrong)
+    with pytest.raises(ValueError, match=r"configurations must be \(n, 2\)"):
+        checker.contacts(np.zeros(3))
+
+
+@pytest.mark.parametrize("make", CHECKERS)
+def test_poses_of_a_free_body_are_four_by_four(
+    make: Callable[[Scene], CollisionChecker], world: World
+) -> None:
+    checker = make(free_scene_of(world, "part"))
+    far: Floats = np.tile(np.eye(4), (3, 1, 1))
+    assert not checker.collides(far).any()
+    for wrong in (far[:, :3], far[0], np.zeros((3, 2))):
+        with pytest.raises(ValueError, match=r"poses must be \(n, 4, 4\)"):
+            checker.collides(wrong)
