@@ -38,7 +38,7 @@ class Safety:
             self.disequalities.clear()
             self.negated.clear()
             self.exclusions.clear()
-            for threat in [*self._threats(), *self._contradictions(), *self._interference()]:
+            for threat in [*self._threats(), *self._taken_back(), *self._contradictions(), *self._interference()]:
                 self._exclude(*threat)
             if known == (len(self.proof.equal.bindings), len(self.proof.needs)):
                 return
@@ -52,6 +52,14 @@ class Safety:
             for step, each in threats.get(need.atom.name, ()):
                 if self._between(step, need):
                     yield [(each.atom, need.atom)], each, step
+
+    def _taken_back(self) -> Iterator[tuple[Pairs, Following, StepId]]:
+        """What a step makes false and adds by itself: for some bindings that may be the same atom, which then is true."""
+        for need in self.proof.needs:
+            if not need.positive and need.producer != START:
+                for added in self.proof.schemas[need.producer].adds:
+                    if added.atom.name == need.atom.name:
+                        yield [(added.atom, need.atom)], added, need.producer
 
     def _by_predicate(self, adds: bool) -> dict[str, list[tuple[StepId, Following]]]:
         found: dict[str, list[tuple[StepId, Following]]] = {}

@@ -178,6 +178,7 @@ def test_a_search_that_is_interrupted_leaves_a_true_bound(problem: Troubleshooti
         patch.setattr("engine.stages.diagnosis.exact.SLICE", 1)
         stopped = Selector(problem, interrupted=lambda: True)
         advice = stopped.advise(stopped.start())
+        patch.setattr("engine.stages.diagnosis.exact.SLICE", 50)  # enough to get on with from slice to slice
         patient = Selector(problem)
         assert patient.advise(patient.start()).expected_cost == pytest.approx(optimum)
     assert advice.bound <= optimum + 1e-9
