@@ -22,8 +22,8 @@ from kb.model.problem import Problem
 from kb.terms import Function, Term, Variable, substitute_atom
 from tests.engine.stages.macros.test_generalise import constraints_hold
 from tests.engine.stages.macros.test_generalise import posed as instance_of
-from tests.engine.stages.validation.plans import problem as posed
 from tests.engine.stages.validation.plans import link, step
+from tests.engine.stages.validation.plans import problem as posed
 from tests.properties.plans import ATOMS
 from tests.properties.problems import CONSTANTS, problems
 

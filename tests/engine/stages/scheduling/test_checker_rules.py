@@ -52,28 +52,36 @@ def replayed(shop: Shop, made: Schedule) -> set[str]:
         for name, stage in shop.stages.items()
     }
     broken = set()
-    for job in shop.jobs:
-        if any(minute < max(0, job.release) for stage in job.stages for minute in at[stage.name]):
-            broken.add("release")
+    if any(
+        minute < max(0, job.release) for job in shop.jobs for stage in job.stages for minute in at[stage.name]
+    ):
+        broken.add("release")
     for window in shop.windows:
         waited = moment(made, window.later) - moment(made, window.earlier)
         if waited < window.least or (window.most is not None and waited > window.most):
             broken.add("window")
     for resource in shop.resources:
-        taken = [at[name] for name, stage in shop.stages.items() if resource.name in stage.resources]
-        holds = [hold for hold in shop.holds if hold.resource == resource.name]
-        taken += [range(moment(made, hold.begin), moment(made, hold.end)) for hold in holds]  # type: ignore[arg-type]
-        taken += [
-            range(e.start, e.end) for e in made.adjustments if shop.device[e.device].operator == resource.name
-        ]
-        if any(sum(minute in each for each in taken) > resource.capacity for minute in range(-5, 30)):
-            broken.add("load")
-        if any(moment(made, hold.end) < moment(made, hold.begin) for hold in holds):  # type: ignore[arg-type]
-            broken.add("hold")
-        if resource.travel and any(walked(shop, made, resource)):
-            broken.add("travel")
+        broken |= loads(shop, made, resource, at)
     for device in shop.devices:
         broken |= devices(shop, made, device)
+    return broken
+
+
+def loads(shop: Shop, made: Schedule, resource: Resource, at: dict[str, range]) -> set[str]:
+    """What is wrong with what a resource does, minute by minute."""
+    broken = set()
+    taken = [at[name] for name, stage in shop.stages.items() if resource.name in stage.resources]
+    holds = [hold for hold in shop.holds if hold.resource == resource.name]
+    taken += [range(moment(made, hold.begin), moment(made, hold.end)) for hold in holds]  # type: ignore[arg-type]
+    taken += [
+        range(e.start, e.end) for e in made.adjustments if shop.device[e.device].operator == resource.name
+    ]
+    if any(sum(minute in each for each in taken) > resource.capacity for minute in range(-5, 30)):
+        broken.add("load")
+    if any(moment(made, hold.end) < moment(made, hold.begin) for hold in holds):  # type: ignore[arg-type]
+        broken.add("hold")
+    if resource.travel and any(walked(shop, made, resource)):
+        broken.add("travel")
     return broken
 
 
@@ -89,9 +97,11 @@ def walked(shop: Shop, made: Schedule, resource: Resource) -> list[bool]:
             works.append(
                 (made.starts[name], made.starts[name] + stage.duration, stage.origin, stage.destination)
             )
-    for each in made.adjustments:
-        if shop.device[each.device].operator == resource.name:
-            works.append((each.start, each.end, each.change.origin, each.change.destination))
+    works += [
+        (each.start, each.end, each.change.origin, each.change.destination)
+        for each in made.adjustments
+        if shop.device[each.device].operator == resource.name
+    ]
     works[1:] = sorted(works[1:])
     return [
         other[0] - one[1] < resource.travel.get((one[3], other[2]), 0)
