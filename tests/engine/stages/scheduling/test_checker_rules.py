@@ -7,16 +7,15 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from engine.model.schedule import Adjustment, Schedule
 from engine.model.shop import (
-    Adjustment,
-    Change,
+    Changeover,
     Device,
     Hold,
     Job,
     Moment,
     Need,
     Resource,
-    Schedule,
     Shop,
     Stage,
     Window,
@@ -271,7 +270,7 @@ def test_a_resource_that_travels_has_the_time_for_it(bake: int, store: int, foun
 
 
 def test_a_resource_that_changes_a_device_travels_to_it() -> None:
-    door = Device("door", "arm", "shut", (Change("shut", "open", 2, "oven", "bench"),))
+    door = Device("door", "arm", "shut", (Changeover("shut", "open", 2, "oven", "bench"),))
     shop = Shop((Job("a", (RACK,)),), (WAYS,), (), (), (door,))
     opening = Adjustment("door", door.changes[0], 3)
     assert check_schedule(shop, complete(shop, {"store": 0}, (opening,))) == ()
@@ -288,7 +287,7 @@ def test_a_resource_that_changes_a_device_travels_to_it() -> None:
 
 # Devices.
 
-OPEN, SHUT = Change("shut", "open", 2), Change("open", "shut", 3)
+OPEN, SHUT = Changeover("shut", "open", 2), Changeover("open", "shut", 3)
 DOOR = Device("door", "arm", "shut", (OPEN, SHUT))
 
 
@@ -298,7 +297,7 @@ def cell(begin: int = 1, end: int = 3, setting: str = "open", final: str = "") -
     return Shop((Job("a", (stage,)),), (ARM,), (), (), (replace(DOOR, final=final),))
 
 
-def doors(start: int, *changes: tuple[Change, int], shop: Shop | None = None) -> tuple[str, ...]:
+def doors(start: int, *changes: tuple[Changeover, int], shop: Shop | None = None) -> tuple[str, ...]:
     shop = shop or cell()
     return check_schedule(
         shop, complete(shop, {"bake": start}, tuple(Adjustment("door", c, t) for c, t in changes))
@@ -324,7 +323,9 @@ def test_a_device_is_changed_from_where_it_is_and_once_at_a_time() -> None:
     assert doors(0, (OPEN, -1), shop=idle) == ("door is not shut at -1",)
     free = replace(idle, resources=(replace(ARM, capacity=2),))
     assert doors(0, (OPEN, 0), (SHUT, 1), shop=free) == ("door is not open at 1",)
-    assert doors(0, (Change("shut", "ajar", 1), 0), shop=idle) == ("door cannot change from shut to ajar",)
+    assert doors(0, (Changeover("shut", "ajar", 1), 0), shop=idle) == (
+        "door cannot change from shut to ajar",
+    )
     assert doors(0, (SHUT, 5), (OPEN, 0), shop=idle) == ()  # they come in the order of time
 
 
