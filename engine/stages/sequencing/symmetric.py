@@ -35,7 +35,7 @@ def search(
     cost: Matrix, start: Order, limits: Limits, positions: NDArray[np.floating] | None = None
 ) -> Searched:
     """The best closed tour found from `start` (n,), n >= 8, in annealings that are each twice as long as the one before."""
-    from engine.stages.sequencing.kernels.exchange import improve
+    from engine.stages.sequencing.kernels.kicks import improve
 
     n = len(cost)
     if limits.interrupted():
