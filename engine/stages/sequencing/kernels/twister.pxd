@@ -3,7 +3,7 @@ import cython
 cimport libc.math as math
 
 cdef int SIZE, SHIFT
-cdef unsigned int WORD, HIGH, LOW
+cdef unsigned int WORD, HIGH, LOW, TWIST, TEMPER, TEMPER_HIGH
 
 @cython.final
 cdef class Stream:

@@ -10,6 +10,7 @@ from array import array
 
 SIZE, SHIFT = 624, 397
 WORD, HIGH, LOW = 0xFFFFFFFF, 0x80000000, 0x7FFFFFFF
+TWIST, TEMPER, TEMPER_HIGH = 0x9908B0DF, 0x9D2C5680, 0xEFC60000
 
 
 class Stream:
@@ -58,15 +59,16 @@ class Stream:
         word = self.words[self.place]
         self.place += 1
         word ^= word >> 11
-        word ^= (word << 7) & 0x9D2C5680
-        word ^= (word << 15) & 0xEFC60000
+        word ^= (word << 7) & TEMPER
+        word ^= (word << 15) & TEMPER_HIGH
         return word ^ (word >> 18)
 
     def _turn(self) -> None:
         """The next 624 words."""
         for place in range(SIZE):
-            following, far = (place + 1) % SIZE, (place + SHIFT) % SIZE
+            following = place + 1 if place + 1 < SIZE else 0
+            far = place + SHIFT if place + SHIFT < SIZE else place + SHIFT - SIZE
             word = (self.words[place] & HIGH) | (self.words[following] & LOW)
-            self.words[place] = self.words[far] ^ (word >> 1) ^ (0x9908B0DF if word & 1 else 0)
+            self.words[place] = self.words[far] ^ (word >> 1) ^ (TWIST * (word & 1))
         self.place = 0
 
