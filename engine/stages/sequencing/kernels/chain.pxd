@@ -13,8 +13,11 @@ cdef long long _edge(const Cost[:, ::1] cost, int a, int b) noexcept
 @cython.locals(n=int, some=int, index=int, city=int, chosen=int, a=int, after="int[::1]", place="int[::1]", ratio="double[::1]", made="int[::1]")
 cpdef object insert_all(const int[::1] ring, const Cost[:, ::1] cost)
 
-@cython.locals(n=int, cut=int, city=int, old=int, best=int, least="long long", way=double)
+@cython.locals(n=int, cut=int, city=int, old=int, best=int, least="long long")
 cdef void _place(int new, int[::1] after, int[::1] place, double[::1] ratio, const Cost[:, ::1] cost) noexcept
+
+@cython.locals(way=double)
+cdef double _ratio(int city, int a, const int[::1] after, const Cost[:, ::1] cost) noexcept
 
 @cython.locals(chosen=int, city=int)
 cdef int _least(const double[::1] ratio) noexcept
@@ -36,5 +39,5 @@ cpdef int peephole(int[::1] tour, const Cost[:, ::1] cost, int width) except -1
 @cython.locals(n=int, width=int, full=int, old="long long", index=int, right=int, best=int, last=int, least="long long", closed="long long")
 cdef bint _reorder(int[::1] tour, const Cost[:, ::1] cost, int start, int[::1] inner, long long[:, ::1] value, int[:, ::1] origin) noexcept
 
-@cython.locals(width=int, subset=int, last=int, following=int, longer="long long", wider=int)
+@cython.locals(width=int, subset=int, pair=int, last=int, following=int, longer="long long", wider=int)
 cdef void _subsets(const int[::1] inner, int left, const Cost[:, ::1] cost, long long[:, ::1] value, int[:, ::1] origin) noexcept

@@ -78,8 +78,13 @@ def _place(new: int, after: Ints, place: Ints, ratio: Floats, cost: Costs) -> No
                 best = new
         if best != old or old == cut:
             place[city] = best
-            way = float(_edge(cost, best, city) + _edge(cost, city, after[best]))
-            ratio[city] = way / max(_edge(cost, best, after[best]), 1)  # floats: compiled, 1 / 2 of whole numbers is 0
+            ratio[city] = _ratio(city, best, after, cost)
+
+
+def _ratio(city: int, a: int, after: Ints, cost: Costs) -> float:
+    """The way from `a` to the next city by way of `city` in proportion to the edge there."""
+    way = float(_edge(cost, a, city) + _edge(cost, city, after[a]))  # a float: C divides whole numbers down
+    return way / max(_edge(cost, a, after[a]), 1)
 
 
 def _least(ratio: Floats) -> int:
@@ -183,13 +188,11 @@ def _subsets(inner: Ints, left: int, cost: Costs, value: Longs, origin: Ints) ->
     for last in range(width):
         value[1 << last, last] = _edge(cost, left, inner[last])
     for subset in range(1, 1 << width):
-        for last in range(width):
-            if value[subset, last] == NEVER:
+        for pair in range(width * width):
+            last, following = pair // width, pair % width
+            if value[subset, last] == NEVER or subset >> following & 1:
                 continue
-            for following in range(width):
-                if subset >> following & 1:
-                    continue
-                longer = value[subset, last] + _edge(cost, inner[last], inner[following])
-                wider = subset | 1 << following
-                if longer < value[wider, following]:
-                    value[wider, following], origin[wider, following] = longer, last
+            wider = subset | 1 << following
+            longer = value[subset, last] + _edge(cost, inner[last], inner[following])
+            if longer < value[wider, following]:
+                value[wider, following], origin[wider, following] = longer, last

@@ -8,7 +8,7 @@ stretches a move is priced by the arcs that it changes; else the whole order is 
 
 import numpy as np
 
-from engine.kernels.arrays import Ints, Longs
+from engine.kernels.arrays import Ints, Longs, whole
 from engine.stages.sequencing.kernels.twister import Stream
 
 LONGEST = 30
@@ -59,15 +59,15 @@ class Orders:
         self, order: Ints, arcs: Longs, closed: bool, times: Longs, pairs: Longs, fine: Longs
     ) -> None:
         n = self.n = len(order)
-        if n < 1 or arcs.shape != (n, n) or times.shape != (3, n) or pairs.shape[1:] != (2,) or len(fine) != 2:
+        if (arcs.shape, times.shape, pairs.shape[1:], fine.shape) != ((n, n), (3, n), (2,), (2,)) or not n:
             raise ValueError("arcs (n, n), times (3, n), pairs (m, 2) and two fines were expected")
         for cities in (order, pairs):
             if cities.size and not 0 <= cities.min() <= cities.max() < n:
                 raise ValueError(f"cities are numbered 0 to {n - 1}")
-        self.order, self.arcs, self.times = memoryview(order), memoryview(arcs), memoryview(times)
-        self.pairs, self.count = memoryview(pairs), len(pairs)
+        self.order, self.arcs, self.times = whole(order), whole(arcs), whole(times)
+        self.pairs, self.count = whole(pairs), len(pairs)
         self.late, self.wrong, self.closed = int(fine[0]), int(fine[1]), bool(closed)
-        self.moved, self.rank = memoryview(order.copy()), memoryview(np.argsort(order).astype(np.int32))
+        self.moved, self.rank = whole(order.copy()), whole(np.argsort(order).astype(np.int32))
         self.start, self.end = 0, -1
 
     def price(self) -> int:
@@ -148,9 +148,9 @@ class Annealing:
             raise ValueError(f"candidates (n, k) numbered 0 to {n - 1} were expected")
         if not 0 <= low < high <= n:
             raise ValueError(f"positions {low} to {high - 1} of {n} cannot be moved")
-        self.stream, self.near, self.breadth = Stream(seed), memoryview(near), near.shape[1]
+        self.stream, self.near, self.breadth = Stream(seed), whole(near), near.shape[1]
         self.low, self.high, self.first, self.last, self.behind = low, high, 0, 0, 0
-        self.kept, self.place = memoryview(order.copy()), memoryview(np.argsort(order).astype(np.int32))
+        self.kept, self.place = whole(order.copy()), whole(np.argsort(order).astype(np.int32))
         self.best = orders.price()
 
     def run(self, moves: int, warmth: float, cooling: float) -> float:

@@ -9,14 +9,13 @@ An exchange is evaluated before anything is moved: most are rejected, and then c
 all choices on the first levels; Bentley 1992 (queue of cities worth looking at).
 """
 
-from typing import Any, TypeAlias
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from engine.kernels.arrays import Ints
+from engine.kernels.arrays import Ints, whole
 
-Numbers: TypeAlias = "memoryview[int]"
 ROOM = 8  # rows that one exchange may need in the journal
 TWO, TWO_TWICE, SWAPPED, TURNED = 1, 2, 3, 4
 
@@ -33,11 +32,11 @@ class Ring:
         _check(tour, cost, near, toll)
         narrow = cost.dtype == np.int32
         none: NDArray[Any] = np.zeros((1, 1), np.int64 if narrow else np.int32)
-        self.is_narrow, self.tour, self.near = narrow, memoryview(tour), memoryview(near)
-        self.narrow_cost, self.wide_cost = map(memoryview, (cost, none) if narrow else (none, cost))
-        self.narrow_toll, self.wide_toll = map(memoryview, (toll, none) if narrow else (none, toll))
-        self.position, self.queue, self.waiting = (memoryview(np.zeros(self.n, np.int32)) for _ in range(3))
-        self.journal = memoryview(np.zeros((max(40 * self.n, 4096), 2), np.int32))
+        self.is_narrow, self.tour, self.near = narrow, whole(tour), whole(near)
+        self.narrow_cost, self.wide_cost = map(whole, (cost, none) if narrow else (none, cost))
+        self.narrow_toll, self.wide_toll = map(whole, (toll, none) if narrow else (none, toll))
+        self.position, self.queue, self.waiting = (whole(np.zeros(self.n, np.int32)) for _ in range(3))
+        self.journal = whole(np.zeros((max(40 * self.n, 4096), 2), np.int32))
         self.rows, self.written, self.head, self.size = len(self.journal), 0, 0, 0
         self.kind = self.t2 = self.t3 = self.t4 = self.t5 = self.t6 = 0
         self._begin()
@@ -170,9 +169,7 @@ class Ring:
         """Note the best exchange so far."""
         self.kind, self.t2, self.t3, self.t4, self.t5, self.t6 = kind, t2, t3, t4, t5, t6
 
-    def _second_turn(
-        self, forward: bool, gain: int, best: int, t1: int, t2: int, t3: int, t4: int
-    ) -> int:
+    def _second_turn(self, forward: bool, gain: int, best: int, t1: int, t2: int, t3: int, t4: int) -> int:
         """After t2..t4 is turned round, another two-edge exchange of the edges at t1: the best gain so far."""
         follower = self._step(not forward, t4)
         for rank in range(self.count):
@@ -189,9 +186,7 @@ class Ring:
                 self._keep(TWO_TWICE, t2, t3, t4, t5, t6)
         return best
 
-    def _opened_cycle(
-        self, forward: bool, gain: int, best: int, t1: int, t2: int, t3: int, t4: int
-    ) -> int:
+    def _opened_cycle(self, forward: bool, gain: int, best: int, t1: int, t2: int, t3: int, t4: int) -> int:
         """The cycle t2..t3 that the first two exchanged edges cut off is opened and put between t4 and t1 again."""
         for rank in range(self.count):
             t5 = self.near[t4, rank]
@@ -245,7 +240,7 @@ def _check(tour: Ints, cost: NDArray[Any], near: Ints, toll: NDArray[Any]) -> No
     n = len(tour)
     if n < 8 or cost.shape != (n, n) or near.shape[:1] != (n,) or toll.shape != near.shape:
         shapes = f"{tour.shape}, costs {cost.shape}, candidates {near.shape}, tolls {toll.shape}"
-        raise ValueError(f"a tour of eight cities or more, (n, n), (n, k) and (n, k) were expected, not {shapes}")
+        raise ValueError(f"eight cities or more, (n, n), (n, k) and (n, k) were expected, not {shapes}")
     for cities in (tour, near):
         if cities.size and not 0 <= cities.min() <= cities.max() < n:
             raise ValueError(f"cities are numbered 0 to {n - 1}")

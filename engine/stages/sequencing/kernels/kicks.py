@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from engine.kernels.arrays import Ints
+from engine.kernels.arrays import Ints, whole
 from engine.stages.sequencing.kernels.exchange import Ring
 from engine.stages.sequencing.kernels.twister import Stream
 
@@ -46,8 +46,8 @@ class Kicker:
 
     def __init__(self, tour: Ints, cost: NDArray[Any], near: Ints, toll: NDArray[Any], seed: int) -> None:
         self.ring, self.stream = Ring(tour, cost, near, toll), Stream(seed)
-        self.n, self.breadth = near.shape[0], near.shape[1]
-        self.cuts, self.best = memoryview(np.zeros(4, np.int32)), memoryview(tour.copy())
+        self.n, self.breadth = len(tour), int(near.shape[1])
+        self.cuts, self.best = whole(np.zeros(4, np.int32)), whole(tour.copy())
         self.gain = self.best_gain = 0
 
     def anneal(self, kicks: int, warmth: float, cooling: float) -> float:

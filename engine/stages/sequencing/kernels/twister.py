@@ -71,4 +71,3 @@ class Stream:
             word = (self.words[place] & HIGH) | (self.words[following] & LOW)
             self.words[place] = self.words[far] ^ (word >> 1) ^ (TWIST * (word & 1))
         self.place = 0
-
