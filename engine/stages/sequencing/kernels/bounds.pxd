@@ -35,11 +35,11 @@ cdef int _nearest(const Cost[:, ::1] cost, const double[::1] penalty, int city, 
 @cython.locals(first=int, second=int, other=int, weight=double)
 cdef int _cheapest(const Cost[:, ::1] cost, const double[::1] penalty, int rank) noexcept
 
-@cython.locals(n=int, city=int, other=int, weight=double, degree="int[::1]", parent="int[::1]", order="int[::1]", found="double[:, ::1]")
+@cython.locals(n=int, city=int, other=int, second=int, least=double, instead=double, weight=double, degree="int[::1]", parent="int[::1]", order="int[::1]", heaviest="double[::1]", weights="double[::1]", found="double[:, ::1]")
 cpdef object excess(const Cost[:, ::1] cost, const double[::1] penalty)
 
 @cython.locals(n=int, size=int, city=int, depth=int, at=int, level=int, placed="unsigned char[::1]")
 cdef int _from_the_root(const int[::1] parent, int[::1] order, int[::1] trail) except -1
 
-@cython.locals(n=int, index=int, city=int, above=int, earlier=int, other=int, second=int, weight=double, value=double)
-cdef void _heaviest(const Cost[:, ::1] cost, const double[::1] penalty, const int[::1] parent, const int[::1] order, double[:, ::1] found) noexcept
+@cython.locals(at=int, index=int, value=double)
+cdef void _heaviest(int start, const int[::1] parent, const int[::1] order, const double[::1] weights, double[::1] heaviest, int[::1] seen) noexcept

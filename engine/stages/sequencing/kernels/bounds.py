@@ -175,19 +175,25 @@ def excess(cost: Costs, penalty: Floats) -> Floats:
     n = cost.shape[0]
     _check(n, cost.shape[1], len(penalty))
     degree, parent, order = np.zeros(n, np.int32), np.zeros(n, np.int32), np.zeros(n, np.int32)
-    found = np.zeros((n, n))
+    heaviest, weights, found = np.zeros(n), np.zeros(n), np.zeros((n, n))
     one_tree(cost, penalty, degree, parent)
     _from_the_root(parent, order, degree)
-    _heaviest(cost, penalty, parent, order, found)
+    for city in range(2, n):
+        weights[city] = cost[city, parent[city]] + penalty[city] + penalty[parent[city]]
+    second = _cheapest(cost, penalty, 1)
+    least = cost[0, second] + penalty[0] + penalty[second]
     for city in range(n):
+        if city:
+            _heaviest(city, parent, order, weights, heaviest, degree)
         for other in range(n):
+            instead = heaviest[other] if city and other else least
             weight = cost[city, other] + penalty[city] + penalty[other]
-            found[city, other] = max(0.0, weight - found[city, other])
+            found[city, other] = max(0.0, weight - instead)
     return np.asarray(found)
 
 
 def _from_the_root(parent: Ints, order: Ints, trail: Ints) -> None:
-    """Write the cities of the tree into `order` (n - 1 of them), each after its parent; `trail` (n,) is room to work."""
+    """Write the n - 1 cities of the tree into `order` (n,), each after its parent; `trail` (n,) is room to work."""
     n, size = parent.shape[0], 1
     placed = np.zeros(n, np.bool_)
     order[0] = 1
@@ -204,20 +210,19 @@ def _from_the_root(parent: Ints, order: Ints, trail: Ints) -> None:
             size += 1
 
 
-def _heaviest(cost: Costs, penalty: Floats, parent: Ints, order: Ints, found: Floats) -> None:
-    """Write the heaviest edge on the way between any two cities in the tree; for city 0 its second edge."""
-    n = cost.shape[0]
-    for city in range(n):
-        found[city, city] = -INFINITE  # there is no way from a city to itself
-    for index in range(1, n - 1):
-        city = order[index]
-        above = parent[city]
-        weight = cost[city, above] + penalty[city] + penalty[above]
-        for earlier in range(index):
-            other = order[earlier]
-            value = max(weight, found[above, other])
-            found[city, other] = found[other, city] = value
-    second = _cheapest(cost, penalty, 1)
-    for city in range(n):
-        found[city, city] = 0.0
-        found[0, city] = found[city, 0] = cost[0, second] + penalty[0] + penalty[second]
+def _heaviest(start: int, parent: Ints, order: Ints, weights: Floats, heaviest: Floats, seen: Ints) -> None:
+    """Write the weight of the heaviest edge on the way in the tree from one city to each other; 0 for itself.
+
+    `weights` (n,) are those of the edges to the parents, `seen` (n,) is room to work.
+    """
+    at, value = start, -INFINITE
+    heaviest[start], seen[start] = value, -start
+    while at != 1:
+        value = max(value, weights[at])
+        at = parent[at]
+        heaviest[at], seen[at] = value, -start
+    for index in range(1, order.shape[0] - 1):
+        at = order[index]
+        if seen[at] != -start:
+            heaviest[at] = max(weights[at], heaviest[parent[at]])
+    heaviest[start] = 0.0

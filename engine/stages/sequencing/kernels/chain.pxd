@@ -39,5 +39,5 @@ cpdef int peephole(int[::1] tour, const Cost[:, ::1] cost, int width) except -1
 @cython.locals(n=int, width=int, full=int, old="long long", index=int, right=int, best=int, last=int, least="long long", closed="long long")
 cdef bint _reorder(int[::1] tour, const Cost[:, ::1] cost, int start, int[::1] inner, long long[:, ::1] value, int[:, ::1] origin) noexcept
 
-@cython.locals(width=int, subset=int, pair=int, last=int, following=int, longer="long long", wider=int)
+@cython.locals(width=int, subset=int, last=int, following=int, longer="long long", wider=int)
 cdef void _subsets(const int[::1] inner, int left, const Cost[:, ::1] cost, long long[:, ::1] value, int[:, ::1] origin) noexcept

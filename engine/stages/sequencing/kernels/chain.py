@@ -182,17 +182,13 @@ def _subsets(inner: Ints, left: int, cost: Costs, value: Longs, origin: Ints) ->
     `value` and `origin` (2 ** width, width) are written.
     """
     width = inner.shape[0]
-    for subset in range(1 << width):
-        for last in range(width):
-            value[subset, last], origin[subset, last] = NEVER, 0
+    value[:, :] = NEVER
     for last in range(width):
         value[1 << last, last] = _edge(cost, left, inner[last])
     for subset in range(1, 1 << width):
-        for pair in range(width * width):
-            last, following = pair // width, pair % width
-            if value[subset, last] == NEVER or subset >> following & 1:
-                continue
-            wider = subset | 1 << following
-            longer = value[subset, last] + _edge(cost, inner[last], inner[following])
-            if longer < value[wider, following]:
-                value[wider, following], origin[wider, following] = longer, last
+        for last in range(width):
+            for following in range(width if subset >> last & 1 else 0):
+                longer = value[subset, last] + _edge(cost, inner[last], inner[following])
+                wider = subset | 1 << following
+                if wider != subset and longer < value[wider, following]:
+                    value[wider, following], origin[wider, following] = longer, last
