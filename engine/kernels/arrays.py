@@ -3,7 +3,7 @@
 A module that needs NumPy for its types alone imports them from here.
 """
 
-from typing import Any
+from typing import Any, TypeAlias, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +13,8 @@ Ints = NDArray[np.int32]
 Longs = NDArray[np.int64]
 Truths = NDArray[np.bool_]
 Bytes = NDArray[np.uint8]  # truths, as kernels see them
+Whole: TypeAlias = "memoryview[int]"
+Real: TypeAlias = "memoryview[float]"
 
 
 def refuse_unless(what: str, array: NDArray[Any], kind: type, shape: tuple[int | None, ...]) -> None:
@@ -31,3 +33,13 @@ def refuse_beyond(what: str, numbers: Longs, count: int) -> None:
     """Raise `ValueError` unless all numbers are from 0 up to, but not including, `count`."""
     if numbers.size and (int(numbers.min()) < 0 or int(numbers.max()) >= count):
         raise ValueError(f"{what}: numbers must be from 0 to {count - 1}")
+
+
+def whole(array: NDArray[Any]) -> Whole:
+    """The same array of whole numbers or truths, whose entries are read as numbers of Python: they never overflow."""
+    return memoryview(cast(Any, array))
+
+
+def real(array: Floats) -> Real:
+    """The same array, whose entries are read as numbers of Python: a loop that is not compiled reads them faster."""
+    return memoryview(cast(Any, array))

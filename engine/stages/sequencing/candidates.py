@@ -3,7 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
-Ints = NDArray[np.int32]
+from engine.kernels.arrays import Ints, Longs
+
 COUNT = 6
 LIKELY = 64  # cities among which there is, most often, one in each quadrant
 
@@ -44,14 +45,14 @@ def quadrant(positions: NDArray[np.floating], cost: NDArray[np.integer], count: 
     return found
 
 
-def _cheapest(far: NDArray[np.int64], count: int) -> NDArray[np.intp]:
+def _cheapest(far: Longs, count: int) -> NDArray[np.intp]:
     """The `count` cities (or more, at equal costs) of least cost, cheapest first, then as numbered."""
     most = np.partition(far, count - 1)[count - 1]
     among = np.flatnonzero(far <= most)
     return among[np.argsort(far[among], kind="stable")]
 
 
-def _quarters(positions: NDArray[np.floating], city: int, others: NDArray[np.intp]) -> NDArray[np.int64]:
+def _quarters(positions: NDArray[np.floating], city: int, others: NDArray[np.intp]) -> Longs:
     """In which quadrant about a city the others lie, 0 to 3."""
     step = positions[others] - positions[city]
     return np.asarray(2 * (step[:, 0] >= 0) + (step[:, 1] >= 0), np.int64)

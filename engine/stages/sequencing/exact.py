@@ -8,14 +8,13 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from ortools.sat.python import cp_model
 
-from engine.model.tour import Longs, TourProblem
+from engine.kernels.arrays import Longs, Truths
+from engine.model.tour import TourProblem
 from engine.stages.sequencing.limits import Limits
 
 Arcs = dict[tuple[int, int], cp_model.IntVar]
-Truths = NDArray[np.bool_]
 PERIOD = 0.05  # seconds between two looks at whether to stop
 
 

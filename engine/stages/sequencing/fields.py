@@ -5,16 +5,14 @@ pose nearest to that of the visit before. Within a field only the order is left 
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
-from engine.model.tour import Floats
-from engine.stages.sequencing.candidates import Ints
+from engine.kernels.arrays import Floats, Ints, Longs
 from engine.stages.sequencing.symmetric import Matrix
 
 MOST = 256  # poses of the first visit that are tried
 
 
-def fields(table: Floats, offset: Ints, lines: NDArray[np.int64]) -> list[Ints]:
+def fields(table: Floats, offset: Ints, lines: Longs) -> list[Ints]:
     """A field for each pose of the first visit of the tree, the one that changes least along it first.
 
     `table` (m, k) has all poses as joint times, those of visit v from row offset[v] on; `lines` (n, n) are distances.
@@ -33,7 +31,7 @@ def fields(table: Floats, offset: Ints, lines: NDArray[np.int64]) -> list[Ints]:
     return [rows for _, _, rows in sorted(found, key=lambda each: each[:2])]
 
 
-def _tree(lines: NDArray[np.int64]) -> list[tuple[int, int]]:
+def _tree(lines: Longs) -> list[tuple[int, int]]:
     """The visits of a shortest spanning tree, each with its parent, parents first; the last visit is the root."""
     n = len(lines)
     near, parent = np.full(n, np.iinfo(np.int64).max), np.zeros(n, np.intp)

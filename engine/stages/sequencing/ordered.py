@@ -5,8 +5,9 @@ from heapq import heappop, heappush
 
 import numpy as np
 
+from engine.kernels.arrays import Longs
 from engine.model.outcome import GaveUp, Infeasible
-from engine.model.tour import Longs, Tour, TourProblem, cost_of, violations
+from engine.model.tour import Tour, TourProblem, cost_of, violations
 from engine.stages.sequencing.candidates import nearest
 from engine.stages.sequencing.limits import Limits
 

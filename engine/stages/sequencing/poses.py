@@ -8,10 +8,10 @@ from dataclasses import dataclass
 from typing import cast
 
 import numpy as np
-from numpy.typing import NDArray
 
-from engine.model.tour import Floats, PoseProblem, Tour
-from engine.stages.sequencing.candidates import Ints, nearest
+from engine.kernels.arrays import Floats, Ints, Longs
+from engine.model.tour import PoseProblem, Tour
+from engine.stages.sequencing.candidates import nearest
 from engine.stages.sequencing.fields import fields, times
 from engine.stages.sequencing.limits import Limits
 from engine.stages.sequencing.sequence import nearest_first
@@ -116,14 +116,14 @@ def _table(problem: PoseProblem) -> tuple[Floats, Ints]:
     return np.ascontiguousarray(table), np.concatenate(([0], np.cumsum(counts))).astype(np.int32)
 
 
-def _straight(problem: PoseProblem, nowhere_m: float = 0.0) -> NDArray[np.int64]:
+def _straight(problem: PoseProblem, nowhere_m: float = 0.0) -> Longs:
     """Straight lines (n, n) in micrometres; `nowhere_m` to and from a visit without a position."""
     n = len(problem.visits)
     places = np.array([visit.position or (0.0, 0.0, 0.0) for visit in problem.visits], float)
     lines = np.sqrt(((places[:, None] - places[None]) ** 2).sum(axis=2))
     nowhere = np.array([visit.position is None for visit in problem.visits])
     lines[nowhere, :] = lines[:, nowhere] = nowhere_m
-    found: NDArray[np.int64] = np.rint(lines.reshape(n, n) * 1e6).astype(np.int64)
+    found: Longs = np.rint(lines.reshape(n, n) * 1e6).astype(np.int64)
     return found
 
 

@@ -10,8 +10,9 @@ from typing import cast
 import numpy as np
 from numpy.typing import NDArray
 
+from engine.kernels.arrays import Floats, Ints, Longs
 from engine.model.outcome import GaveUp, Infeasible
-from engine.model.tour import Longs, Tour, TourProblem, cost_of, violations
+from engine.model.tour import Tour, TourProblem, cost_of, violations
 from engine.stages.sequencing import symmetric
 from engine.stages.sequencing.chain1987 import chain
 from engine.stages.sequencing.limits import Limits
@@ -124,7 +125,7 @@ def nearest_first(cost: NDArray[np.integer]) -> symmetric.Order:
     return order
 
 
-def _positions(problem: TourProblem) -> NDArray[np.float64] | None:
+def _positions(problem: TourProblem) -> Floats | None:
     """Where the visits are (n, 2), if all are in one plane and the same tool serves them."""
     if problem.changes:
         return None
@@ -134,7 +135,7 @@ def _positions(problem: TourProblem) -> NDArray[np.float64] | None:
     return np.array(found, float)
 
 
-def _unrolled(problem: TourProblem, tour: NDArray[np.int32]) -> tuple[int, ...]:
+def _unrolled(problem: TourProblem, tour: Ints) -> tuple[int, ...]:
     """The order of the visits that a closed tour means, beginning where it should."""
     n, order = len(problem.visits), [int(each) for each in tour]
     if n in order:

@@ -6,11 +6,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from engine.kernels.arrays import Floats, Ints
 from engine.stages.sequencing.candidates import nearest, quadrant
 from engine.stages.sequencing.limits import Limits, never
 
-Matrix = NDArray[np.int32]  # or of 64 bits, where costs are that large
-Order = NDArray[np.int32]
+Matrix = Ints  # or of 64 bits, where costs are that large
+Order = Ints
 FEW = 8  # fewer cities are left to the exact methods
 SLICE = 4000
 WARM, COLD = 0.3, 0.003  # of the mean edge, at the beginning and the end of each annealing
@@ -35,7 +36,7 @@ def search(
     cost: Matrix, start: Order, limits: Limits, positions: NDArray[np.floating] | None = None
 ) -> Searched:
     """The best closed tour found from `start` (n,), n >= 8, in annealings that are each twice as long as the one before."""
-    from engine.stages.sequencing.kernels.exchange import improve
+    from engine.stages.sequencing.kernels.kicks import improve
 
     n = len(cost)
     if limits.interrupted():
@@ -66,7 +67,7 @@ def default_work(n: int) -> int:
 
 def bound(
     cost: Matrix, upper: int, steps: int = 0, interrupted: Callable[[], bool] = never
-) -> tuple[int, NDArray[np.float64]]:
+) -> tuple[int, Floats]:
     """A lower bound on every closed tour, and the penalties (n,) that show it; n >= 3; `steps` 0: as suits n."""
     from engine.stages.sequencing.kernels.bounds import ascend
 

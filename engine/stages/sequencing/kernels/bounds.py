@@ -1,43 +1,163 @@
-"""Compiled minimum 1-trees and the ascent over penalties.
+# cython: language_level=3, annotation_typing=False, boundscheck=False, wraparound=False, initializedcheck=False
+# cython: cdivision=True
+"""Minimum 1-trees and the ascent over penalties, under costs (n, n) of 32 or 64 bits.
 
 Held & Karp 1970, 1971; the step as in Volgenant & Jonker 1982. Penalties are whole multiples of 1/64, so that sums of
 them with integer costs are exact in floating point: a bound is a bound, not one up to rounding.
 """
 
 from collections.abc import Callable
-from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from engine.stages.sequencing.kernels import compiled
-from engine.stages.sequencing.kernels.arrays import Ints
+from engine.kernels.arrays import Floats, Ints
+from engine.stages.sequencing.kernels.chain import Costs
 
-Floats = NDArray[np.float64]
-Truths = NDArray[np.bool_]
 GRAIN = 64.0
+WHOLE = float(1 << 52)  # from here on all floating-point numbers are whole
+INFINITE = float("inf")
 SLICE = 50_000_000  # edges looked at between two questions whether to stop, a tenth of a second
 LEAST = 8  # such slices that a bound is worth, even when the time is up
 
 
-@compiled
-def _nearest(cost: Ints, penalty: Floats, city: int, near: Floats, parent: Ints, done: Truths) -> int:
-    """Offer the edges of `city`, just joined to the tree, to the cities outside; the one that is nearest to the tree."""
-    row, own, chosen, least = cost[city], penalty[city], -1, np.inf
-    for other in range(1, near.shape[0]):
-        if done[other]:
-            continue
-        weight = row[other] + own + penalty[other]
+def _never() -> bool:
+    return False
+
+
+class Ascent:
+    """Where an ascent stands: penalties, the best ones and the last turns (n,), the best bound, the size of a step, the
+    steps since the bound was last raised, and whether it has ended."""
+
+    def __init__(self, penalty: Floats, upper: float, size: float, patience: int) -> None:
+        n = len(penalty)
+        self.penalty, self.kept, self.last, self.near = penalty, penalty.copy(), np.zeros(n), np.zeros(n)
+        self.degree, self.parent, self.outside = (np.zeros(n, np.int32) for _ in range(3))
+        self.upper, self.size, self.patience = upper, size, patience
+        self.best, self.vain, self.ended = -INFINITE, 0, False
+
+
+def ascend(
+    cost: Costs,
+    penalty: Floats,
+    upper: float,
+    steps: int,
+    size: float,
+    interrupted: Callable[[], bool] = _never,
+) -> tuple[float, Floats, int]:
+    """Raise the bound by subgradient steps, of `size` times the gap to `upper` at first, halved when they do not help.
+
+    `penalty` (n,) is changed in place. The best bound, its penalties, and the steps that were made; it ends early when
+    the bound reaches `upper` or a 1-tree is a tour, and when interrupted, but not before a second's worth of steps.
+    """
+    n = cost.shape[0]
+    _check(n, cost.shape[1], len(penalty))
+    state, made, share = Ascent(penalty, upper, size, max(5, steps // 20)), 0, max(1, SLICE // n**2)
+    while made < steps and not state.ended and (made < LEAST * share or not interrupted()):
+        made += _climb(cost, state, min(share, steps - made))
+    return state.best, np.asarray(state.kept), made
+
+
+def _check(n: int, width: int, penalties: int) -> None:
+    """Raises ValueError where costs and penalties do not go together: compiled loops do not look."""
+    if n < 3 or width != n or penalties != n:
+        raise ValueError(f"costs (n, n) and penalties (n,) of three cities or more were expected, n is {n}")
+
+
+def _climb(cost: Costs, state: Ascent, steps: int) -> int:
+    """Some steps of an ascent; how many were made."""
+    n = cost.shape[0]
+    for step in range(steps):
+        bound = _grow(cost, state.penalty, state.degree, state.parent, state.near, state.outside)
+        state.vain += 1
+        if bound > state.best:
+            state.best, state.vain = bound, 0
+            _copy(state.penalty, state.kept)
+        square = 0.0
+        for city in range(n):
+            square += (state.degree[city] - 2) * (state.degree[city] - 2)
+        if square == 0 or state.best > state.upper - 1:
+            state.ended = True
+            return step + 1
+        if state.vain >= state.patience:
+            state.size, state.vain = state.size / 2, 0
+            _copy(state.kept, state.penalty)
+        length = state.size * max(state.upper - bound, 1.0) / square
+        for city in range(n):
+            turn = state.degree[city] - 2.0
+            way = GRAIN * length * (0.7 * turn + 0.3 * state.last[city])
+            state.penalty[city] += _rounded(way) / GRAIN
+            state.last[city] = turn
+    return steps
+
+
+def _copy(source: Floats, target: Floats) -> None:
+    for city in range(source.shape[0]):
+        target[city] = source[city]
+
+
+def _rounded(value: float) -> float:
+    """The nearest whole number; the even one of two."""
+    if value >= 0.0:
+        return (value + WHOLE) - WHOLE if value < WHOLE else value
+    return (value - WHOLE) + WHOLE if value > -WHOLE else value
+
+
+def one_tree(cost: Costs, penalty: Floats, degree: Ints, parent: Ints) -> float:
+    """The weight of a minimum 1-tree under cost + penalties, less twice the penalties: a lower bound on all tours.
+
+    A minimum spanning tree of all cities but 0 (Prim 1957), its root being city 1, and the two cheapest edges of city
+    0; n >= 3. `degree` and `parent` (n,) are written.
+    """
+    n = cost.shape[0]
+    _check(n, cost.shape[1], min(len(penalty), len(degree), len(parent)))
+    near, outside = np.zeros(n), np.zeros(n, np.int32)
+    return _grow(cost, penalty, degree, parent, near, outside)
+
+
+def _grow(cost: Costs, penalty: Floats, degree: Ints, parent: Ints, near: Floats, outside: Ints) -> float:
+    """As `one_tree`, with room to work: `near` (n,), and `outside` (n,) for the cities outside the tree, in order."""
+    n = cost.shape[0]
+    for city in range(n):
+        near[city], degree[city], outside[city] = INFINITE, 0, city + 2
+    total, city = 0.0, 1
+    for size in range(n - 2, 0, -1):
+        chosen = _nearest(cost, penalty, city, near, parent, outside, size)
+        city = outside[chosen]
+        for place in range(chosen, size - 1):
+            outside[place] = outside[place + 1]
+        total += near[city]
+        degree[city] += 1
+        degree[parent[city]] += 1
+    for rank in range(2):
+        end = _cheapest(cost, penalty, rank)
+        total += cost[0, end] + penalty[end] + penalty[0]
+        degree[end] += 1
+        degree[0] += 1
+    penalties = 0.0
+    for city in range(n):
+        penalties += penalty[city]
+    return total - 2 * penalties
+
+
+def _nearest(
+    cost: Costs, penalty: Floats, city: int, near: Floats, parent: Ints, outside: Ints, size: int
+) -> int:
+    """Offer the edges of `city`, just joined to the tree, to the `size` cities outside; the place there of the nearest."""
+    own, chosen, least = penalty[city], 0, INFINITE
+    for place in range(size):
+        other = outside[place]
+        weight = cost[city, other] + own + penalty[other]
         if weight < near[other]:
             near[other], parent[other] = weight, city
-        if near[other] < least:
-            chosen, least = other, near[other]
+        else:
+            weight = near[other]
+        if weight < least:
+            chosen, least = place, weight
     return chosen
 
 
-@compiled
-def cheapest_two(cost: Ints, penalty: Floats) -> tuple[int, int]:
-    """The cities to which city 0 has its cheapest and its second cheapest edge."""
+def _cheapest(cost: Costs, penalty: Floats, rank: int) -> int:
+    """The city to which city 0 has its cheapest edge (rank 0) or its second cheapest one (rank 1)."""
     first, second = 1, 2
     if cost[0, 2] + penalty[2] < cost[0, 1] + penalty[1]:
         first, second = 2, 1
@@ -47,105 +167,37 @@ def cheapest_two(cost: Ints, penalty: Floats) -> tuple[int, int]:
             first, second = other, first
         elif weight < cost[0, second] + penalty[second]:
             second = other
-    return first, second
+    return second if rank else first
 
 
-@compiled
-def one_tree(cost: Ints, penalty: Floats, degree: Ints, parent: Ints) -> float:
-    """The weight of a minimum 1-tree under cost + penalties, less twice the penalties: a lower bound on all tours.
-
-    A minimum spanning tree of all cities but 0 (Prim 1957), its root being city 1, and the two cheapest edges of city
-    0; n >= 3. `degree` and `parent` (n,) are written.
-    """
+def excess(cost: Costs, penalty: Floats) -> Floats:
+    """How much (n, n) the minimum 1-tree grows when it has to contain an edge (Helsgaun 2000: alpha); 0 for its own."""
     n = cost.shape[0]
-    near, done = np.full(n, np.inf), np.zeros(n, np.bool_)
-    degree[:] = 0
-    total, city = 0.0, 1
-    done[1] = True
-    for _ in range(n - 2):
-        city = _nearest(cost, penalty, city, near, parent, done)
-        total += near[city]
-        done[city] = True
-        degree[city] += 1
-        degree[parent[city]] += 1
-    for end in cheapest_two(cost, penalty):
-        total += cost[0, end] + penalty[end] + penalty[0]
-        degree[end] += 1
-        degree[0] += 1
-    return float(total - 2 * penalty.sum())
+    _check(n, cost.shape[1], len(penalty))
+    degree, parent, order = np.zeros(n, np.int32), np.zeros(n, np.int32), np.zeros(n, np.int32)
+    heaviest, weights, found = np.zeros(n), np.zeros(n), np.zeros((n, n))
+    one_tree(cost, penalty, degree, parent)
+    _from_the_root(parent, order, degree)
+    for city in range(2, n):
+        weights[city] = cost[city, parent[city]] + penalty[city] + penalty[parent[city]]
+    second = _cheapest(cost, penalty, 1)
+    least = cost[0, second] + penalty[0] + penalty[second]
+    for city in range(n):
+        if city:
+            _heaviest(city, parent, order, weights, heaviest, degree)
+        for other in range(n):
+            instead = heaviest[other] if city and other else least
+            weight = cost[city, other] + penalty[city] + penalty[other]
+            found[city, other] = max(0.0, weight - instead)
+    return np.asarray(found)
 
 
-class Ascent(NamedTuple):
-    """Where an ascent stands: penalties, the best ones, the last turns (n,), and in `pace` the best bound, the size of
-    a step, and the steps since the bound was last raised."""
-
-    penalty: Floats
-    kept: Floats
-    last: Floats
-    pace: Floats
-
-
-def ascend(
-    cost: Ints,
-    penalty: Floats,
-    upper: float,
-    steps: int,
-    size: float,
-    interrupted: Callable[[], bool] = lambda: False,
-) -> tuple[float, Floats, int]:
-    """Raise the bound by subgradient steps, of `size` times the gap to `upper` at first, halved when they do not help.
-
-    `penalty` (n,) is changed in place. The best bound, its penalties, and the steps that were made; it ends early when
-    the bound reaches `upper` or a 1-tree is a tour, and when interrupted, but not before a second's worth of steps.
-    """
-    state = Ascent(penalty, penalty.copy(), np.zeros(len(cost)), np.array([-np.inf, size, 0.0]))
-    patience, made = max(5, steps // 20), 0
-    share = max(1, SLICE // len(cost) ** 2)
-    while made < steps and (made < LEAST * share or not interrupted()):
-        now = min(share, steps - made)
-        done, ended = _climb(cost, state, upper, now, patience)
-        made += done
-        if ended:
-            break
-    return float(state.pace[0]), state.kept, made
-
-
-@compiled
-def _climb(cost: Ints, state: Ascent, upper: float, steps: int, patience: int) -> tuple[int, bool]:
-    """Some steps of an ascent; how many were made, and whether it has ended."""
-    n = cost.shape[0]
-    degree, parent = np.zeros(n, np.int32), np.zeros(n, np.int32)
-    penalty, kept, last, pace = state
-    for step in range(steps):
-        bound = one_tree(cost, penalty, degree, parent)
-        pace[2] += 1
-        if bound > pace[0]:
-            pace[0], pace[2] = bound, 0
-            kept[:] = penalty
-        square = 0.0
-        for city in range(n):
-            square += (degree[city] - 2) ** 2
-        if square == 0 or pace[0] > upper - 1:
-            return step + 1, True
-        if pace[2] >= patience:
-            pace[1], pace[2] = pace[1] / 2, 0
-            penalty[:] = kept
-        length = pace[1] * max(upper - bound, 1.0) / square
-        for city in range(n):
-            turn = degree[city] - 2.0
-            penalty[city] += np.rint(GRAIN * length * (0.7 * turn + 0.3 * last[city])) / GRAIN
-            last[city] = turn
-    return steps, False
-
-
-@compiled
-def _from_the_root(parent: Ints) -> Ints:
-    """The cities of the tree (n - 1,), each after its parent."""
-    n = parent.shape[0]
-    order, placed, size = np.empty(n - 1, np.int32), np.zeros(n, np.bool_), 1
+def _from_the_root(parent: Ints, order: Ints, trail: Ints) -> None:
+    """Write the n - 1 cities of the tree into `order` (n,), each after its parent; `trail` (n,) is room to work."""
+    n, size = parent.shape[0], 1
+    placed = np.zeros(n, np.bool_)
     order[0] = 1
     placed[1] = True
-    trail = np.empty(n, np.int32)
     for city in range(2, n):
         depth, at = 0, city
         while not placed[at]:
@@ -156,28 +208,21 @@ def _from_the_root(parent: Ints) -> Ints:
             order[size] = trail[level]
             placed[trail[level]] = True
             size += 1
-    return order
 
 
-@compiled
-def excess(cost: Ints, penalty: Floats) -> Floats:
-    """How much (n, n) the minimum 1-tree grows when it has to contain an edge (Helsgaun 2000: alpha); 0 for its own."""
-    n = cost.shape[0]
-    degree, parent = np.zeros(n, np.int32), np.zeros(n, np.int32)
-    one_tree(cost, penalty, degree, parent)
-    order, heaviest = _from_the_root(parent), np.zeros((n, n))
-    for index in range(1, n - 1):
-        city = order[index]
-        above = parent[city]
-        weight = cost[city, above] + penalty[city] + penalty[above]
-        for earlier in range(index):
-            other = order[earlier]
-            value = max(weight, heaviest[above, other]) if other != above else weight
-            heaviest[city, other] = heaviest[other, city] = value
-    _, second = cheapest_two(cost, penalty)
-    heaviest[0, :] = heaviest[:, 0] = cost[0, second] + penalty[0] + penalty[second]
-    for city in range(n):
-        for other in range(n):
-            weight = cost[city, other] + penalty[city] + penalty[other]
-            heaviest[city, other] = max(0.0, weight - heaviest[city, other])
-    return heaviest
+def _heaviest(start: int, parent: Ints, order: Ints, weights: Floats, heaviest: Floats, seen: Ints) -> None:
+    """Write the weight of the heaviest edge on the way in the tree from one city to each other; 0 for itself.
+
+    `weights` (n,) are those of the edges to the parents, `seen` (n,) is room to work.
+    """
+    at, value = start, -INFINITE
+    heaviest[start], seen[start] = value, -start
+    while at != 1:
+        value = max(value, weights[at])
+        at = parent[at]
+        heaviest[at], seen[at] = value, -start
+    for index in range(1, order.shape[0] - 1):
+        at = order[index]
+        if seen[at] != -start:
+            heaviest[at] = max(weights[at], heaviest[parent[at]])
+    heaviest[start] = 0.0

@@ -1,152 +1,194 @@
-"""Compiled parts of the chain of 1987: cheapest insertion, two-edge exchange, and the peephole.
+# cython: language_level=3, annotation_typing=False, boundscheck=False, wraparound=False, initializedcheck=False
+# cython: cdivision=True
+"""Parts of the chain of 1987: cheapest insertion, two-edge exchange, and the peephole.
 
-Works on any costs that are the same in both directions.
+Works on any costs (n, n) of 32 or 64 bits that are the same in both directions.
 """
 
+from typing import Any
+
 import numpy as np
+from numpy.typing import NDArray
 
-from engine.stages.sequencing.kernels import compiled
-from engine.stages.sequencing.kernels.arrays import Ints, Longs
+from engine.kernels.arrays import Floats, Ints, Longs
 
+Costs = NDArray[Any]  # whole numbers of 32 or 64 bits
 NEVER = 1 << 60
+INFINITE = float("inf")
 
 
-@compiled
-def insert_all(ring: Ints, cost: Ints) -> Ints:
+def _check(cities: Ints, n: int, width: int, least: int) -> None:
+    """Raises ValueError where cities and costs do not go together: compiled loops do not look."""
+    tour = np.asarray(cities)
+    if n != width or not least <= len(tour) <= n or not 0 <= tour.min() <= tour.max() < n:
+        raise ValueError(f"at least {least} cities, numbered 0 to {n - 1}, and costs (n, n) were expected")
+
+
+def _edge(cost: Costs, a: int, b: int) -> int:
+    """The cost from one city to another."""
+    return int(cost[a, b])
+
+
+def insert_all(ring: Ints, cost: Costs) -> Ints:
     """A tour of all cities from a ring of some: again and again the insertion that costs least beside the edge it cuts.
 
     Among the cheapest places of all cities, the city goes in whose detour is shortest in proportion to that edge
     (Golden, Bodin, Doyle & Stewart 1980, hull insertion). `ring` (m,), m >= 2, `cost` (n, n).
     """
-    n = cost.shape[0]
-    after, place = np.full(n, -1, np.int32), np.full(n, -1, np.int32)
-    for index in range(ring.shape[0]):
-        after[ring[index]] = ring[(index + 1) % ring.shape[0]]
-    for city in range(n):
-        if after[city] < 0:
-            place[city] = _cheapest_place(city, after, cost)
-    for _ in range(n - ring.shape[0]):
-        chosen = _shortest_detour(after, place, cost)
+    n, some = cost.shape[0], ring.shape[0]
+    _check(ring, n, cost.shape[1], 2)
+    after, place, ratio = np.full(n, -1, np.int32), np.full(n, -1, np.int32), np.full(n, INFINITE)
+    for index in range(some):
+        after[ring[index]] = ring[(index + 1) % some]
+    _place(-1, after, place, ratio, cost)
+    for _ in range(n - some):
+        chosen = _least(ratio)
         a = place[chosen]
         after[chosen], after[a] = after[a], chosen
-        for city in range(n):
-            if after[city] < 0:
-                place[city] = _better_place(city, place[city], a, chosen, after, cost)
-    tour, city = np.empty(n, np.int32), ring[0]
+        ratio[chosen] = INFINITE
+        _place(chosen, after, place, ratio, cost)
+    made, city = np.empty(n, np.int32), ring[0]
     for index in range(n):
-        tour[index] = city
+        made[index] = city
         city = after[city]
-    return tour
+    return np.asarray(made)
 
 
-@compiled
-def _shortest_detour(after: Ints, place: Ints, cost: Ints) -> int:
-    """The city outside whose way through its cheapest place is shortest in proportion to the edge there."""
-    chosen, least = -1, np.inf
-    for city in range(after.shape[0]):
+def _place(new: int, after: Ints, place: Ints, ratio: Floats, cost: Costs) -> None:
+    """Note for each city outside its cheapest place, and its way through it in proportion to the edge there.
+
+    When `new` has been put in, only a place that was cut makes a new search of all places necessary.
+    """
+    n = after.shape[0]
+    cut = -1
+    if new >= 0:
+        cut = place[new]
+    for city in range(n):
         if after[city] >= 0:
             continue
-        a = place[city]
-        ratio = (cost[a, city] + cost[city, after[a]]) / max(cost[a, after[a]], 1)
-        if ratio < least:
-            chosen, least = city, ratio
+        old = place[city]
+        best = old
+        if old == cut:
+            best = _cheapest_place(city, after, cost)
+        else:
+            least = _detour(city, old, after, cost)
+            if _detour(city, cut, after, cost) < least:
+                best, least = cut, _detour(city, cut, after, cost)
+            if _detour(city, new, after, cost) < least:
+                best = new
+        if best != old or old == cut:
+            place[city] = best
+            ratio[city] = _ratio(city, best, after, cost)
+
+
+def _ratio(city: int, a: int, after: Ints, cost: Costs) -> float:
+    """The way from `a` to the next city by way of `city` in proportion to the edge there."""
+    way = float(_edge(cost, a, city) + _edge(cost, city, after[a]))  # a float: C divides whole numbers down
+    return way / max(_edge(cost, a, after[a]), 1)
+
+
+def _least(ratio: Floats) -> int:
+    """The first of those with the least ratio."""
+    chosen = 0
+    for city in range(1, ratio.shape[0]):
+        if ratio[city] < ratio[chosen]:
+            chosen = city
     return chosen
 
 
-@compiled
-def _detour(city: int, a: int, after: Ints, cost: Ints) -> int:
-    return int(cost[a, city] + cost[city, after[a]] - cost[a, after[a]])
+def _detour(city: int, a: int, after: Ints, cost: Costs) -> int:
+    """What it costs more to go from `a` to the next city by way of `city`."""
+    b = after[a]
+    return _edge(cost, a, city) + _edge(cost, city, b) - _edge(cost, a, b)
 
 
-@compiled
-def _cheapest_place(city: int, after: Ints, cost: Ints) -> int:
-    chosen = -1
+def _cheapest_place(city: int, after: Ints, cost: Costs) -> int:
+    """The first of the cities behind which another one costs least."""
+    chosen, least = -1, 0
     for a in range(after.shape[0]):
-        if after[a] >= 0 and (
-            chosen < 0 or _detour(city, a, after, cost) < _detour(city, chosen, after, cost)
-        ):
-            chosen = a
+        if after[a] >= 0:
+            detour = _detour(city, a, after, cost)
+            if chosen < 0 or detour < least:
+                chosen, least = a, detour
     return chosen
 
 
-@compiled
-def _better_place(city: int, old: int, a: int, new: int, after: Ints, cost: Ints) -> int:
-    """The cheapest place after `new` was put behind `a`: only a place that was cut makes a new search necessary."""
-    if old == a:
-        return int(_cheapest_place(city, after, cost))
-    best = a if _detour(city, a, after, cost) < _detour(city, old, after, cost) else old
-    return new if _detour(city, new, after, cost) < _detour(city, best, after, cost) else best
-
-
-@compiled
-def exchange_edges(tour: Ints, cost: Ints) -> int:
+def exchange_edges(tour: Ints, cost: Costs) -> int:
     """Two-edge exchanges (Croes 1958), each as soon as it is seen, until none helps; `tour` is changed. Their number."""
+    _check(tour, cost.shape[0], cost.shape[1], 1)
     n, made, improved = tour.shape[0], 0, True
     while improved:
         improved = False
         for i in range(n - 1):
             for j in range(i + 2, n - 1 if i == 0 else n):
-                a, b, c, d = tour[i], tour[i + 1], tour[j], tour[(j + 1) % n]
-                if cost[a, c] + cost[b, d] < cost[a, b] + cost[c, d]:
-                    tour[i + 1 : j + 1] = tour[i + 1 : j + 1][::-1].copy()
+                a, b, c, d = tour[i], tour[i + 1], tour[j], tour[j + 1 if j + 1 < n else 0]
+                if _edge(cost, a, c) + _edge(cost, b, d) < _edge(cost, a, b) + _edge(cost, c, d):
+                    _reverse(tour, i + 1, j)
                     made, improved = made + 1, True
     return made
 
 
-@compiled
-def peephole(tour: Ints, cost: Ints, width: int) -> int:
+def _reverse(tour: Ints, first: int, last: int) -> None:
+    """Turn a stretch of a tour round."""
+    while first < last:
+        tour[first], tour[last] = tour[last], tour[first]
+        first, last = first + 1, last - 1
+
+
+def peephole(tour: Ints, cost: Costs, width: int) -> int:
     """Put each stretch of `width` cities into its best order between its neighbours, until nothing changes.
 
     Needs n >= width + 2. `tour` is changed; returns how many stretches were changed.
     """
+    _check(tour, cost.shape[0], cost.shape[1], width + 2)
+    inner = np.zeros(width, np.int32)
+    value, origin = np.zeros((1 << width, width), np.int64), np.zeros((1 << width, width), np.int32)
     n, made, improved = tour.shape[0], 0, True
     while improved:
         improved = False
         for start in range(n):
-            if _reorder(tour, cost, start, width):
+            if _reorder(tour, cost, start, inner, value, origin):
                 made, improved = made + 1, True
     return made
 
 
-@compiled
-def _reorder(tour: Ints, cost: Ints, start: int, width: int) -> bool:
+def _reorder(tour: Ints, cost: Costs, start: int, inner: Ints, value: Longs, origin: Ints) -> bool:
     """The best order of one stretch, by dynamic programming over subsets (Held & Karp 1962); whether it is shorter."""
-    n, full = tour.shape[0], (1 << width) - 1
-    inner = np.empty(width, np.int32)
-    old = 0
+    n, width = tour.shape[0], inner.shape[0]
+    full, old = (1 << width) - 1, 0
     for index in range(width):
         inner[index] = tour[(start + 1 + index) % n]
-        old += cost[tour[(start + index) % n], inner[index]]
-    left, right = tour[start], tour[(start + width + 1) % n]
-    old += cost[inner[width - 1], right]
-    value, origin = _subsets(inner, left, cost)
-    best = 0
-    for last in range(width):
-        if value[full, last] + cost[inner[last], right] < value[full, best] + cost[inner[best], right]:
-            best = last
-    if value[full, best] + cost[inner[best], right] >= old:
+        old += _edge(cost, tour[(start + index) % n], inner[index])
+    right = tour[(start + width + 1) % n]
+    old += _edge(cost, inner[width - 1], right)
+    _subsets(inner, tour[start], cost, value, origin)
+    best, least = 0, value[full, 0] + _edge(cost, inner[0], right)
+    for last in range(1, width):
+        closed = value[full, last] + _edge(cost, inner[last], right)
+        if closed < least:
+            best, least = last, closed
+    if least >= old:
         return False
-    subset = full
     for index in range(width - 1, -1, -1):
         tour[(start + 1 + index) % n] = inner[best]
-        subset, best = subset & ~(1 << best), origin[subset, best]
+        last, full = best, full & ~(1 << best)
+        best = origin[full | 1 << last, last]
     return True
 
 
-@compiled
-def _subsets(inner: Ints, left: int, cost: Ints) -> tuple[Longs, Ints]:
-    """The cheapest path from `left` through each subset of `inner` to each of its cities, and the city before that."""
+def _subsets(inner: Ints, left: int, cost: Costs, value: Longs, origin: Ints) -> None:
+    """The cheapest path from `left` through each subset of `inner` to each of its cities, and the city before that.
+
+    `value` and `origin` (2 ** width, width) are written.
+    """
     width = inner.shape[0]
-    value = np.full((1 << width, width), NEVER, np.int64)
-    origin = np.zeros((1 << width, width), np.int32)
-    for index in range(width):
-        value[1 << index, index] = cost[left, inner[index]]
+    value[:, :] = NEVER
+    for last in range(width):
+        value[1 << last, last] = _edge(cost, left, inner[last])
     for subset in range(1, 1 << width):
-        for pair in range(width * width):
-            last, following = pair // width, pair % width
-            if value[subset, last] == NEVER or subset >> following & 1:
-                continue
-            longer, wider = value[subset, last] + cost[inner[last], inner[following]], subset | 1 << following
-            if longer < value[wider, following]:
-                value[wider, following], origin[wider, following] = longer, last
-    return value, origin
+        for last in range(width):
+            for following in range(width if subset >> last & 1 else 0):
+                longer = value[subset, last] + _edge(cost, inner[last], inner[following])
+                wider = subset | 1 << following
+                if wider != subset and longer < value[wider, following]:
+                    value[wider, following], origin[wider, following] = longer, last

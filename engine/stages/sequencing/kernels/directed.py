@@ -1,131 +1,27 @@
-"""Compiled annealing over orders whose costs depend on the direction, or on what came before.
+# cython: language_level=3, annotation_typing=False, boundscheck=False, wraparound=False, initializedcheck=False
+# cython: cdivision=True
+"""Annealing over orders whose costs depend on the direction, or on what came before.
 
 A move puts a stretch of the order somewhere else, the same way round or turned. Without windows, precedence or turned
 stretches a move is priced by the arcs that it changes; else the whole order is walked.
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
-from engine.stages.sequencing.kernels import compiled
-from engine.stages.sequencing.kernels.arrays import Ints, Longs, positions
+from engine.kernels.arrays import Ints, Longs, whole
+from engine.stages.sequencing.kernels.twister import Stream
 
 LONGEST = 30
-Pairs = NDArray[np.int64]
 
 
-@compiled
-def price(
-    order: Ints,
-    arcs: Longs,
-    closed: bool,
-    times: Longs,
-    pairs: Pairs,
-    fine: Longs,
-) -> int:
+def price(order: Ints, arcs: Longs, closed: bool, times: Longs, pairs: Longs, fine: Longs) -> int:
     """The cost of an order with fines: fine[0] for each unit of lateness, fine[1] for each pair (m, 2) the wrong way round.
 
     `times` (3, n) are durations, and the earliest and latest beginnings.
     """
-    n = order.shape[0]
-    total, clock, late, wrong = 0, 0, 0, 0
-    place = np.empty(n, np.int32)
-    for index in range(n):
-        city = order[index]
-        place[city] = index
-        if index:
-            step = arcs[order[index - 1], city]
-            total += step
-            clock += step + times[0, order[index - 1]]
-        clock = max(clock, times[1, city])
-        late += max(0, clock - times[2, city])
-    for pair in range(pairs.shape[0]):
-        wrong += place[pairs[pair, 0]] > place[pairs[pair, 1]]
-    if closed:
-        total += arcs[order[n - 1], order[0]]
-    return int(total + fine[0] * late + fine[1] * wrong)
+    return Orders(order, arcs, closed, times, pairs, fine).price()
 
 
-@compiled
-def _move(order: Ints, moved: Ints, first: int, last: int, behind: int, turned: bool) -> None:
-    """`order` with the stretch first..last put behind position `behind` (outside it; -1: in front) into `moved`."""
-    at = 0
-    for index in range(-1, order.shape[0]):
-        if 0 <= index < first or index > last:
-            moved[at] = order[index]
-            at += 1
-        if index == behind:
-            for step in range(last - first + 1):
-                moved[at] = order[last - step] if turned else order[first + step]
-                at += 1
-
-
-@compiled
-def _difference(order: Ints, arcs: Longs, closed: bool, first: int, last: int, behind: int) -> int:
-    """What a move of a stretch changes in cost, the same way round."""
-    n = order.shape[0]
-    if closed and ((first == 0 and behind == n - 1) or (last == n - 1 and behind == -1)):
-        return 0  # the same circle
-    head, tail = order[first], order[last]
-    before = order[first - 1] if first > 0 else (order[n - 1] if closed else -1)
-    beyond = order[last + 1] if last + 1 < n else (order[0] if closed else -1)
-    left = order[behind] if behind >= 0 else (order[n - 1] if closed else -1)
-    right = order[behind + 1] if behind + 1 < n else (order[0] if closed else -1)
-    change = 0
-    if before >= 0:
-        change -= arcs[before, head]
-    if beyond >= 0:
-        change -= arcs[tail, beyond]
-    if before >= 0 and beyond >= 0:
-        change += arcs[before, beyond]
-    if left >= 0 and right >= 0:
-        change -= arcs[left, right]
-    if left >= 0:
-        change += arcs[left, head]
-    if right >= 0:
-        change += arcs[tail, right]
-    return int(change)
-
-
-@compiled
-def _proposal(order: Ints, place: Ints, near: Ints, low: int, high: int) -> tuple[int, int, int]:
-    """A stretch and where to put it, most often behind a city from which its first one is near; last < first: none."""
-    n = order.shape[0]
-    width = high - low
-    first = low + np.random.randint(width)
-    last = min(high - 1, first + np.random.randint(min(LONGEST, width)))
-    if np.random.random() < 0.3:
-        last = min(high - 1, first + np.random.randint(min(3, width)))
-    city = near[order[first], np.random.randint(near.shape[1])]
-    behind = place[city] if np.random.random() < 0.8 else low - 1 + np.random.randint(width + 1)
-    if (first - 1 <= behind <= last and first > 0) or behind >= high or behind < low - 1:
-        return 0, -1, 0
-    if (first == 0 and behind <= last) or (first == 0 and last == n - 1):
-        return 0, -1, 0
-    return first, last, behind
-
-
-@compiled
-def _price_after(
-    order: Ints,
-    moved: Ints,
-    arcs: Longs,
-    closed: bool,
-    times: Longs,
-    pairs: Pairs,
-    fine: Longs,
-    now: int,
-    move: tuple[int, int, int, bool],
-) -> int:
-    """The price after a move of `order`, whose price is `now`; where the arcs alone do not tell, `moved` is walked."""
-    first, last, behind, turned = move
-    if fine[0] == 0 and not turned:
-        return int(now + _difference(order, arcs, closed, first, last, behind))
-    _move(order, moved, first, last, behind, turned)
-    return int(price(moved, arcs, closed, times, pairs, fine))
-
-
-@compiled
 def anneal(
     order: Ints,
     arcs: Longs,
@@ -134,7 +30,7 @@ def anneal(
     low: int,
     high: int,
     times: Longs,
-    pairs: Pairs,
+    pairs: Longs,
     fine: Longs,
     moves: int,
     warmth: float,
@@ -146,35 +42,169 @@ def anneal(
     `order` (n,) is changed in place; `near` (n, k) are cities from which each city is near; fines of 0 say that there
     are neither windows nor precedence. Returns the best order, its price and the final warmth.
     """
-    np.random.seed(seed)
-    place, moved = positions(order), order.copy()
-    now = price(order, arcs, closed, times, pairs, fine)
-    best, kept = now, order.copy()
-    for _ in range(moves):
-        warmth *= cooling
-        first, last, behind = _proposal(order, place, near, low, high)
-        if last < first:
-            continue
-        move = (first, last, behind, np.random.random() < 0.3)
-        after = _price_after(order, moved, arcs, closed, times, pairs, fine, now, move)
-        if not _accepted(after - now, warmth):
-            continue
-        now = after
-        _move(order, moved, *move)
-        _take(order, moved, place)
-        if now < best:
-            best = now
-            kept[:] = order
-    return kept, best, warmth
+    orders = Orders(order, arcs, closed, times, pairs, fine)
+    annealed = Annealing(orders, near, low, high, seed)
+    warmth = annealed.run(moves, warmth, cooling)
+    return np.array(annealed.kept), annealed.best, warmth
 
 
-@compiled
-def _accepted(loss: int, warmth: float) -> bool:
-    return loss <= 0 or np.random.random() < np.exp(-loss / max(warmth, 1e-9))
+class Orders:
+    """An order (n,) that is changed in place, a move of it, and prices; arrays as `price` says.
+
+    `moved` has the cities between the positions `start` and `end` after the move. Raises ValueError where shapes do not
+    agree.
+    """
+
+    def __init__(
+        self, order: Ints, arcs: Longs, closed: bool, times: Longs, pairs: Longs, fine: Longs
+    ) -> None:
+        n = self.n = len(order)
+        if (arcs.shape, times.shape, pairs.shape[1:], fine.shape) != ((n, n), (3, n), (2,), (2,)) or not n:
+            raise ValueError("arcs (n, n), times (3, n), pairs (m, 2) and two fines were expected")
+        for cities in (order, pairs):
+            if cities.size and not 0 <= cities.min() <= cities.max() < n:
+                raise ValueError(f"cities are numbered 0 to {n - 1}")
+        self.order, self.arcs, self.times = whole(order), whole(arcs), whole(times)
+        self.pairs, self.count = whole(pairs), len(pairs)
+        self.late, self.wrong, self.closed = int(fine[0]), int(fine[1]), bool(closed)
+        self.moved, self.rank = whole(order.copy()), whole(np.argsort(order).astype(np.int32))
+        self.start, self.end = 0, -1
+
+    def price(self) -> int:
+        """What the order would cost after the move, fines included."""
+        total = late = wrong = 0
+        clock = before = 0
+        for index in range(self.n):
+            city = self.moved[index] if self.start <= index <= self.end else self.order[index]
+            if index:
+                step = self.arcs[before, city]
+                total += step
+                clock += step + self.times[0, before]
+            clock = max(clock, self.times[1, city])
+            late += max(0, clock - self.times[2, city])
+            self.rank[city] = index
+            before = city
+        for pair in range(self.count):
+            wrong += self.rank[self.pairs[pair, 0]] > self.rank[self.pairs[pair, 1]]
+        if self.closed:
+            first = self.moved[0] if self.start <= 0 <= self.end else self.order[0]
+            total += self.arcs[before, first]
+        return total + self.late * late + self.wrong * wrong
+
+    def move(self, first: int, last: int, behind: int, turned: bool) -> None:
+        """Put the stretch first..last behind position `behind`, which lies outside it (-1: in front)."""
+        length = last - first + 1
+        if behind < first:
+            self.start, self.end, at = behind + 1, last, behind + 1
+            for index in range(behind + 1, first):
+                self.moved[index + length] = self.order[index]
+        else:
+            self.start, self.end, at = first, behind, behind + 1 - length
+            for index in range(last + 1, behind + 1):
+                self.moved[index - length] = self.order[index]
+        for step in range(length):
+            self.moved[at + step] = self.order[last - step] if turned else self.order[first + step]
+
+    def difference(self, first: int, last: int, behind: int) -> int:
+        """What a move of a stretch changes in cost, the same way round."""
+        n = self.n
+        if self.closed and ((first == 0 and behind == n - 1) or (last == n - 1 and behind == -1)):
+            return 0  # the same circle
+        head, tail = self.order[first], self.order[last]
+        before, beyond = self._city(first - 1), self._city(last + 1)
+        left, right = self._city(behind), self._city(behind + 1)
+        change = 0
+        if before >= 0:
+            change -= self.arcs[before, head]
+        if beyond >= 0:
+            change -= self.arcs[tail, beyond]
+        if before >= 0 and beyond >= 0:
+            change += self.arcs[before, beyond]
+        if left >= 0 and right >= 0:
+            change -= self.arcs[left, right]
+        if left >= 0:
+            change += self.arcs[left, head]
+        if right >= 0:
+            change += self.arcs[tail, right]
+        return change
+
+    def _city(self, position: int) -> int:
+        """The city at a position; just outside it is that at the other end of a closed tour, else -1."""
+        if 0 <= position < self.n:
+            return self.order[position]
+        if self.closed:
+            return self.order[0 if position > 0 else self.n - 1]
+        return -1
 
 
-@compiled
-def _take(order: Ints, moved: Ints, place: Ints) -> None:
-    for index in range(order.shape[0]):
-        order[index] = moved[index]
-        place[moved[index]] = index
+class Annealing:
+    """Random moves of the positions low..high - 1, and the best order that was met (`kept`, at the price `best`)."""
+
+    def __init__(self, orders: Orders, near: Ints, low: int, high: int, seed: int) -> None:
+        self.orders = orders
+        order = np.asarray(self.orders.order)
+        n = len(order)
+        if near.ndim != 2 or len(near) != n or not near.size or not 0 <= near.min() <= near.max() < n:
+            raise ValueError(f"candidates (n, k) numbered 0 to {n - 1} were expected")
+        if not 0 <= low < high <= n:
+            raise ValueError(f"positions {low} to {high - 1} of {n} cannot be moved")
+        self.stream, self.near, self.breadth = Stream(seed), whole(near), near.shape[1]
+        self.low, self.high, self.first, self.last, self.behind = low, high, 0, 0, 0
+        self.kept, self.place = whole(order.copy()), whole(np.argsort(order).astype(np.int32))
+        self.best = orders.price()
+
+    def run(self, moves: int, warmth: float, cooling: float) -> float:
+        """Make so many moves, or leave them; the final warmth."""
+        now = self.best
+        for _ in range(moves):
+            warmth *= cooling
+            if not self._propose():
+                continue
+            turned = self.stream.random() < 0.3
+            after = self._price_after(now, turned)
+            if after > now and not self.stream.accepts(float(now - after) / max(warmth, 1e-9)):
+                continue
+            if self.orders.late == 0 and not turned:
+                self.orders.move(self.first, self.last, self.behind, turned)
+            self._take()
+            now = after
+            if now < self.best:
+                self.best = now
+                self._keep()
+        return warmth
+
+    def _propose(self) -> bool:
+        """A stretch and where to put it, most often behind a city from which its first one is near; whether it may go."""
+        width = self.high - self.low
+        first = self.low + self.stream.below(width)
+        last = min(self.high - 1, first + self.stream.below(min(LONGEST, width)))
+        if self.stream.random() < 0.3:
+            last = min(self.high - 1, first + self.stream.below(min(3, width)))
+        city = self.near[self.orders.order[first], self.stream.below(self.breadth)]
+        if self.stream.random() < 0.8:
+            behind = self.place[city]
+        else:
+            behind = self.low - 1 + self.stream.below(width + 1)
+        self.first, self.last, self.behind = first, last, behind
+        if (first - 1 <= behind <= last and first > 0) or behind >= self.high or behind < self.low - 1:
+            return False
+        return first > 0 or not (behind <= last or last == self.orders.n - 1)
+
+    def _price_after(self, now: int, turned: bool) -> int:
+        """The price after the move; where the arcs alone do not tell, the whole order is walked."""
+        if self.orders.late == 0 and not turned:
+            return now + self.orders.difference(self.first, self.last, self.behind)
+        self.orders.move(self.first, self.last, self.behind, turned)
+        return self.orders.price()
+
+    def _take(self) -> None:
+        """Make the move."""
+        for index in range(self.orders.start, self.orders.end + 1):
+            city = self.orders.moved[index]
+            self.orders.order[index] = city
+            self.place[city] = index
+
+    def _keep(self) -> None:
+        """The order is the best one."""
+        for index in range(self.orders.n):
+            self.kept[index] = self.orders.order[index]

@@ -1,224 +1,246 @@
-"""Compiled search for short closed tours: exchanges of two and three edges, kicked and annealed.
+# cython: language_level=3, annotation_typing=False, boundscheck=False, wraparound=False, initializedcheck=False
+# cython: cdivision=True
+"""Closed tours, and exchanges of two and three edges that make them shorter.
 
-An exchange is evaluated before anything is moved: most are rejected, and then cost no reversal. Costs are symmetric
-integers. `near` (n, k) has each city's candidates, nearest first; `toll` (n, k) the costs to them.
+A tour is an array of cities with its inverse (`position`); every change is the reversal of a stretch of positions. A
+reversal is its own inverse, so that a journal of reversals takes changes back.
 
-Lin & Kernighan 1973, all choices on the first levels; Bentley 1992 (queue of cities worth looking at); Martin, Otto &
-Felten 1991 (double-bridge kicks with annealed acceptance), the kicks kept local.
+An exchange is evaluated before anything is moved: most are rejected, and then cost no reversal. Lin & Kernighan 1973,
+all choices on the first levels; Bentley 1992 (queue of cities worth looking at).
 """
 
-from typing import NamedTuple
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from engine.stages.sequencing.kernels import compiled
-from engine.stages.sequencing.kernels.arrays import Ints, after, before, flip, positions, undo, wake
-from engine.stages.sequencing.kernels.kicks import kick
+from engine.kernels.arrays import Ints, whole
 
 ROOM = 8  # rows that one exchange may need in the journal
 TWO, TWO_TWICE, SWAPPED, TURNED = 1, 2, 3, 4
 
 
-class Ring(NamedTuple):
-    """A tour (n,) and where each city stands in it, costs (n, n), candidates and the costs to them (n, k)."""
+class Ring:
+    """A tour (n,) that is changed in place, n >= 8, under symmetric costs (n, n) of 32 or 64 bits.
 
-    tour: Ints
-    position: Ints
-    cost: Ints
-    near: Ints
-    toll: Ints
+    `near` (n, k) has each city's candidates, nearest first; `toll` (n, k) the costs to them. Cities worth looking at
+    wait in a queue. Raises ValueError where shapes do not agree.
+    """
 
+    def __init__(self, tour: Ints, cost: NDArray[Any], near: Ints, toll: NDArray[Any]) -> None:
+        self.n, self.count = len(tour), near.shape[1]
+        _check(tour, cost, near, toll)
+        narrow = cost.dtype == np.int32
+        none: NDArray[Any] = np.zeros((1, 1), np.int64 if narrow else np.int32)
+        self.is_narrow, self.tour, self.near = narrow, whole(tour), whole(near)
+        self.narrow_cost, self.wide_cost = map(whole, (cost, none) if narrow else (none, cost))
+        self.narrow_toll, self.wide_toll = map(whole, (toll, none) if narrow else (none, toll))
+        self.position, self.queue, self.waiting = (whole(np.zeros(self.n, np.int32)) for _ in range(3))
+        self.journal = whole(np.zeros((max(40 * self.n, 4096), 2), np.int32))
+        self.rows, self.written, self.head, self.size = len(self.journal), 0, 0, 0
+        self.kind = self.t2 = self.t3 = self.t4 = self.t5 = self.t6 = 0
+        self._begin()
 
-class Desk(NamedTuple):
-    """Room to work: cities worth looking at and which of them wait, reversals made, and the exchange that was found."""
+    def _begin(self) -> None:
+        """Find where each city stands."""
+        for index in range(self.n):
+            self.position[self.tour[index]] = index
 
-    queue: Ints
-    waiting: Ints
-    journal: Ints
-    found: Ints
+    def edge(self, a: int, b: int) -> int:
+        """The cost from one city to another."""
+        if self.is_narrow:
+            return self.narrow_cost[a, b]
+        return self.wide_cost[a, b]
 
+    def wake(self, city: int) -> None:
+        """Put a city at the end of the queue unless it waits there."""
+        if self.waiting[city] == 0:
+            self.waiting[city] = 1
+            self.queue[(self.head + self.size) % self.n] = city
+            self.size += 1
 
-@compiled
-def _step(tour: Ints, position: Ints, forward: bool, city: int) -> int:
-    return after(tour, position, city) if forward else before(tour, position, city)
+    def reverse(self, first: int, last: int) -> None:
+        """Reverse the positions from `first` to `last`, cyclically; the stretch between them, not the rest."""
+        n, length = self.n, last - first + 1
+        if length <= 0:
+            length += n
+        for _ in range(length // 2):
+            a, b = self.tour[first], self.tour[last]
+            self.tour[first], self.position[b] = b, first
+            self.tour[last], self.position[a] = a, last
+            first = first + 1 if first + 1 < n else 0
+            last = last - 1 if last > 0 else n - 1
 
+    def note(self, first: int, last: int) -> None:
+        """Reverse positions and write it down."""
+        self.reverse(first, last)
+        if self.written < self.rows:
+            self.journal[self.written, 0], self.journal[self.written, 1] = first, last
+        self.written += 1
 
-@compiled
-def _within(position: Ints, forward: bool, first: int, city: int, last: int) -> bool:
-    """Whether one meets `city` on the way from `first` to `last` in the given direction."""
-    a, b, c = position[first], position[city], position[last]
-    if not forward:
-        a, c = c, a
-    if a <= c:
-        return bool(a <= b and b <= c)
-    return bool(b >= a or b <= c)
+    def undo(self) -> None:
+        """Take back the reversals of the journal."""
+        while self.written > 0:
+            self.written -= 1
+            self.reverse(self.journal[self.written, 0], self.journal[self.written, 1])
 
+    def settle(self) -> int:
+        """Exchange edges around the cities in the queue until none gains; the gain."""
+        gain = 0
+        while self.size > 0:
+            city = self.queue[self.head]
+            self.head = (self.head + 1) % self.n
+            self.size -= 1
+            self.waiting[city] = 0
+            gain += self._improve(city)
+        self.head = 0
+        return gain
 
-@compiled
-def _second_turn(ring: Ring, forward: bool, gain: int, best: int, found: Ints) -> int:
-    """After t2..t4 is turned round, another two-edge exchange of the edges at t1: the best gain so far."""
-    tour, position, cost, near, toll = ring
-    t1, t2, t3, t4 = found[0], found[1], found[2], found[3]
-    follower = _step(tour, position, not forward, t4)
-    for rank in range(near.shape[1]):
-        t5 = near[t4, rank]
-        left = gain - toll[t4, rank]
-        if left <= best:
-            break
-        if t5 in (t1, t3, follower):
-            continue
-        t6 = _step(tour, position, forward == _within(position, forward, t2, t5, t4), t5)
-        if left + cost[t5, t6] - cost[t6, t1] > best:
-            best = left + cost[t5, t6] - cost[t6, t1]
-            found[4], found[5], found[6] = t5, t6, TWO_TWICE
-            found[7:10] = found[1:4]
-    return best
-
-
-@compiled
-def _opened_cycle(ring: Ring, forward: bool, gain: int, best: int, found: Ints) -> int:
-    """The cycle t2..t3 that the first two exchanged edges cut off is opened and put between t4 and t1 again."""
-    tour, position, cost, near, toll = ring
-    t1, t2, t3, t4 = found[0], found[1], found[2], found[3]
-    for rank in range(near.shape[1]):
-        t5 = near[t4, rank]
-        left = gain - toll[t4, rank]
-        if left <= best:
-            break
-        if t5 == t3 or not _within(position, forward, t2, t5, t3):
-            continue
-        for kind in (SWAPPED, TURNED):
-            if kind == TURNED and t5 == t2:
-                continue
-            t6 = _step(tour, position, forward == (kind == SWAPPED), t5)
-            if left + cost[t5, t6] - cost[t6, t1] > best:
-                best = left + cost[t5, t6] - cost[t6, t1]
-                found[4], found[5], found[6] = t5, t6, kind
-                found[7:10] = found[1:4]
-    return best
-
-
-@compiled
-def _best_exchange(ring: Ring, t1: int, forward: bool, found: Ints) -> int:
-    """The exchange of most gain that removes the edge after `t1`: its kind in found[6], t2 to t4 in found[7:10]."""
-    tour, position, cost, near, toll = ring
-    t2 = _step(tour, position, forward, t1)
-    beyond = _step(tour, position, forward, t2)
-    best, removed = 0, cost[t1, t2]
-    found[0], found[1] = t1, t2
-    for rank in range(near.shape[1]):
-        t3 = near[t2, rank]
-        left = removed - toll[t2, rank]
-        if left <= 0:
-            break
-        if t3 in (t1, beyond):
-            continue
-        t4 = _step(tour, position, not forward, t3)
-        found[2], found[3] = t3, t4
-        gain = left + cost[t3, t4]
-        if gain - cost[t4, t1] > best:
-            best = gain - cost[t4, t1]
-            found[6] = TWO
-            found[7:10] = found[1:4]
-        best = _second_turn(ring, forward, gain, best, found)
-        t4 = _step(tour, position, forward, t3)
-        found[3] = t4
-        gain = left + cost[t3, t4]
-        best = _opened_cycle(ring, forward, gain, best, found)
-    return best
-
-
-@compiled
-def _turn(
-    tour: Ints, position: Ints, forward: bool, first: int, last: int, journal: Ints, written: int
-) -> bool:
-    """Turn the path from `first` to `last` round; the direction that is forward then."""
-    if forward:
-        return not flip(tour, position, first, last, journal, written)
-    return flip(tour, position, last, first, journal, written)
-
-
-@compiled
-def _apply(tour: Ints, position: Ints, forward: bool, found: Ints, journal: Ints, written: int) -> int:
-    """Make the exchange that was found; the journal's length."""
-    kind, t2, t3, t4, t5, t6 = found[6], found[7], found[8], found[9], found[4], found[5]
-    if kind == TWO:
-        _turn(tour, position, forward, t2, t4, journal, written)
-        return written + 1
-    if kind == TWO_TWICE:
-        forward = _turn(tour, position, forward, t2, t4, journal, written)
-        _turn(tour, position, forward, t4, t6, journal, written + 1)
-        return written + 2
-    if kind == TURNED:
-        forward = _turn(tour, position, forward, t2, t6, journal, written)
-        _turn(tour, position, forward, t5, t3, journal, written + 1)
-        return written + 2
-    forward = _turn(tour, position, forward, t2, t5, journal, written)
-    forward = _turn(tour, position, forward, t6, t3, journal, written + 1)
-    _turn(tour, position, forward, t5, t6, journal, written + 2)
-    return written + 3
-
-
-@compiled
-def _settle(ring: Ring, desk: Desk, size: int, written: int) -> tuple[int, int]:
-    """Exchange edges around the `size` cities in the queue until none gains; the gain and the journal's length."""
-    queue, waiting, journal, found = desk
-    head, gain = 0, 0
-    while size > 0:
-        city = queue[head]
-        head = (head + 1) % queue.shape[0]
-        size -= 1
-        waiting[city] = 0
-        idle = 0
+    def _improve(self, city: int) -> int:
+        """Exchange edges beside a city until none gains or the journal is full; the gain."""
+        gain = idle = 0
         forward = True
-        while idle < 2 and written + ROOM < journal.shape[0]:
-            won = _best_exchange(ring, city, forward, found)
+        while idle < 2 and self.written + ROOM < self.rows:
+            won = self._best_exchange(city, forward)
             if won > 0:
-                written = _apply(ring.tour, ring.position, forward, found, journal, written)
+                self._apply(forward)
                 gain += won
                 idle = 0
-                for place in range(7, 10):
-                    size = wake(found[place], queue, waiting, head, size)
-                if found[6] != TWO:
-                    size = wake(found[4], queue, waiting, head, size)
-                    size = wake(found[5], queue, waiting, head, size)
+                self._wake_ends()
             else:
                 idle += 1
                 forward = not forward
-    return gain, written
+        return gain
 
+    def _wake_ends(self) -> None:
+        """Look at the ends of the exchanged edges again."""
+        self.wake(self.t2)
+        self.wake(self.t3)
+        self.wake(self.t4)
+        if self.kind != TWO:
+            self.wake(self.t5)
+            self.wake(self.t6)
 
-@compiled
-def improve(
-    tour: Ints, cost: Ints, near: Ints, toll: Ints, kicks: int, warmth: float, cooling: float, seed: int
-) -> tuple[Ints, int, int, float]:
-    """Anneal over `kicks` local double bridges, each repaired by exchanges; n >= 8.
+    def _toll(self, city: int, rank: int) -> int:
+        """The cost to a candidate."""
+        if self.is_narrow:
+            return self.narrow_toll[city, rank]
+        return self.wide_toll[city, rank]
 
-    `tour` (n,) is changed in place. `cost` (n, n) is symmetric. Worse tours are accepted with the probability
-    exp(-loss / warmth); `warmth` is multiplied by `cooling` each kick.
-    Returns the best tour, what it gained over the given one, what the current one gained, and the final warmth.
-    """
-    n = tour.shape[0]
-    np.random.seed(seed)
-    ring = Ring(tour, positions(tour), cost, near, toll)
-    queue, waiting, found = np.empty(n, np.int32), np.zeros(n, np.int32), np.zeros(10, np.int32)
-    journal = np.empty((max(40 * n, 4096), 2), np.int32)
-    desk = Desk(queue, waiting, journal, found)
-    cuts, size = np.zeros(4, np.int32), 0
-    for index in range(n):
-        size = wake(tour[index], queue, waiting, 0, size)
-    current, _ = _settle(ring, desk, size, 0)
-    best_gain, best = current, tour.copy()
-    for _ in range(kicks):
-        loss, written, size = kick(tour, ring.position, cost, near, queue, waiting, journal, cuts)
-        won, written = _settle(ring, desk, size, written)
-        change = won - loss
-        if change >= 0 or np.random.random() < np.exp(change / max(warmth, 1e-9)):
-            current += change
-            if current > best_gain:
-                best_gain = current
-                best[:] = tour
+    def _step(self, forward: bool, city: int) -> int:
+        """The next city, or the one before."""
+        at = self.position[city]
+        if forward:
+            return self.tour[0 if at + 1 == self.n else at + 1]
+        return self.tour[self.n - 1 if at == 0 else at - 1]
+
+    def _within(self, forward: bool, first: int, city: int, last: int) -> bool:
+        """Whether one meets `city` on the way from `first` to `last` in the given direction."""
+        a, b, c = self.position[first], self.position[city], self.position[last]
+        if not forward:
+            a, c = c, a
+        if a <= c:
+            return a <= b <= c
+        return b >= a or b <= c
+
+    def _best_exchange(self, t1: int, forward: bool) -> int:
+        """The gain of the best exchange that removes the edge after `t1`; which it is stands in `kind` and `t2` to `t6`."""
+        t2 = self._step(forward, t1)
+        beyond = self._step(forward, t2)
+        best, removed = 0, self.edge(t1, t2)
+        for rank in range(self.count):
+            t3 = self.near[t2, rank]
+            left = removed - self._toll(t2, rank)
+            if left <= 0:
+                break
+            if t3 in (t1, beyond):
+                continue
+            t4 = self._step(not forward, t3)
+            gain = left + self.edge(t3, t4)
+            if gain - self.edge(t4, t1) > best:
+                best = gain - self.edge(t4, t1)
+                self._keep(TWO, t2, t3, t4, 0, 0)
+            best = self._second_turn(forward, gain, best, t1, t2, t3, t4)
+            t4 = self._step(forward, t3)
+            best = self._opened_cycle(forward, left + self.edge(t3, t4), best, t1, t2, t3, t4)
+        return best
+
+    def _keep(self, kind: int, t2: int, t3: int, t4: int, t5: int, t6: int) -> None:
+        """Note the best exchange so far."""
+        self.kind, self.t2, self.t3, self.t4, self.t5, self.t6 = kind, t2, t3, t4, t5, t6
+
+    def _second_turn(self, forward: bool, gain: int, best: int, t1: int, t2: int, t3: int, t4: int) -> int:
+        """After t2..t4 is turned round, another two-edge exchange of the edges at t1: the best gain so far."""
+        follower = self._step(not forward, t4)
+        for rank in range(self.count):
+            t5 = self.near[t4, rank]
+            left = gain - self._toll(t4, rank)
+            if left <= best:
+                break
+            if t5 in (t1, t3, follower):
+                continue
+            t6 = self._step(forward == self._within(forward, t2, t5, t4), t5)
+            closed = left + self.edge(t5, t6) - self.edge(t6, t1)
+            if closed > best:
+                best = closed
+                self._keep(TWO_TWICE, t2, t3, t4, t5, t6)
+        return best
+
+    def _opened_cycle(self, forward: bool, gain: int, best: int, t1: int, t2: int, t3: int, t4: int) -> int:
+        """The cycle t2..t3 that the first two exchanged edges cut off is opened and put between t4 and t1 again."""
+        for rank in range(self.count):
+            t5 = self.near[t4, rank]
+            left = gain - self._toll(t4, rank)
+            if left <= best:
+                break
+            if t5 == t3 or not self._within(forward, t2, t5, t3):
+                continue
+            for side in range(2):
+                if side == 1 and t5 == t2:
+                    continue
+                t6 = self._step(forward == (side == 0), t5)
+                closed = left + self.edge(t5, t6) - self.edge(t6, t1)
+                if closed > best:
+                    best = closed
+                    self._keep(TURNED if side else SWAPPED, t2, t3, t4, t5, t6)
+        return best
+
+    def _turn(self, forward: bool, first: int, last: int) -> bool:
+        """Turn the path from city `first` to city `last` round, or, if that is shorter, the rest; what is forward then."""
+        start, end = self.position[first], self.position[last]
+        if not forward:
+            start, end = end, start
+        length = end - start + 1
+        if length <= 0:
+            length += self.n
+        if 2 * length > self.n:
+            self.note((end + 1) % self.n, (start + self.n - 1) % self.n)
+            return not forward
+        self.note(start, end)
+        return forward
+
+    def _apply(self, forward: bool) -> None:
+        """Make the exchange that was found."""
+        if self.kind == TWO:
+            self._turn(forward, self.t2, self.t4)
+        elif self.kind == TWO_TWICE:
+            forward = self._turn(forward, self.t2, self.t4)
+            self._turn(forward, self.t4, self.t6)
+        elif self.kind == TURNED:
+            forward = self._turn(forward, self.t2, self.t6)
+            self._turn(forward, self.t5, self.t3)
         else:
-            undo(tour, ring.position, journal, written, 0)
-        warmth *= cooling
-    return best, best_gain, current, warmth
+            forward = self._turn(forward, self.t2, self.t5)
+            forward = self._turn(forward, self.t6, self.t3)
+            self._turn(forward, self.t5, self.t6)
+
+
+def _check(tour: Ints, cost: NDArray[Any], near: Ints, toll: NDArray[Any]) -> None:
+    """Raises ValueError where arrays do not go together: compiled loops do not look."""
+    n = len(tour)
+    if n < 8 or cost.shape != (n, n) or near.shape[:1] != (n,) or toll.shape != near.shape:
+        shapes = f"{tour.shape}, costs {cost.shape}, candidates {near.shape}, tolls {toll.shape}"
+        raise ValueError(f"eight cities or more, (n, n), (n, k) and (n, k) were expected, not {shapes}")
+    for cities in (tour, near):
+        if cities.size and not 0 <= cities.min() <= cities.max() < n:
+            raise ValueError(f"cities are numbered 0 to {n - 1}")

@@ -1,4 +1,6 @@
-"""Compiled search over orders and poses together.
+# cython: language_level=3, annotation_typing=False, boundscheck=False, wraparound=False, initializedcheck=False
+# cython: cdivision=True
+"""Search over orders and poses together.
 
 The poses of all visits lie in one table (m, k), joint values over joint speeds, so that the time between two poses is
 their largest difference; those of visit v are the rows offset[v] .. offset[v + 1] - 1. A tour is a ring of visits
@@ -9,188 +11,23 @@ for generalised tours; the layered shortest path over poses is that of Suarez-Ru
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
-from engine.stages.sequencing.kernels import compiled
-from engine.stages.sequencing.kernels.arrays import Ints
+from engine.kernels.arrays import Floats, Ints, real, whole
+from engine.stages.sequencing.kernels.twister import Stream
 
-Floats = NDArray[np.float64]
 BIG = 1e300
 MOST = 12  # visits that one round takes off
 NOISE = 0.2  # how far the choice of a place may err
 
 
-@compiled
-def travel(table: Floats, a: int, b: int) -> float:
-    """The time from one pose to another."""
-    most = 0.0
-    for joint in range(table.shape[1]):
-        step = abs(table[a, joint] - table[b, joint])
-        most = max(most, step)
-    return float(most)
-
-
-@compiled
 def best_poses(order: Ints, table: Floats, offset: Ints, closed: bool, pose: Ints) -> float:
     """The least time of an order over all choices of poses; the rows that give it go into `pose` (n,), by visit.
 
     A closed tour is cut at its first visit, for each of whose poses the path is computed: let it be one with few.
     """
-    n, first = order.shape[0], order[0]
-    choices = offset[first + 1] - offset[first] if closed else 1
-    widest = 0
-    for visit in range(n):
-        widest = max(widest, offset[visit + 1] - offset[visit])
-    best, back = BIG, np.zeros((n, widest), np.int32)
-    for choice in range(choices):
-        fixed = choice if closed else -1
-        total, last = _layers(order, table, offset, fixed, back)
-        if total >= best:
-            continue
-        best = total
-        for place in range(n - 1, -1, -1):
-            pose[order[place]] = offset[order[place]] + last
-            last = back[place, last]
-    return best
+    return Layers(order, table, offset, pose).best(closed)
 
 
-@compiled
-def _layers(order: Ints, table: Floats, offset: Ints, fixed: int, back: Ints) -> tuple[float, int]:
-    """One pass over the layers; with `fixed` the first pose is that and the way back to it counts."""
-    n, widest = back.shape
-    value, following = np.full(widest, BIG), np.empty(widest)
-    start = offset[order[0]]
-    for pose in range(offset[order[0] + 1] - start):
-        value[pose] = 0.0 if fixed in (-1, pose) else BIG
-    count = offset[order[0] + 1] - start
-    for place in range(1, n):
-        low = offset[order[place]]
-        width = offset[order[place] + 1] - low
-        for pose in range(width):
-            following[pose], back[place, pose] = _from_before(table, value, start, count, low + pose)
-        value[:width] = following[:width]
-        start, count = low, width
-    total, last = BIG, 0
-    for pose in range(count):
-        time = value[pose]
-        if fixed >= 0 and time < BIG:
-            time += travel(table, start + pose, offset[order[0]] + fixed)
-        if time < total:
-            total, last = time, pose
-    return total, last
-
-
-@compiled
-def _from_before(table: Floats, value: Floats, start: int, count: int, row: int) -> tuple[float, int]:
-    """The least time to a row from the `count` rows at `start`, reached at `value`; and from which of them."""
-    least, origin = BIG, 0
-    for earlier in range(count):
-        if value[earlier] < least:
-            time = value[earlier] + travel(table, start + earlier, row)
-            if time < least:
-                least, origin = time, earlier
-    return least, origin
-
-
-@compiled
-def _ring_time(after: Ints, pose: Ints, table: Floats) -> float:
-    total = 0.0
-    for visit in range(after.shape[0]):
-        total += travel(table, pose[visit], pose[after[visit]])
-    return total
-
-
-@compiled
-def _choose_pose(
-    visit: int, left: int, right: int, table: Floats, offset: Ints, limit: float
-) -> tuple[float, int]:
-    """The pose of a visit between two others that takes least time, if it takes less than `limit`; else -1."""
-    chosen = -1
-    for row in range(offset[visit], offset[visit + 1]):
-        time = travel(table, left, row)
-        if time < limit:
-            time += travel(table, row, right)
-            if time < limit:
-                limit, chosen = time, row
-    return limit, chosen
-
-
-@compiled
-def _insert(
-    visit: int, after: Ints, before: Ints, pose: Ints, table: Floats, offset: Ints, near: Ints, noise: float
-) -> None:
-    """Put a visit where it costs least, beside one of its neighbours on the ring."""
-    least, place, row = BIG, -1, -1
-    for rank in range(near.shape[1]):
-        for side in range(2):
-            a = near[visit, rank]
-            if after[a] < 0:
-                break
-            a = before[a] if side else a
-            cut = travel(table, pose[a], pose[after[a]])
-            factor = 1.0 + noise * np.random.random()
-            limit, chosen = _choose_pose(visit, pose[a], pose[after[a]], table, offset, cut + least / factor)
-            if chosen >= 0 and (limit - cut) * factor < least:
-                least, place, row = (limit - cut) * factor, a, chosen
-    if place < 0:  # none of its neighbours is on the ring
-        place = 0
-        while after[place] < 0:
-            place += 1
-        _, row = _choose_pose(visit, pose[place], pose[after[place]], table, offset, BIG)
-    b = after[place]
-    after[place], after[visit], before[b], before[visit] = visit, b, visit, place
-    pose[visit] = row
-
-
-@compiled
-def _polish(visit: int, after: Ints, before: Ints, pose: Ints, table: Floats, offset: Ints) -> None:
-    """Take the best pose of a visit between its neighbours as they are."""
-    left, right = pose[before[visit]], pose[after[visit]]
-    now = travel(table, left, pose[visit]) + travel(table, pose[visit], right)
-    _, row = _choose_pose(visit, left, right, table, offset, now - 1e-12)
-    if row >= 0:
-        pose[visit] = row
-
-
-@compiled
-def _ruin(after: Ints, before: Ints, near: Ints, removed: Ints, fewest: int, most: int) -> int:
-    """Take visits off the ring: some that are near each other, or a stretch of the tour; how many."""
-    n = after.shape[0]
-    count = min(fewest + np.random.randint(most - fewest + 1), n - 3)
-    visit, taken = np.random.randint(n), 0
-    along = np.random.random() < 0.5
-    seed = visit
-    for attempt in range(4 * count):
-        if taken == count:
-            break
-        if after[visit] >= 0:
-            following = after[visit]
-            after[before[visit]], before[following] = following, before[visit]
-            after[visit] = -1
-            removed[taken] = visit
-            taken += 1
-            if along:
-                visit = following
-                continue
-        source = removed[np.random.randint(taken)] if taken and attempt % 2 else seed
-        visit = near[source, np.random.randint(near.shape[1])]
-    return taken
-
-
-@compiled
-def _recreate(
-    removed: Ints, after: Ints, before: Ints, pose: Ints, table: Floats, offset: Ints, near: Ints
-) -> None:
-    """Put visits back on the ring in any order, then choose their poses and those of their neighbours again."""
-    np.random.shuffle(removed)
-    for visit in removed:
-        _insert(visit, after, before, pose, table, offset, near, NOISE)
-    for visit in removed:
-        for beside in (before[visit], after[visit], visit):
-            _polish(beside, after, before, pose, table, offset)
-
-
-@compiled
 def search(
     order: Ints,
     pose: Ints,
@@ -207,41 +44,253 @@ def search(
     `order` (n,) and `pose` (n,) are the tour, `near` (n, k) the visits beside which one may be inserted. Returns the
     best order, its poses and time, the current order and poses, and the final warmth.
     """
-    n = order.shape[0]
-    np.random.seed(seed)
-    after, before, row = _after_each(order), _after_each(order[::-1].copy()), pose.copy()
-    now = _ring_time(after, row, table)
-    best, kept_after, kept_row = now, after.copy(), row.copy()
-    old_after, old_before, old_row, removed = after.copy(), before.copy(), row.copy(), np.empty(n, np.int32)
-    for _ in range(rounds):
-        warmth *= cooling
-        old_after[:], old_before[:], old_row[:] = after, before, row
-        count = _ruin(after, before, near, removed, 1, MOST)
-        _recreate(removed[:count], after, before, row, table, offset, near)
-        time = _ring_time(after, row, table)
-        if time < now or np.random.random() < np.exp((now - time) / max(warmth, 1e-12)):
-            now = time
-            if now < best - 1e-12:
-                best = now
-                kept_after[:], kept_row[:] = after, row
-        else:
-            after[:], before[:], row[:] = old_after, old_before, old_row
-    return _order_of(kept_after, order[0]), kept_row, best, _order_of(after, order[0]), row, warmth
+    ruins = Ruins(order, pose, table, offset, near, seed)
+    warmth = ruins.run(rounds, warmth, cooling)
+    best, now = np.array(ruins.kept_after), np.array(ruins.after)
+    kept, row = np.array(ruins.kept_pose), np.array(ruins.pose)
+    return _order_of(best, order[0]), kept, ruins.best, _order_of(now, order[0]), row, warmth
 
 
-@compiled
-def _after_each(order: Ints) -> Ints:
-    """The visit that follows each one on the ring."""
-    after = np.empty(order.shape[0], np.int32)
-    for place in range(order.shape[0]):
-        after[order[place - 1]] = order[place]
-    return after
-
-
-@compiled
 def _order_of(after: Ints, first: int) -> Ints:
-    order, visit = np.empty(after.shape[0], np.int32), first
-    for place in range(after.shape[0]):
+    """The visits on a ring, from the first on."""
+    order, visit = np.empty(len(after), np.int32), first
+    for place in range(len(after)):
         order[place] = visit
         visit = after[visit]
     return order
+
+
+def _check(order: Ints, table: Floats, offset: Ints, pose: Ints) -> None:
+    """Raises ValueError where arrays do not go together: compiled loops do not look."""
+    n = len(order)
+    if n < 1 or not np.array_equal(np.sort(order), np.arange(n)) or pose.shape != (n,):
+        raise ValueError("an order (n,) of all visits, and a row (n,) for each, were expected")
+    if offset.shape != (n + 1,) or offset[0] < 0 or offset[n] > len(table) or np.diff(offset).min() < 1:
+        raise ValueError("each visit needs rows of the table of poses")
+
+
+class Poses:
+    """The table of poses, and where those of each visit begin."""
+
+    def __init__(self, table: Floats, offset: Ints) -> None:
+        self.table, self.offset, self.joints = real(table), whole(offset), table.shape[1]
+
+    def travel(self, a: int, b: int) -> float:
+        """The time from one pose to another."""
+        most = 0.0
+        for joint in range(self.joints):
+            most = max(most, abs(self.table[a, joint] - self.table[b, joint]))
+        return most
+
+    def width(self, visit: int) -> int:
+        """How many poses a visit has."""
+        return self.offset[visit + 1] - self.offset[visit]
+
+
+class Layers:
+    """Shortest paths over the poses of visits in a given order; the best one's rows go into `pose` (n,), by visit."""
+
+    def __init__(self, order: Ints, table: Floats, offset: Ints, pose: Ints) -> None:
+        _check(order, table, offset, pose)
+        self.poses, self.order, self.pose = Poses(table, offset), whole(order), whole(pose)
+        self.n, widest = len(order), int(np.diff(offset).max())
+        self.value, self.following = real(np.zeros(widest)), real(np.zeros(widest))
+        self.back = whole(np.zeros((self.n, widest), np.int32))
+        self.last, self.origin = 0, 0
+
+    def best(self, closed: bool) -> float:
+        """The least time over all choices of poses."""
+        best, choices = BIG, 1
+        if closed:
+            choices = self.poses.width(self.order[0])
+        for choice in range(choices):
+            total = self._pass(choice if closed else -1)
+            if total >= best:
+                continue
+            best, last = total, self.last
+            for place in range(self.n - 1, -1, -1):
+                self.pose[self.order[place]] = self.poses.offset[self.order[place]] + last
+                last = self.back[place, last]
+        return best
+
+    def _pass(self, fixed: int) -> float:
+        """One pass over the layers, with `fixed` from that pose and back to it; the time, to the pose `last`."""
+        home = self.poses.offset[self.order[0]]
+        start, count = home, self.poses.width(self.order[0])
+        for pose in range(count):
+            self.value[pose] = 0.0 if fixed in (-1, pose) else BIG
+        for place in range(1, self.n):
+            low, width = self.poses.offset[self.order[place]], self.poses.width(self.order[place])
+            for pose in range(width):
+                self.following[pose] = self._from_before(start, count, low + pose)
+                self.back[place, pose] = self.origin
+            for pose in range(width):
+                self.value[pose] = self.following[pose]
+            start, count = low, width
+        total, self.last = BIG, 0
+        for pose in range(count):
+            back = self.value[pose]
+            if fixed >= 0 and back < BIG:
+                back += self.poses.travel(start + pose, home + fixed)
+            if back < total:
+                total, self.last = back, pose
+        return total
+
+    def _from_before(self, start: int, count: int, row: int) -> float:
+        """The least time to a row from the `count` rows at `start`; from the one of them that is `origin`."""
+        least, self.origin = BIG, 0
+        for earlier in range(count):
+            if self.value[earlier] < least:
+                time = self.value[earlier] + self.poses.travel(start + earlier, row)
+                if time < least:
+                    least, self.origin = time, earlier
+        return least
+
+
+class Ruins:
+    """A closed tour that is ruined and recreated, and the best one met (`kept_after`, `kept_pose`, the time `best`)."""
+
+    def __init__(self, order: Ints, pose: Ints, table: Floats, offset: Ints, near: Ints, seed: int) -> None:
+        _check(order, table, offset, pose)
+        n = self.n = len(order)
+        if (
+            n < 8
+            or near.ndim != 2
+            or len(near) != n
+            or not near.size
+            or not 0 <= near.min() <= near.max() < n
+        ):
+            raise ValueError("eight visits or more, and for each the visits near it, were expected")
+        if not 0 <= pose.min() <= pose.max() < len(table):
+            raise ValueError("poses are numbered by the rows of the table")
+        self.poses, self.stream = Poses(table, offset), Stream(seed)
+        self.near, self.breadth = whole(near), near.shape[1]
+        after, before = np.empty(n, np.int32), np.empty(n, np.int32)
+        after[order], before[order] = np.roll(order, -1), np.roll(order, 1)
+        self.after, self.old_after, self.kept_after = (whole(after.copy()) for _ in range(3))
+        self.before, self.old_before = whole(before), whole(before.copy())
+        self.pose, self.old_pose, self.kept_pose = (whole(pose.copy()) for _ in range(3))
+        self.removed, self.chosen, self.best = whole(np.zeros(n, np.int32)), -1, 0.0
+
+    def run(self, rounds: int, warmth: float, cooling: float) -> float:
+        """So many rounds, annealed; the final warmth."""
+        now = self.best = self._time()
+        for _ in range(rounds):
+            warmth *= cooling
+            self._remember()
+            count = self._ruin()
+            self._recreate(count)
+            time = self._time()
+            if time < now or self.stream.accepts((now - time) / max(warmth, 1e-12)):
+                now = time
+                if now < self.best - 1e-12:
+                    self.best = now
+                    self._keep()
+            else:
+                self._return()
+        return warmth
+
+    def _time(self) -> float:
+        """How long the tour takes."""
+        total = 0.0
+        for visit in range(self.n):
+            total += self.poses.travel(self.pose[visit], self.pose[self.after[visit]])
+        return total
+
+    def _remember(self) -> None:
+        """Note the tour before a change."""
+        for visit in range(self.n):
+            self.old_after[visit], self.old_before[visit] = self.after[visit], self.before[visit]
+            self.old_pose[visit] = self.pose[visit]
+
+    def _return(self) -> None:
+        """Take the tour from before the change."""
+        for visit in range(self.n):
+            self.after[visit], self.before[visit] = self.old_after[visit], self.old_before[visit]
+            self.pose[visit] = self.old_pose[visit]
+
+    def _keep(self) -> None:
+        """The tour is the best one."""
+        for visit in range(self.n):
+            self.kept_after[visit], self.kept_pose[visit] = self.after[visit], self.pose[visit]
+
+    def _ruin(self) -> int:
+        """Take visits off the ring: some that are near each other, or a stretch of the tour; how many."""
+        count = min(1 + self.stream.below(MOST), self.n - 3)
+        visit = seed = self.stream.below(self.n)
+        along, taken = self.stream.random() < 0.5, 0
+        for attempt in range(4 * count):
+            if taken == count:
+                break
+            if self.after[visit] >= 0:
+                following = self.after[visit]
+                self.after[self.before[visit]], self.before[following] = following, self.before[visit]
+                self.after[visit] = -1
+                self.removed[taken] = visit
+                taken += 1
+                if along:
+                    visit = following
+                    continue
+            source = seed
+            if taken and attempt % 2:
+                source = self.removed[self.stream.below(taken)]
+            visit = self.near[source, self.stream.below(self.breadth)]
+        return taken
+
+    def _recreate(self, count: int) -> None:
+        """Put visits back on the ring in any order, then choose their poses and those of their neighbours again."""
+        for last in range(count - 1, 0, -1):
+            other = self.stream.below(last + 1)
+            self.removed[last], self.removed[other] = self.removed[other], self.removed[last]
+        for place in range(count):
+            self._insert(self.removed[place])
+        for place in range(count):
+            visit = self.removed[place]
+            self._polish(self.before[visit])
+            self._polish(self.after[visit])
+            self._polish(visit)
+
+    def _insert(self, visit: int) -> None:
+        """Put a visit where it costs least, beside one of its neighbours on the ring."""
+        least, place, row = BIG, -1, -1
+        for rank in range(self.breadth):
+            for side in range(2):
+                a = self.near[visit, rank]
+                if self.after[a] < 0:
+                    break
+                if side:
+                    a = self.before[a]
+                left, right = self.pose[a], self.pose[self.after[a]]
+                cut = self.poses.travel(left, right)
+                factor = 1.0 + NOISE * self.stream.random()
+                limit = self._choose(visit, left, right, cut + least / factor)
+                if self.chosen >= 0 and (limit - cut) * factor < least:
+                    least, place, row = (limit - cut) * factor, a, self.chosen
+        if place < 0:  # none of its neighbours is on the ring
+            place = 0
+            while self.after[place] < 0:
+                place += 1
+            self._choose(visit, self.pose[place], self.pose[self.after[place]], BIG)
+            row = self.chosen
+        b = self.after[place]
+        self.after[place], self.after[visit], self.before[b], self.before[visit] = visit, b, visit, place
+        self.pose[visit] = row
+
+    def _choose(self, visit: int, left: int, right: int, limit: float) -> float:
+        """The least time over a visit between two rows, if less than `limit`: that by the row `chosen`, else -1."""
+        self.chosen = -1
+        for row in range(self.poses.offset[visit], self.poses.offset[visit + 1]):
+            time = self.poses.travel(left, row)
+            if time < limit:
+                time += self.poses.travel(row, right)
+                if time < limit:
+                    limit, self.chosen = time, row
+        return limit
+
+    def _polish(self, visit: int) -> None:
+        """Take the best pose of a visit between its neighbours as they are."""
+        left, right = self.pose[self.before[visit]], self.pose[self.after[visit]]
+        now = self.poses.travel(left, self.pose[visit]) + self.poses.travel(self.pose[visit], right)
+        self._choose(visit, left, right, now - 1e-12)
+        if self.chosen >= 0:
+            self.pose[visit] = self.chosen

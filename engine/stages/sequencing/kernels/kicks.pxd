@@ -1,0 +1,38 @@
+# Types with which Cython compiles kicks.py. Its meaning is written there.
+import cython
+from engine.stages.sequencing.kernels.exchange cimport Ring
+from engine.stages.sequencing.kernels.twister cimport Stream
+
+cdef int SEGMENT, WALK
+cdef double SPATIAL
+
+@cython.final
+cdef class Kicker:
+    cdef Ring ring
+    cdef Stream stream
+    cdef int n, breadth
+    cdef int[::1] cuts
+    cdef readonly int[::1] best
+    cdef readonly long long gain, best_gain
+
+    @cython.locals(index=int, change="long long")
+    cpdef double anneal(self, long long kicks, double warmth, double cooling)
+
+    @cython.locals(index=int)
+    cdef void _remember(self) noexcept
+
+    @cython.locals(loss="long long", place=int, last=int, first=int)
+    cdef long long _kick(self) noexcept
+
+    cdef int _beside(self, int place, int side) noexcept
+
+    cdef long long _new_edge(self, int place, int other) noexcept
+
+    @cython.locals(city=int, place=int, longest=int, turn=int, path=int, first=int)
+    cdef bint _near_cuts(self) noexcept
+
+    @cython.locals(place=int, cut=int, at=int)
+    cdef void _sort(self) noexcept
+
+    @cython.locals(limit=int, place=int)
+    cdef void _short_cuts(self) noexcept
