@@ -7,7 +7,7 @@ from engine.stages.diagnosis.revision import binding_of, bound, certainties, fit
 from kb.model.faults import Cause, FaultModel, Interruption, Repair
 from kb.terms import ANYTHING, Atom, Function, Variable
 
-I, P = Variable("I"), Variable("P")
+ITEM, P = Variable("I"), Variable("P")
 BOLT, BIN, RACK = Function("bolt"), Function("bin"), Function("rack")
 
 
@@ -23,7 +23,7 @@ MODEL = FaultModel(
     "shelf",
     {
         "missing": Interruption(
-            "missing", "", dict.fromkeys(("fell", "slipped", "dark"), 1.0), Function("take", (I, P))
+            "missing", "", dict.fromkeys(("fell", "slipped", "dark"), 1.0), Function("take", (ITEM, P))
         ),
         "halt": Interruption("halt", "", {"dark": 1.0}),
     },
@@ -31,23 +31,30 @@ MODEL = FaultModel(
         "fell": Cause(
             "fell",
             "it fell",
-            doubts=(at(I, P), held(I)),
-            adds=(at(I, Function("floor")),),
-            denies=(at(I, P),),
-            loses=(I,),
+            doubts=(at(ITEM, P), held(ITEM)),
+            adds=(at(ITEM, Function("floor")),),
+            denies=(at(ITEM, P),),
+            loses=(ITEM,),
         ),
-        "slipped": Cause("slipped", "it slipped", doubts=(held(I),), denies=(held(I), at(I, ANYTHING))),
+        "slipped": Cause(
+            "slipped", "it slipped", doubts=(held(ITEM),), denies=(held(ITEM), at(ITEM, ANYTHING))
+        ),
         "dark": Cause("dark", "no light", doubts=(Function("lit"),), denies=(Function("lit"),)),
     },
     {},
     {
         "pick_up": Repair(
-            "pick_up", "picked up", 1, {"fell": 1.0}, adds=(at(I, P),), denies=(at(I, Function("floor")),)
+            "pick_up",
+            "picked up",
+            1,
+            {"fell": 1.0},
+            adds=(at(ITEM, P),),
+            denies=(at(ITEM, Function("floor")),),
         ),
         "switch_on": Repair("switch_on", "switched on", 1, {"dark": 1.0}, adds=(Function("lit"),)),
     },
 )
-BINDING = {I: BOLT, P: BIN}
+BINDING = {ITEM: BOLT, P: BIN}
 
 
 def made(*hypotheses: tuple[str, ...], isolated: bool | None = None) -> Diagnosis:
@@ -143,6 +150,6 @@ def test_facts_that_fit_what_is_withdrawn_leave_and_ground_ones_join_once() -> N
 
 
 def test_patterns_are_bound_and_fit() -> None:
-    assert bound([at(I, P)], {I: BOLT}) == (at(BOLT, P),)
-    assert fits(at(I, BIN), at(BOLT, BIN))
-    assert not fits(at(I, RACK), at(BOLT, BIN))
+    assert bound([at(ITEM, P)], {ITEM: BOLT}) == (at(BOLT, P),)
+    assert fits(at(ITEM, BIN), at(BOLT, BIN))
+    assert not fits(at(ITEM, RACK), at(BOLT, BIN))
