@@ -114,7 +114,7 @@ def devices(shop: Shop, made: Schedule, device: Device) -> set[str]:
     """What is wrong with a device whose setting is followed from minute to minute."""
     broken = set()
     setting, free = device.initial, 0
-    settings_at: dict[int, str] = {}
+    settings_at = dict.fromkeys(range(-9, 0), setting)
     for each in sorted(
         (e for e in made.adjustments if e.device == device.name), key=lambda e: (e.start, e.end)
     ):
