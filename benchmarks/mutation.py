@@ -60,7 +60,7 @@ MODULES: dict[
                 f"{DIAGNOSIS}/test_{name}.py"
                 for name in ("revision", "conversations", "knowledge", "circuits")
             ),
-            *(f"{DIAGNOSIS}/test_{name}.py" for name in ("session", "selection")),
+            *(f"{DIAGNOSIS}/test_{name}.py" for name in ("trees", "session", "selection")),
         ),
     ),
     "MACROP proof": (
