@@ -2,7 +2,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test slow check golden bench clean
+.PHONY: demo test slow check golden bench mutation clean
 .DEFAULT_GOAL := test
 
 # What is compiled: plain Python with its types beside it.
@@ -53,6 +53,12 @@ bench: $(PEERS)/ready
 	$(BIN)/python benchmarks/planning.py --peers $(PEERS)/bin/python
 	missed=0; $(BIN)/python benchmarks/sequencing.py --peers || missed=1; \
 	for each in $(MEASURED); do $(BIN)/python benchmarks/$$each.py || missed=1; done; exit $$missed
+
+# Cosmic-ray makes the mutants; it is no part of the product (docs/testing.md).
+mutation: $(VENV)/ready
+	test -x $(PEERS)/bin/python || $(PYTHON) -m venv $(PEERS)
+	$(PEERS)/bin/python -m pip install --quiet --disable-pip-version-check cosmic-ray
+	$(BIN)/python benchmarks/mutation.py --mutators $(PEERS)/bin/python
 
 clean:
 	rm -rf $(VENV) $(PEERS) build dist *.egg-info

@@ -60,7 +60,7 @@ MODULES: dict[
                 f"{DIAGNOSIS}/test_{name}.py"
                 for name in ("revision", "conversations", "knowledge", "circuits")
             ),
-            *(f"{DIAGNOSIS}/test_{name}.py" for name in ("session", "selection")),
+            *(f"{DIAGNOSIS}/test_{name}.py" for name in ("trees", "session", "selection")),
         ),
     ),
     "MACROP proof": (
@@ -92,7 +92,6 @@ def main() -> None:
     files = {
         str(path.relative_to(TOP)): module
         for module, (patterns, _) in MODULES.items()
-        if given.only in module
         for pattern in patterns
         for path in sorted(TOP.glob(pattern))
     }
@@ -103,6 +102,8 @@ def main() -> None:
         copy = Path(folder)
         _copied(copy)
         for file, module in files.items():
+            if given.only not in module:
+                continue
             own = [each for each in mutants if each["file"] == file]
             found = _tried(copy, file, module, own) if own else []
             verdicts += found

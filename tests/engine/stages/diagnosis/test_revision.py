@@ -7,7 +7,7 @@ from engine.stages.diagnosis.revision import binding_of, bound, certainties, fit
 from kb.model.faults import Cause, FaultModel, Interruption, Repair
 from kb.terms import ANYTHING, Atom, Function, Variable
 
-ITEM, PLACE = Variable("Item"), Variable("Place")
+ITEM, P = Variable("I"), Variable("P")
 BOLT, BIN, RACK = Function("bolt"), Function("bin"), Function("rack")
 
 
@@ -23,7 +23,7 @@ MODEL = FaultModel(
     "shelf",
     {
         "missing": Interruption(
-            "missing", "", dict.fromkeys(("fell", "slipped", "dark"), 1.0), Function("take", (ITEM, PLACE))
+            "missing", "", dict.fromkeys(("fell", "slipped", "dark"), 1.0), Function("take", (ITEM, P))
         ),
         "halt": Interruption("halt", "", {"dark": 1.0}),
     },
@@ -31,9 +31,9 @@ MODEL = FaultModel(
         "fell": Cause(
             "fell",
             "it fell",
-            doubts=(at(ITEM, PLACE), held(ITEM)),
+            doubts=(at(ITEM, P), held(ITEM)),
             adds=(at(ITEM, Function("floor")),),
-            denies=(at(ITEM, PLACE),),
+            denies=(at(ITEM, P),),
             loses=(ITEM,),
         ),
         "slipped": Cause(
@@ -48,13 +48,13 @@ MODEL = FaultModel(
             "picked up",
             1,
             {"fell": 1.0},
-            adds=(at(ITEM, PLACE),),
+            adds=(at(ITEM, P),),
             denies=(at(ITEM, Function("floor")),),
         ),
         "switch_on": Repair("switch_on", "switched on", 1, {"dark": 1.0}, adds=(Function("lit"),)),
     },
 )
-BINDING = {ITEM: BOLT, PLACE: BIN}
+BINDING = {ITEM: BOLT, P: BIN}
 
 
 def made(*hypotheses: tuple[str, ...], isolated: bool | None = None) -> Diagnosis:
@@ -133,8 +133,8 @@ def test_a_repair_then_does_what_it_does_and_nothing_is_lost() -> None:
 
 def test_what_is_withdrawn_is_not_restored() -> None:
     found = revision(MODEL, made(("slipped",)), {})
-    assert set(names(found.withdrawn)) == {"held(Item)", "at(Item, _)"}
-    assert "held(Item)" not in names(found.restored)
+    assert set(names(found.withdrawn)) == {"held(I)", "at(I, _)"}
+    assert "held(I)" not in names(found.restored)
 
 
 def test_facts_that_fit_what_is_withdrawn_leave_and_ground_ones_join_once() -> None:
@@ -150,6 +150,6 @@ def test_facts_that_fit_what_is_withdrawn_leave_and_ground_ones_join_once() -> N
 
 
 def test_patterns_are_bound_and_fit() -> None:
-    assert bound([at(ITEM, PLACE)], {ITEM: BOLT}) == (at(BOLT, PLACE),)
+    assert bound([at(ITEM, P)], {ITEM: BOLT}) == (at(BOLT, P),)
     assert fits(at(ITEM, BIN), at(BOLT, BIN))
     assert not fits(at(ITEM, RACK), at(BOLT, BIN))

@@ -1,17 +1,21 @@
 """Plans and worlds for the tests of macros: golden plans of the bundled cells, and the paper's own operators."""
 
+import dataclasses
 import functools
 from dataclasses import dataclass
 from pathlib import Path
 
 from engine.stages.macros.learning.generalise import Generalised, generalise
+from engine.stages.macros.lifted.bodies import satisfiable
 from engine.stages.macros.lifted.world import CellDomain, State
 from engine.stages.validation.semantics import Semantics
 from kb.loader import load
 from kb.loader.plan import load_plan
+from kb.model.conditions import And, Literal, part_variables
+from kb.model.macro import Macrop
 from kb.model.plan import Plan, Step, StepId
-from kb.model.problem import Problem
-from kb.terms import Function
+from kb.model.problem import Chain, Problem
+from kb.terms import Function, Term, Variable, substitute, substitute_atom, variables
 from tests.places import BUNDLED as DOMAINS
 
 HERE = Path(__file__).parent
@@ -75,3 +79,34 @@ def figure_4() -> Example:
         for n, name in enumerate(names, 1)
     )
     return example(problem, Plan(steps))
+
+
+def constraints_hold(macrop: Macrop, world: CellDomain, bindings: dict[Variable, Term]) -> bool:
+    """Whether an instance satisfies all that its MACROP demands of terms."""
+    typed = all(world.statics.has_type(bindings[p.variable], p.type) for p in macrop.types)
+    existential = {v for part in macrop.constraints for v in part_variables(part)} - {
+        v for s in macrop.steps for v in variables(s.operator)
+    }
+    known = {v: t for v, t in bindings.items() if v not in existential}
+    body = (*macrop.constraints, *macrop.disequalities)
+    excluded = any(satisfiable(each, world.statics, known) for each in macrop.exclusions)
+    return typed and not excluded and satisfiable(body, world.statics, known)
+
+
+def posed(found: Example, bindings: dict[Variable, Term]) -> Problem:
+    """The problem of reaching an instance's goals from the instance's own preconditions."""
+    macrop = found.learned.macrop
+    chains = tuple(
+        Chain(
+            str(substitute(chain.name, bindings)).strip('"'),
+            tuple(substitute_atom(stage, bindings) for stage in chain.stages),
+            tuple(str(substitute(name, bindings)).strip('"') for name in chain.after),
+            substitute(chain.subject, bindings) if chain.subject is not None else None,
+        )
+        for chain in macrop.chains
+    )
+    initial = tuple(
+        dict.fromkeys(substitute_atom(p.atom, bindings) for p in macrop.preconditions if p.positive)
+    )
+    goals = And(tuple(Literal(substitute_atom(g.atom, bindings), g.positive) for g in macrop.goals))
+    return dataclasses.replace(found.problem, goal=goals, chains=chains, initial=initial, complete=True)

@@ -7,22 +7,18 @@ from pathlib import Path
 import pytest
 from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
-from macro_cells import GOLDEN, Example, atom, bundled, golden
+from macro_cells import GOLDEN, Example, atom, bundled, constraints_hold, golden, posed
 
 from engine.stages.macros.learning.generalise import NotGeneral, generalise
-from engine.stages.macros.lifted.bodies import satisfiable
 from engine.stages.macros.lifted.situation import Situation
-from engine.stages.macros.lifted.world import CellDomain
 from engine.stages.macros.lookup.instantiate import instantiate
 from engine.stages.macros.lookup.matching import Work, matches
 from engine.stages.macros.lookup.program import Program
 from engine.stages.macros.lookup.query import Query
 from engine.stages.validation import validate
-from kb.model.conditions import And, Literal, part_variables
-from kb.model.macro import Macrop
+from kb.model.conditions import And, Literal
 from kb.model.plan import Plan
-from kb.model.problem import Chain, Problem
-from kb.terms import Function, Term, Variable, substitute, substitute_atom, variables
+from kb.terms import Function, Term, Variable, substitute_atom
 
 
 @pytest.mark.parametrize("path", GOLDEN, ids=lambda path: f"{path.parts[-3]}-{path.stem}")
@@ -49,36 +45,6 @@ def _leaves(term: Term) -> Iterator[Term]:
             yield from _leaves(argument)
     else:
         yield term
-
-
-def constraints_hold(macrop: Macrop, world: CellDomain, bindings: dict[Variable, Term]) -> bool:
-    typed = all(world.statics.has_type(bindings[p.variable], p.type) for p in macrop.types)
-    existential = {v for part in macrop.constraints for v in part_variables(part)} - {
-        v for s in macrop.steps for v in variables(s.operator)
-    }
-    known = {v: t for v, t in bindings.items() if v not in existential}
-    body = (*macrop.constraints, *macrop.disequalities)
-    excluded = any(satisfiable(each, world.statics, known) for each in macrop.exclusions)
-    return typed and not excluded and satisfiable(body, world.statics, known)
-
-
-def posed(found: Example, bindings: dict[Variable, Term]) -> Problem:
-    """The problem of reaching an instance's goals from the instance's own preconditions."""
-    macrop = found.learned.macrop
-    chains = tuple(
-        Chain(
-            str(substitute(chain.name, bindings)).strip('"'),
-            tuple(substitute_atom(stage, bindings) for stage in chain.stages),
-            tuple(str(substitute(name, bindings)).strip('"') for name in chain.after),
-            substitute(chain.subject, bindings) if chain.subject is not None else None,
-        )
-        for chain in macrop.chains
-    )
-    initial = tuple(
-        dict.fromkeys(substitute_atom(p.atom, bindings) for p in macrop.preconditions if p.positive)
-    )
-    goals = And(tuple(Literal(substitute_atom(g.atom, bindings), g.positive) for g in macrop.goals))
-    return dataclasses.replace(found.problem, goal=goals, chains=chains, initial=initial, complete=True)
 
 
 @pytest.mark.parametrize(

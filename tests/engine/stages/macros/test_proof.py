@@ -6,7 +6,8 @@ from collections.abc import Iterable
 import pytest
 from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
-from macro_cells import Example, example
+from macro_cells import Example, constraints_hold, example
+from macro_cells import posed as instance_of
 
 from engine.model.task import bitset, progress
 from engine.stages.grounding import ground
@@ -20,8 +21,6 @@ from kb.model.macro import Macrop
 from kb.model.plan import CausalLink, Plan, Step
 from kb.model.problem import Problem
 from kb.terms import Function, Term, Variable, substitute_atom
-from tests.engine.stages.macros.test_generalise import constraints_hold
-from tests.engine.stages.macros.test_generalise import posed as instance_of
 from tests.engine.stages.validation.plans import link, step
 from tests.engine.stages.validation.plans import problem as posed
 from tests.properties.plans import ATOMS

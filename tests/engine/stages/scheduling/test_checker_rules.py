@@ -46,73 +46,74 @@ def kinds(found: tuple[str, ...]) -> set[str]:
 
 def replayed(shop: Shop, made: Schedule) -> set[str]:
     """Which rules are broken, seen minute by minute."""
-    at = {
-        name: range(made.starts[name], made.starts[name] + stage.duration)
-        for name, stage in shop.stages.items()
-    }
-    broken = set()
-    if any(
-        minute < max(0, job.release) for job in shop.jobs for stage in job.stages for minute in at[stage.name]
-    ):
-        broken.add("release")
+    broken = (
+        {"release"}
+        if any(each < max(0, shop.owners[n].release) for n, each in made.starts.items())
+        else set()
+    )
     for window in shop.windows:
         waited = moment(made, window.later) - moment(made, window.earlier)
         if waited < window.least or (window.most is not None and waited > window.most):
             broken.add("window")
-    for resource in shop.resources:
-        broken |= loads(shop, made, resource, at)
-    for device in shop.devices:
-        broken |= devices(shop, made, device)
-    return broken
-
-
-def loads(shop: Shop, made: Schedule, resource: Resource, at: dict[str, range]) -> set[str]:
-    """What is wrong with what a resource does, minute by minute."""
-    broken = set()
-    taken = [at[name] for name, stage in shop.stages.items() if resource.name in stage.resources]
-    holds = [hold for hold in shop.holds if hold.resource == resource.name]
-    taken += [range(moment(made, hold.begin), moment(made, hold.end)) for hold in holds]  # type: ignore[arg-type]
-    taken += [
-        range(e.start, e.end) for e in made.adjustments if shop.device[e.device].operator == resource.name
-    ]
-    if any(sum(minute in each for each in taken) > resource.capacity for minute in range(-5, 30)):
-        broken.add("load")
-    if any(moment(made, hold.end) < moment(made, hold.begin) for hold in holds):  # type: ignore[arg-type]
+    if any(moment(made, hold.end) < moment(made, hold.begin) for hold in shop.holds):
         broken.add("hold")
-    if resource.travel and any(walked(shop, made, resource)):
+    if any(crowded(shop, made, resource) for resource in shop.resources):
+        broken.add("load")
+    if any(hurried(shop, made, resource) for resource in shop.resources):
         broken.add("travel")
-    return broken
+    return broken.union(*(devices(shop, made, device) for device in shop.devices))
 
 
-def moment(made: Schedule, when: Moment) -> int:
+def crowded(shop: Shop, made: Schedule, resource: Resource) -> bool:
+    """Whether more units are taken in some minute than there are."""
+    taken = [
+        range(made.starts[name], made.starts[name] + stage.duration)
+        for name, stage in shop.stages.items()
+        if resource.name in stage.resources
+    ]
+    taken += [
+        range(moment(made, hold.begin), moment(made, hold.end))
+        for hold in shop.holds
+        if hold.resource == resource.name
+    ]
+    taken += [
+        range(each.start, each.end)
+        for each in made.adjustments
+        if shop.device[each.device].operator == resource.name
+    ]
+    return any(sum(minute in each for each in taken) > resource.capacity for minute in range(-5, 30))
+
+
+def moment(made: Schedule, when: Moment | None) -> int:
+    assert when is not None
     return made.starts[when.stage] + when.offset
 
 
-def walked(shop: Shop, made: Schedule, resource: Resource) -> list[bool]:
-    """For each piece of work whether the way to it takes longer than there is."""
-    works = [(0, 0, "", resource.home)]
-    for name, stage in shop.stages.items():
-        if resource.name in stage.resources:
-            works.append(
-                (made.starts[name], made.starts[name] + stage.duration, stage.origin, stage.destination)
-            )
+def hurried(shop: Shop, made: Schedule, resource: Resource) -> bool:
+    """Whether the way to some piece of work takes longer than there is."""
+    works = [
+        (made.starts[name], made.starts[name] + stage.duration, stage.origin, stage.destination)
+        for name, stage in shop.stages.items()
+        if resource.name in stage.resources
+    ]
     works += [
         (each.start, each.end, each.change.origin, each.change.destination)
         for each in made.adjustments
         if shop.device[each.device].operator == resource.name
     ]
-    works[1:] = sorted(works[1:])
-    return [
+    works = [(0, 0, "", resource.home), *sorted(works)]
+    return any(
         other[0] - one[1] < resource.travel.get((one[3], other[2]), 0)
         for one, other in itertools.pairwise(works)
-    ]
+        if resource.travel
+    )
 
 
 def devices(shop: Shop, made: Schedule, device: Device) -> set[str]:
     """What is wrong with a device whose setting is followed from minute to minute."""
     broken = set()
     setting, free = device.initial, 0
-    settings_at: dict[int, str] = {}
+    settings_at = dict.fromkeys(range(-9, 0), setting)
     for each in sorted(
         (e for e in made.adjustments if e.device == device.name), key=lambda e: (e.start, e.end)
     ):
