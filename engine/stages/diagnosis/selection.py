@@ -149,9 +149,7 @@ class Selector:
         while True:
             table = self._followed.setdefault(rule, Memo(1 << 12, 0))
             table.resume(0)
-            cost = rollout.follow(
-                self.exact.beliefs, self.groups, table, self._trail(weights), 0, rest, rule
-            )
+            cost = rollout.follow(self.exact.beliefs, self.groups, table, self._trail(weights), 0, rest, rule)
             if not table.full:
                 return cost
             self._followed[rule] = _longer(table)

@@ -19,7 +19,9 @@ class States:
     def __init__(self, problem: Beliefs, prior: Floats, radix: Longs) -> None:
         """Raises `ValueError` unless each action has a radix from 1 to the number of outcomes plus one."""
         if radix.shape != (problem.actions,) or not ((radix >= 1) & (radix <= problem.outcomes + 1)).all():
-            raise ValueError(f"a radix of 1 to {problem.outcomes + 1} was expected for each action, not {radix}")
+            raise ValueError(
+                f"a radix of 1 to {problem.outcomes + 1} was expected for each action, not {radix}"
+            )
         places = np.cumprod(np.concatenate([np.ones(1, np.int64), radix]))
         self.problem, self.count = problem, int(radix.prod())
         self.found = np.zeros((len(problem.costs), self.count))

@@ -70,7 +70,7 @@ def mass(problem: Partition, causes: int) -> float:
 
 def is_final(problem: Partition, causes: int) -> bool:
     """Whether something may be concluded while all of these are possible."""
-    for goal in range(problem.conclusions):
+    for goal in range(problem.conclusions):  # noqa: SIM110  (`any` over a generator would not compile to a loop)
         if causes & ~problem.goals[goal] == 0:
             return True
     return False

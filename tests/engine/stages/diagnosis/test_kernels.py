@@ -19,7 +19,18 @@ Modules = dict[str, ModuleType]
 PACKAGE = engine.stages.diagnosis.kernels
 PLAIN: Modules = interpreted_package(PACKAGE)
 IMPORTED: Modules = {name: importlib.import_module(f"{PACKAGE.__name__}.{name}") for name in PLAIN}
-EVERY = ("likelihoods", "masks", "ends", "repairs", "costs", "following", "losses", "known", "shifts", "widths")
+EVERY = (
+    "likelihoods",
+    "masks",
+    "ends",
+    "repairs",
+    "costs",
+    "following",
+    "losses",
+    "known",
+    "shifts",
+    "widths",
+)
 BUDGETS = (1, 3, 10_000)
 
 
