@@ -1,13 +1,11 @@
 """A troubleshooting problem as the arrays that the compiled searches read."""
 
 import numpy as np
-from numpy.typing import NDArray
 
+from engine.kernels.arrays import Floats, Longs, Truths
 from engine.model.troubleshooting import Action, Setup, Troubleshooting, field_bits, situation_bits
 from engine.stages.diagnosis.kernels.belief import Beliefs
 from engine.stages.diagnosis.kernels.partition import Partition
-
-Floats = NDArray[np.float64]
 
 
 def beliefs(problem: Troubleshooting) -> Beliefs:
@@ -20,9 +18,9 @@ def beliefs(problem: Troubleshooting) -> Beliefs:
         likelihoods[index, : len(action.outcomes)] = action.likelihoods
         ends[index, list(action.ends)] = True
     masks = (likelihoods > 0.0) @ (1 << np.arange(causes, dtype=np.int64))
-    repairs: NDArray[np.bool_] = np.logical_or.reduce(ends, axis=1)
+    repairs: Truths = np.logical_or.reduce(ends, axis=1)
     costs, following = _setup(actions, problem.setup)
-    losses = np.array([each.losses for each in problem.conclusions]).reshape(-1, causes)
+    losses = np.array([each.losses for each in problem.conclusions], np.float64).reshape(-1, causes)
     widths = np.array([field_bits(action) for action in actions], dtype=np.int64)
     base = situation_bits(problem.setup)
     shifts = base + np.concatenate([np.zeros(1, dtype=np.int64), np.cumsum(widths)[:-1]])[: len(actions)]
@@ -65,17 +63,17 @@ def partition(problem: Troubleshooting) -> Partition | None:
     )
 
 
-def groups(problem: Troubleshooting) -> NDArray[np.int64]:
+def groups(problem: Troubleshooting) -> Longs:
     """For each cause (C,) the number of its group; causes that may be concluded together are in one."""
     found = np.arange(len(problem.causes), dtype=np.int64)
-    losses = np.array([each.losses for each in problem.conclusions]).reshape(-1, len(found))
+    losses = np.array([each.losses for each in problem.conclusions], np.float64).reshape(-1, len(found))
     for group in _merged([int(goal) for goal in _goals(problem, losses)]):
         members = (group >> np.arange(len(found), dtype=np.int64)) & 1 == 1
         found[members] = found[members].min()
     return found
 
 
-def _goals(problem: Troubleshooting, losses: Floats) -> NDArray[np.int64]:
+def _goals(problem: Troubleshooting, losses: Floats) -> Longs:
     """The sets of causes under which a conclusion loses nothing, of those conclusions that are barred elsewhere."""
     barred = np.isin(losses, (0.0, np.inf)).all(axis=1) if len(losses) else np.zeros(0, dtype=np.bool_)
     powers = 1 << np.arange(len(problem.causes), dtype=np.int64)
@@ -84,12 +82,12 @@ def _goals(problem: Troubleshooting, losses: Floats) -> NDArray[np.int64]:
 
 def priors(problem: Troubleshooting) -> Floats:
     """The weights to begin with."""
-    return np.array(problem.priors)
+    return np.array(problem.priors, np.float64)
 
 
-def _setup(actions: tuple[Action, ...], setup: Setup | None) -> tuple[Floats, NDArray[np.int64]]:
+def _setup(actions: tuple[Action, ...], setup: Setup | None) -> tuple[Floats, Longs]:
     """Costs with set-up, and situations afterwards; both (situations, actions)."""
-    own = np.array([[action.cost for action in actions]])
+    own = np.array([[action.cost for action in actions]], np.float64)
     if setup is None:
         return own, np.zeros(own.shape, dtype=np.int64)
     shape = (len(setup.costs), len(actions))
@@ -98,7 +96,7 @@ def _setup(actions: tuple[Action, ...], setup: Setup | None) -> tuple[Floats, ND
     )
 
 
-def _known(losses: Floats, likelihoods: Floats, ends: NDArray[np.bool_], costs: Floats) -> Floats:
+def _known(losses: Floats, likelihoods: Floats, ends: Truths, costs: Floats) -> Floats:
     """For each cause the least it could cost to end the case if the cause were known.
 
     Concluding costs a loss; a repair that ends the case with probability p costs c, so that curing costs at least the

@@ -10,13 +10,13 @@ from typing import Protocol
 
 import numpy as np
 
+from engine.kernels.arrays import Floats
 from engine.model.troubleshooting import Troubleshooting
 from engine.stages.diagnosis import arrays
-from engine.stages.diagnosis.arrays import Floats
 from engine.stages.diagnosis.kernels import belief, dense, partition
-from engine.stages.diagnosis.kernels.belief import Beliefs
-from engine.stages.diagnosis.kernels.memo import BUDGET, EXPANSIONS, FULL, RUNNING, STATUS, Memo, grown, memo
-from engine.stages.diagnosis.kernels.partition import Partition
+from engine.stages.diagnosis.kernels.belief import Beliefs, Trail
+from engine.stages.diagnosis.kernels.memo import Memo
+from engine.stages.diagnosis.kernels.partition import Partition, Room
 
 FIRST_LENGTH = 1 << 14
 CHEAPER = 8  # a state met in passing costs about as much as an eighth of an expansion
@@ -64,7 +64,7 @@ def begun(
         after = weights * problem.likelihoods[action, outcome]
         if problem.ends[action, outcome] or not after.any():
             continue
-        then = int(belief.rest_after(problem, action, outcome, rest))
+        then = belief.rest_after(problem, action, outcome, rest)
         found, proved = search.value(after, then, limit - total, expansions)
         total += found
         if not proved:
@@ -79,39 +79,41 @@ class BranchAndBound:
     beliefs: Beliefs
     partition: Partition | None
     interrupted: Interrupted = never
-    table: Memo = field(default_factory=lambda: memo(FIRST_LENGTH, 0))
+    table: Memo = field(default_factory=lambda: Memo(FIRST_LENGTH, 0))
 
     def value(self, weights: Floats, rest: int, limit: float, expansions: int) -> tuple[float, bool]:
         """As the protocol says."""
         last = self.spent + expansions
         while True:
-            self.table.counts[BUDGET] = min(last, self.spent + SLICE)
-            self.table.counts[STATUS] = RUNNING
+            self.table.resume(min(last, self.spent + SLICE))
             found = self._solve(weights, rest, limit)
-            if self.table.counts[STATUS] == RUNNING:
+            if self.table.full:
+                self.table = self.table.grown()
+            elif not self.table.spent:
                 return found, found < limit
-            if self.table.counts[STATUS] == FULL:
-                self.table = grown(self.table)
             elif self.spent >= last or self.interrupted():
                 return found, False
 
     def estimate(self, action: int, weights: Floats, rest: int) -> float:
         """As the protocol says."""
-        causes = int(belief.possible(weights))
+        trail = Trail(self.beliefs, weights)
+        causes = trail.possible(0)
         if self.partition is None:
-            return float(belief.estimate(self.beliefs, self.table, action, causes, weights, rest))
-        return float(partition.estimate(self.partition, self.table, action, causes, rest))
+            return belief.estimate(self.beliefs, self.table, trail, 0, action, causes, rest)
+        room = Room(self.partition)
+        return partition.estimate(self.partition, self.table, room, action, causes, rest)
 
     @property
     def spent(self) -> int:
         """Expansions so far."""
-        return int(self.table.counts[EXPANSIONS])
+        return self.table.expansions
 
     def _solve(self, weights: Floats, rest: int, limit: float) -> float:
+        trail = Trail(self.beliefs, weights)
         if self.partition is None:
-            return float(belief.solve(self.beliefs, self.table, weights, rest, limit))
-        causes = int(belief.possible(weights))
-        return float(partition.solve(self.partition, self.table, causes, rest, limit))
+            return belief.solve(self.beliefs, self.table, trail, 0, rest, limit)
+        room = Room(self.partition)
+        return partition.solve(self.partition, self.table, room, 0, trail.possible(0), rest, limit)
 
 
 @dataclass

@@ -10,16 +10,17 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from engine.kernels.arrays import Floats
 from engine.model.troubleshooting import Advice, Conclude, Standing, Tree, Troubleshooting, Try
 from engine.stages.diagnosis import arrays
-from engine.stages.diagnosis.arrays import Floats
 from engine.stages.diagnosis.exact import Interrupted, Searcher, begun, never, searcher
 from engine.stages.diagnosis.kernels import belief, rollout
-from engine.stages.diagnosis.kernels.memo import FULL, RUNNING, STATUS, Memo, memo
+from engine.stages.diagnosis.kernels.belief import Trail
+from engine.stages.diagnosis.kernels.memo import Memo
 
 EXPANSIONS = 200_000
 LEAVES = 10_000  # up to as many a third step is looked ahead
-RULES = {"gain": rollout.GAIN, "pairs": rollout.PAIRS, "p/c": rollout.CURES}
+RULES = rollout.RULES
 TIE = 1e-9
 
 
@@ -34,13 +35,13 @@ class Selector:
 
     def __post_init__(self) -> None:
         self.exact = searcher(self.problem, self.expansions, self.interrupted)
-        self.groups = arrays.groups(self.problem)
-        self._bases = (memo(1 << 12, 0), memo(1 << 12, 0), memo(1 << 12, 0))
+        self.groups = rollout.Groups(self.exact.beliefs, arrays.groups(self.problem))
+        self._bases = (Memo(1 << 12, 0), Memo(1 << 12, 0), Memo(1 << 12, 0))
         self._followed: dict[int, Memo] = {}
 
     def start(self, situation: int = 0) -> Standing:
         """The beginning: every cause of positive prior is possible, nothing was seen."""
-        return Standing(int(belief.possible(arrays.priors(self.problem))), 0, situation)
+        return Standing(self._trail(arrays.priors(self.problem)).possible(0), 0, situation)
 
     def advise(self, standing: Standing) -> Advice:
         """What to do next. Raises `ValueError` when no cause is possible any more."""
@@ -73,7 +74,7 @@ class Selector:
         weights, rest = self._state(standing)
         problem = self.exact.beliefs
         after = weights * problem.likelihoods[action, outcome]
-        return self._standing(after, int(belief.rest_after(problem, action, outcome, rest)))
+        return self._standing(after, belief.rest_after(problem, action, outcome, rest))
 
     def tree(
         self, standing: Standing | None = None, choose: Callable[[Standing], Advice] | None = None
@@ -88,8 +89,9 @@ class Selector:
         def choose(standing: Standing) -> Advice:
             weights, rest = self._state(standing)
             cost = self._follow(weights, rest, RULES[name])
-            action = int(rollout.greedy(self.exact.beliefs, self.groups, weights, rest, RULES[name]))
-            stops = action < 0 or float(belief.stop(self.exact.beliefs, weights)) <= cost
+            trail = self._trail(weights)
+            action = rollout.greedy(self.exact.beliefs, self.groups, trail, 0, rest, RULES[name])
+            stops = action < 0 or belief.stop(self.exact.beliefs, trail, 0) <= cost
             conclusion = self._conclusion(weights) if stops else None
             return Advice(None if stops else action, conclusion, cost / float(weights.sum()), 0.0, False)
 
@@ -101,7 +103,7 @@ class Selector:
         advice = choose(standing)
         if advice.action is None:
             conclusion = advice.conclusion
-            loss = float(belief.stop(self.exact.beliefs, weights)) / total
+            loss = belief.stop(self.exact.beliefs, self._trail(weights), 0) / total
             return Conclude(total / root, conclusion, loss)
         problem, action = self.exact.beliefs, advice.action
         branches: list[tuple[int, Tree]] = []
@@ -119,7 +121,7 @@ class Selector:
     def _first_best(self, weights: Floats, rest: int, value: float) -> int | None:
         """The first action declared that is optimal; None to stop, which comes before every action."""
         limit = value * (1.0 + TIE) + 1e-15
-        if float(belief.stop(self.exact.beliefs, weights)) <= limit:
+        if belief.stop(self.exact.beliefs, self._trail(weights), 0) <= limit:
             return None
         for action in self._telling(weights, rest):
             if self.exact.estimate(action, weights, rest) < limit:
@@ -131,30 +133,33 @@ class Selector:
     def _rollout(self, weights: Floats, rest: int) -> tuple[int | None, float]:
         while True:
             for base in self._bases:
-                base.counts[STATUS] = RUNNING
+                base.resume(0)
             problem = self.exact.beliefs
             steps = 3 if problem.masks.size**3 <= LEAVES else 2
             action, cost = rollout.look_ahead(
-                problem, self.groups, self._bases, weights, rest, steps, math.inf
+                problem, self.groups, self._bases, self._trail(weights), 0, rest, steps, math.inf
             )
-            if all(base.counts[STATUS] != FULL for base in self._bases):
-                return (None if action < 0 else int(action)), float(cost)
+            if not any(base.full for base in self._bases):
+                return (None if action < 0 else action), cost
             one, two, three = self._bases
             self._bases = (_longer(one), _longer(two), _longer(three))
 
     def _follow(self, weights: Floats, rest: int, rule: int) -> float:
         """The weighted cost of a one-step rule."""
         while True:
-            table = self._followed.setdefault(rule, memo(1 << 12, 0))
-            table.counts[STATUS] = RUNNING
-            cost = rollout.follow(self.exact.beliefs, self.groups, table, weights, rest, rule)
-            if table.counts[STATUS] != FULL:
-                return float(cost)
+            table = self._followed.setdefault(rule, Memo(1 << 12, 0))
+            table.resume(0)
+            cost = rollout.follow(self.exact.beliefs, self.groups, table, self._trail(weights), 0, rest, rule)
+            if not table.full:
+                return cost
             self._followed[rule] = _longer(table)
 
     def _telling(self, weights: Floats, rest: int) -> list[int]:
-        actions = range(len(self.problem.actions))
-        return [a for a in actions if belief.tells(self.exact.beliefs, a, weights, rest)]
+        trail, actions = self._trail(weights), range(len(self.problem.actions))
+        return [a for a in actions if belief.tells(self.exact.beliefs, trail, 0, a, rest)]
+
+    def _trail(self, weights: Floats) -> Trail:
+        return Trail(self.exact.beliefs, weights)
 
     def _others(self, weights: Floats, rest: int, chosen: int | None) -> tuple[tuple[int, float], ...]:
         total = float(weights.sum())
@@ -185,8 +190,8 @@ class Selector:
 
     def _standing(self, weights: Floats, rest: int) -> Standing:
         bits = self.exact.beliefs.situations
-        return Standing(int(belief.possible(weights)), rest >> bits, rest & ((1 << bits) - 1))
+        return Standing(self._trail(weights).possible(0), rest >> bits, rest & ((1 << bits) - 1))
 
 
 def _longer(base: Memo) -> Memo:
-    return memo(4 * base.possible.shape[0], 0)
+    return Memo(4 * base.length, 0)

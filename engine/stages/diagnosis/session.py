@@ -8,9 +8,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from engine.kernels.arrays import Floats
 from engine.model.cases import Case, Diagnosis, Hypothesis, Observation, Question, Stage
 from engine.model.troubleshooting import Action, Advice, Standing
-from engine.stages.diagnosis.arrays import Floats
 from engine.stages.diagnosis.exact import Interrupted, never
 from engine.stages.diagnosis.knowledge import Objective, PlanSetup, case_of, no_setup, open_case
 from engine.stages.diagnosis.multiple import explanations

@@ -1,206 +1,230 @@
+# cython: language_level=3, annotation_typing=False, boundscheck=False, wraparound=False, initializedcheck=False
+# cython: cdivision=True
 """Exact search where outcomes are uncertain: a state is the causes still possible and the outcomes seen, in two words.
 
 The same branch and bound as over partitions; beliefs are carried along as weights, the prior times the likelihoods of
 what was seen. The bound is what the case would cost if the cause were known.
 """
 
-from typing import NamedTuple
+from math import inf
 
 import numpy as np
-from numpy.typing import NDArray
 
-from engine.stages.diagnosis.kernels import compiled
-from engine.stages.diagnosis.kernels.memo import (
-    RUNNING,
-    STATUS,
-    Floats,
-    Longs,
-    Memo,
-    conclude,
-    enter,
-    expand,
-    insert,
-    slot,
-)
-
-Flags = NDArray[np.bool_]
+from engine.kernels.arrays import Floats, Longs, Truths
+from engine.stages.diagnosis.kernels.memo import Memo, reals
+from engine.stages.diagnosis.kernels.ranking import Ranking
 
 
-class Beliefs(NamedTuple):
+class Beliefs:
     """A problem in arrays: C causes, A actions, O outcomes, K situations, G conclusions.
 
-    `likelihoods` (A, O, C); `masks` (A, O) the causes under which an outcome is possible; `ends` (A, O), and `repairs` (A,) the actions that have one; `costs` and
-    `following` (K, A); `losses` (G, C) of the conclusions; `known` (C,) a lower bound of the cost if c were known.
-    The rest of a key is the situation in its lowest bits and, at `shifts` (A,), the outcome of action a plus one in
-    `widths` (A,) bits, none for actions whose outcomes are certain.
+    Each array stands here twice: by its name for NumPy, and with an underscore for kernels.
     """
 
-    likelihoods: Floats
-    masks: Longs
-    ends: Flags
-    repairs: Flags
-    costs: Floats
-    following: Longs
-    losses: Floats
-    known: Floats
-    shifts: Longs
-    widths: Longs
-    situations: int
+    def __init__(
+        self,
+        likelihoods: Floats,
+        masks: Longs,
+        ends: Truths,
+        repairs: Truths,
+        costs: Floats,
+        following: Longs,
+        losses: Floats,
+        known: Floats,
+        shifts: Longs,
+        widths: Longs,
+        situations: int,
+    ) -> None:
+        """Takes `likelihoods` (A, O, C); `masks` (A, O) the causes under which an outcome is possible; `ends` (A, O), and
+        `repairs` (A,) the actions that have one; `costs` and `following` (K, A); `losses` (G, C) of the conclusions;
+        `known` (C,) a lower bound of the cost if c were known. The rest of a key is the situation in its lowest bits
+        (`situations` of them) and, at `shifts` (A,), the outcome of action a plus one in `widths` (A,) bits, none for
+        actions whose outcomes are certain. Raises `ValueError` where shapes do not agree.
+        """
+        self.actions, self.outcomes, self.causes = likelihoods.shape
+        self.conclusions, self.changes = len(losses), len(costs)
+        table, row = (self.actions, self.outcomes), (self.actions,)
+        agree = masks.shape == ends.shape == table and repairs.shape == shifts.shape == widths.shape == row
+        agree = agree and costs.shape == following.shape == (self.changes, self.actions)
+        if not agree or losses.shape[1:] != (self.causes,) or known.shape != (self.causes,):
+            raise ValueError(f"the arrays of a problem do not fit likelihoods {likelihoods.shape}")
+        self.likelihoods, self.masks, self.ends, self.repairs = likelihoods, masks, ends, repairs
+        self.costs, self.following, self.losses, self.known = costs, following, losses, known
+        self.shifts, self.widths, self.situations = shifts, widths, situations
+        self._likelihoods, self._masks = reals(likelihoods), memoryview(masks)
+        self._ends, self._repairs = memoryview(ends.view(np.uint8)), memoryview(repairs.view(np.uint8))
+        self._costs, self._following = reals(costs), memoryview(following)
+        self._losses, self._known = reals(losses), reals(known)
+        self._shifts, self._widths = memoryview(shifts), memoryview(widths)
 
 
-@compiled
-def stop(problem: Beliefs, weights: Floats) -> float:
+class Trail:
+    """Weights (levels, C) on the way from one state to others, and the `ranking` of the actions at each level.
+
+    No way is longer than the number of actions: an action that was done tells nothing more.
+    """
+
+    def __init__(self, problem: Beliefs, weights: Floats) -> None:
+        """Begins at level 0 with weights (C,). Raises `ValueError` unless there is one for each cause."""
+        if weights.shape != (problem.causes,):
+            raise ValueError(f"{problem.causes} weights were expected, not {weights.shape}")
+        levels = problem.actions + 2
+        rows = np.zeros((levels, problem.causes))
+        rows[0] = weights
+        self.causes, self.weights = problem.causes, reals(rows)
+        self.ranking = Ranking(levels, problem.actions)
+
+    def mass(self, level: int) -> float:
+        """The sum of the weights."""
+        total = 0.0
+        for cause in range(self.causes):
+            total += self.weights[level, cause]
+        return total
+
+    def possible(self, level: int) -> int:
+        """The causes that have a weight, as a set."""
+        found, bit = 0, 1
+        for cause in range(self.causes):
+            if self.weights[level, cause] > 0.0:
+                found |= bit
+            bit <<= 1
+        return found
+
+    def follow(self, problem: Beliefs, level: int, action: int, outcome: int) -> None:
+        """Write the weights of the next level: those when an action had an outcome."""
+        for cause in range(self.causes):
+            likelihood = problem._likelihoods[action, outcome, cause]
+            self.weights[level + 1, cause] = self.weights[level, cause] * likelihood
+
+
+def stop(problem: Beliefs, trail: Trail, level: int) -> float:
     """The loss of the best conclusion; infinite where none may be drawn."""
-    best = np.inf
-    for conclusion in range(problem.losses.shape[0]):
+    best = inf
+    for conclusion in range(problem.conclusions):
         loss = 0.0
-        for cause in range(weights.shape[0]):
-            if weights[cause] > 0.0:
-                loss += weights[cause] * problem.losses[conclusion, cause]
+        for cause in range(problem.causes):
+            weight = trail.weights[level, cause]
+            if weight > 0.0:
+                loss += weight * problem._losses[conclusion, cause]
         best = min(best, loss)
     return best
 
 
-@compiled
-def floor_of(problem: Beliefs, weights: Floats) -> float:
+def floor_of(problem: Beliefs, trail: Trail, level: int) -> float:
     """What the case costs at least from these weights."""
     total = 0.0
-    for cause in range(weights.shape[0]):
-        total += weights[cause] * problem.known[cause]
+    for cause in range(problem.causes):
+        total += trail.weights[level, cause] * problem._known[cause]
     return total
 
 
-@compiled
 def is_done(problem: Beliefs, action: int, rest: int) -> bool:
     """Whether the key tells an outcome of an action; of those whose outcomes are certain it tells none."""
-    return bool((rest >> problem.shifts[action]) & ((1 << problem.widths[action]) - 1))
+    return (rest >> problem._shifts[action]) & ((1 << problem._widths[action]) - 1) != 0
 
 
-@compiled
-def _ended(problem: Beliefs, action: int, weights: Floats) -> float:
+def _ended(problem: Beliefs, trail: Trail, level: int, action: int) -> float:
     """What an action saves of the least cost by the outcomes that end the case."""
     saved = 0.0
-    for outcome in range(problem.masks.shape[1]):
-        if problem.ends[action, outcome]:
-            for cause in range(weights.shape[0]):
-                saved += weights[cause] * problem.likelihoods[action, outcome, cause] * problem.known[cause]
+    for outcome in range(problem.outcomes):
+        if problem._ends[action, outcome]:
+            for cause in range(problem.causes):
+                likelihood = problem._likelihoods[action, outcome, cause]
+                saved += trail.weights[level, cause] * likelihood * problem._known[cause]
     return saved
 
 
-@compiled
-def tells(problem: Beliefs, action: int, weights: Floats, rest: int) -> bool:
+def tells(problem: Beliefs, trail: Trail, level: int, action: int, rest: int) -> bool:
     """Whether an action is still to be done and may end the case or change the belief."""
     if is_done(problem, action, rest):
         return False
-    for outcome in range(problem.likelihoods.shape[1]):
-        first = -1.0
-        for cause in range(weights.shape[0]):
-            if weights[cause] > 0.0:
-                value = problem.likelihoods[action, outcome, cause]
-                if (problem.ends[action, outcome] and value > 0.0) or (first >= 0.0 and value != first):
+    for outcome in range(problem.outcomes):
+        first, ends = -1.0, problem._ends[action, outcome] != 0
+        for cause in range(problem.causes):
+            if trail.weights[level, cause] > 0.0:
+                value = problem._likelihoods[action, outcome, cause]
+                if (ends and value > 0.0) or (first >= 0.0 and value != first):
                     return True
                 first = value
     return False
 
 
-@compiled
 def situation_of(problem: Beliefs, rest: int) -> int:
     """The situation that a key names."""
     return rest & ((1 << problem.situations) - 1)
 
 
-@compiled
 def rest_after(problem: Beliefs, action: int, outcome: int, rest: int) -> int:
     """The rest of the key when an action had an outcome."""
     situation = situation_of(problem, rest)
-    after = rest ^ situation ^ problem.following[situation, action]
-    return int(after | ((outcome + 1) << problem.shifts[action]) if problem.widths[action] else after)
-
-
-@compiled
-def weights_after(problem: Beliefs, action: int, outcome: int, weights: Floats) -> Floats:
-    """The weights when an action had an outcome."""
-    after: Floats = weights * problem.likelihoods[action, outcome]
+    after = rest ^ situation ^ problem._following[situation, action]
+    if problem._widths[action]:
+        after |= (outcome + 1) << problem._shifts[action]
     return after
 
 
-@compiled
-def possible(weights: Floats) -> int:
-    """The causes that have a weight, as a set."""
-    found = 0
-    for cause in range(weights.shape[0]):
-        if weights[cause] > 0.0:
-            found |= 1 << cause
-    return found
-
-
-@compiled
-def lower(problem: Beliefs, table: Memo, weights: Floats, rest: int) -> float:
+def lower(problem: Beliefs, table: Memo, trail: Trail, level: int, rest: int) -> float:
     """What is known so far of the value from below: stop now, or pay for a step and then at least for what is known."""
-    causes = possible(weights)
-    at = slot(table, causes, rest)
+    causes = trail.possible(level)
+    at = table.slot(causes, rest)
     if table.possible[at] != 0:
-        return float(table.value[at])
-    stopping, base, total = stop(problem, weights), floor_of(problem, weights), weights.sum()
-    least, situation = np.inf, situation_of(problem, rest)
-    for action in range(problem.masks.shape[0]):
+        return table.value[at]
+    stopping, base = stop(problem, trail, level), floor_of(problem, trail, level)
+    least, total, situation = inf, trail.mass(level), situation_of(problem, rest)
+    for action in range(problem.actions):
         if base < stopping and not is_done(problem, action, rest):
-            value = problem.costs[situation, action] * total + base
-            if problem.repairs[action]:
-                value -= _ended(problem, action, weights)
+            value = problem._costs[situation, action] * total + base
+            if problem._repairs[action]:
+                value -= _ended(problem, trail, level, action)
             least = min(least, value)
-    enter(table, at, causes, rest, min(stopping, max(least, base)), stopping <= max(least, base))
-    return float(table.value[at])
+    least = max(least, base)
+    table.enter(at, causes, rest, min(stopping, least), stopping <= least)
+    return table.value[at]
 
 
-@compiled
-def estimate(problem: Beliefs, table: Memo, action: int, causes: int, weights: Floats, rest: int) -> float:
+def estimate(
+    problem: Beliefs, table: Memo, trail: Trail, level: int, action: int, causes: int, rest: int
+) -> float:
     """A lower bound of beginning with an action."""
-    value = problem.costs[situation_of(problem, rest), action] * weights.sum()
-    for outcome in range(problem.masks.shape[1]):
-        if causes & problem.masks[action, outcome] and not problem.ends[action, outcome]:
-            after = weights_after(problem, action, outcome, weights)
-            value += lower(problem, table, after, rest_after(problem, action, outcome, rest))
-    return float(value)
+    value = problem._costs[situation_of(problem, rest), action] * trail.mass(level)
+    for outcome in range(problem.outcomes):
+        if causes & problem._masks[action, outcome] and not problem._ends[action, outcome]:
+            trail.follow(problem, level, action, outcome)
+            value += lower(problem, table, trail, level + 1, rest_after(problem, action, outcome, rest))
+    return value
 
 
-@compiled
-def ranked(problem: Beliefs, table: Memo, weights: Floats, rest: int) -> tuple[Longs, Floats, int]:
-    """The actions that tell something, by the lower bound of beginning with them; how many there are."""
-    actions, causes = problem.masks.shape[0], possible(weights)
-    order, values = np.empty(actions, np.int64), np.empty(actions)
+def ranked(problem: Beliefs, table: Memo, trail: Trail, level: int, causes: int, rest: int) -> int:
+    """Rank the actions that tell something by the lower bound of beginning with them; how many there are."""
     count = 0
-    for action in range(actions):
-        if not tells(problem, action, weights, rest):
-            continue
-        value = estimate(problem, table, action, causes, weights, rest)
-        count = insert(action, value, order, values, count)
-    return order, values, count
+    for action in range(problem.actions):
+        if tells(problem, trail, level, action, rest):
+            value = estimate(problem, table, trail, level, action, causes, rest)
+            count = trail.ranking.insert(level, action, value, count)
+    return count
 
 
-@compiled
-def solve(problem: Beliefs, table: Memo, weights: Floats, rest: int, limit: float) -> float:
+def solve(problem: Beliefs, table: Memo, trail: Trail, level: int, rest: int, limit: float) -> float:
     """The value of a state if it is below `limit`; otherwise, or when the budget is spent, a lower bound of it."""
-    known, causes = lower(problem, table, weights, rest), possible(weights)
-    at = slot(table, causes, rest)
-    if table.exact[at] or known >= limit or table.counts[STATUS] != RUNNING:
+    known, causes = lower(problem, table, trail, level, rest), trail.possible(level)
+    if table.exact[table.slot(causes, rest)] or known >= limit or table.spent or table.full:
         return known
-    expand(table)
-    order, values, count = ranked(problem, table, weights, rest)
-    floor = stop(problem, weights)
+    table.expand()
+    count = ranked(problem, table, trail, level, causes, rest)
+    floor = stop(problem, trail, level)
     best = min(limit, floor)
     for rank in range(count):
-        action = order[rank]
-        value = estimate(problem, table, action, causes, weights, rest)  # more may be known by now
-        for outcome in range(problem.masks.shape[1]):
-            seen = causes & problem.masks[action, outcome]
-            if value < best and seen != 0 and not problem.ends[action, outcome]:
-                after = weights_after(problem, action, outcome, weights)
+        action = trail.ranking.order[level, rank]
+        value = estimate(problem, table, trail, level, action, causes, rest)  # more may be known by now
+        for outcome in range(problem.outcomes):
+            seen = causes & problem._masks[action, outcome]
+            if value < best and seen != 0 and not problem._ends[action, outcome]:
+                trail.follow(problem, level, action, outcome)
                 then = rest_after(problem, action, outcome, rest)
-                guess = lower(problem, table, after, then)
-                value += solve(problem, table, after, then, np.inf) - guess
+                guess = lower(problem, table, trail, level + 1, then)
+                value += solve(problem, table, trail, level + 1, then, inf) - guess
         floor, best = min(floor, value), min(best, value)
-        if rank + 1 < count and values[rank + 1] >= best:  # so are all that follow
-            floor = min(floor, values[rank + 1])
+        if rank + 1 < count and trail.ranking.values[level, rank + 1] >= best:  # so are all that follow
+            floor = min(floor, trail.ranking.values[level, rank + 1])
             break
-    return conclude(table, causes, rest, floor, limit)
+    return table.conclude(causes, rest, floor, limit)

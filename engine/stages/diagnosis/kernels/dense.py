@@ -1,3 +1,5 @@
+# cython: language_level=3, annotation_typing=False, boundscheck=False, wraparound=False, initializedcheck=False
+# cython: cdivision=True
 """Plain dynamic programming over every sequence of outcomes, for problems where few actions make that affordable.
 
 A state is a number in a mixed radix: digit a is 0 while action a is not done, else its outcome plus one. Doing something
@@ -6,44 +8,67 @@ only makes the number larger, so that one pass downwards meets every successor f
 
 import numpy as np
 
-from engine.stages.diagnosis.kernels import compiled
-from engine.stages.diagnosis.kernels.belief import Beliefs, stop
-from engine.stages.diagnosis.kernels.memo import Floats, Longs
+from engine.kernels.arrays import Floats, Longs
+from engine.stages.diagnosis.kernels.belief import Beliefs, Trail, stop
+from engine.stages.diagnosis.kernels.memo import reals
 
 
-@compiled
-def weights_of(problem: Beliefs, prior: Floats, radix: Longs, number: int, digits: Longs) -> Floats:
-    """The weights in a state; its digits are written to `digits` (A,)."""
-    weights = prior.copy()
-    for action in range(radix.shape[0]):
-        digits[action] = number % radix[action]
-        number //= radix[action]
-        if digits[action]:
-            weights = weights * problem.likelihoods[action, digits[action] - 1]
-    return weights
+class States:
+    """The values (K, N) of all states in all situations, N the product of `radix` (A,); digits and places (A,) of one."""
+
+    def __init__(self, problem: Beliefs, prior: Floats, radix: Longs) -> None:
+        """Raises `ValueError` unless each action has a radix from 1 to the number of outcomes plus one."""
+        if radix.shape != (problem.actions,) or not ((radix >= 1) & (radix <= problem.outcomes + 1)).all():
+            raise ValueError(
+                f"a radix of 1 to {problem.outcomes + 1} was expected for each action, not {radix}"
+            )
+        places = np.cumprod(np.concatenate([np.ones(1, np.int64), radix]))
+        self.problem, self.count = problem, int(radix.prod())
+        self.found = np.zeros((len(problem.costs), self.count))
+        self.prior, self.trail = reals(prior), Trail(problem, prior)
+        self.radix, self.place = memoryview(radix), memoryview(places)
+        self.digits = memoryview(np.zeros(problem.actions, np.int64))
+        self.values = reals(self.found)
+
+    def _enter(self, number: int) -> None:
+        """Set digits and weights to those of a state."""
+        problem = self.problem
+        for cause in range(problem.causes):
+            self.trail.weights[0, cause] = self.prior[cause]
+        for action in range(problem.actions):
+            digit = number % self.radix[action]
+            number = number // self.radix[action]
+            self.digits[action] = digit
+            if digit:
+                for cause in range(problem.causes):
+                    self.trail.weights[0, cause] *= problem._likelihoods[action, digit - 1, cause]
+
+    def _going(self, situation: int, number: int, action: int, going: float) -> float:
+        """The cost of an action, `going` without what comes after it."""
+        problem = self.problem
+        after = problem._following[situation, action]
+        for outcome in range(self.radix[action] - 1):
+            if not problem._ends[action, outcome]:
+                going += self.values[after, number + (outcome + 1) * self.place[action]]
+        return going
+
+    def fill(self) -> None:
+        """Compute every value from the last state to the first."""
+        problem = self.problem
+        for number in range(self.count - 1, -1, -1):
+            self._enter(number)
+            total, stopping = self.trail.mass(0), stop(problem, self.trail, 0)
+            for situation in range(problem.changes):
+                best = stopping if total > 0.0 else 0.0
+                for action in range(problem.actions):
+                    going = problem._costs[situation, action] * total
+                    if self.digits[action] == 0 and going < best:
+                        best = min(best, self._going(situation, number, action, going))
+                self.values[situation, number] = best
 
 
-@compiled
 def values(problem: Beliefs, prior: Floats, radix: Longs) -> Floats:
     """The weighted cost of every state in every situation (K, N), N the product of `radix` (A,)."""
-    situations, actions = problem.costs.shape
-    place = np.ones(actions + 1, np.int64)
-    for action in range(actions):
-        place[action + 1] = place[action] * radix[action]
-    found = np.zeros((situations, place[actions]))
-    digits = np.zeros(actions, np.int64)
-    for number in range(place[actions] - 1, -1, -1):
-        weights = weights_of(problem, prior, radix, number, digits)
-        total, stopping = weights.sum(), stop(problem, weights)
-        for situation in range(situations):
-            best = stopping if total > 0.0 else 0.0
-            for action in range(actions):
-                going = problem.costs[situation, action] * total
-                if digits[action] == 0 and going < best:
-                    after = problem.following[situation, action]
-                    for outcome in range(radix[action] - 1):
-                        if not problem.ends[action, outcome]:
-                            going += found[after, number + (outcome + 1) * place[action]]
-                    best = min(best, going)
-            found[situation, number] = best
-    return found
+    states = States(problem, prior, radix)
+    states.fill()
+    return states.found

@@ -1,0 +1,26 @@
+# cython: language_level=3, annotation_typing=False, boundscheck=False, wraparound=False, initializedcheck=False
+# cython: cdivision=True
+"""Actions in the order of their values, one row for each level of a search."""
+
+import numpy as np
+
+from engine.stages.diagnosis.kernels.memo import reals
+
+
+class Ranking:
+    """Rows of actions (levels, A), ascending by their values (levels, A); who fills a row knows how many it has."""
+
+    def __init__(self, levels: int, actions: int) -> None:
+        self.order = memoryview(np.empty((levels, actions), np.int64))
+        self.values = reals(np.empty((levels, actions)))
+
+    def insert(self, level: int, action: int, value: float, count: int) -> int:
+        """Put an action among the first `count` of a row, behind its equals; how many there are then."""
+        place = count
+        while place > 0 and self.values[level, place - 1] > value:
+            self.values[level, place] = self.values[level, place - 1]
+            self.order[level, place] = self.order[level, place - 1]
+            place -= 1
+        self.values[level, place] = value
+        self.order[level, place] = action
+        return count + 1

@@ -1,0 +1,123 @@
+"""The kernels of diagnosis, compiled and interpreted, give the same figures to the last bit."""
+
+import importlib
+import math
+from collections.abc import Iterator
+from types import ModuleType
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+
+import engine.stages.diagnosis.kernels
+from engine.model.troubleshooting import Troubleshooting
+from engine.stages.diagnosis import arrays
+from tests.engine.interpreted import interpreted_package
+from tests.engine.stages.diagnosis.cases import isolations, troubles
+
+Modules = dict[str, ModuleType]
+PACKAGE = engine.stages.diagnosis.kernels
+PLAIN: Modules = interpreted_package(PACKAGE)
+IMPORTED: Modules = {name: importlib.import_module(f"{PACKAGE.__name__}.{name}") for name in PLAIN}
+EVERY = (
+    "likelihoods",
+    "masks",
+    "ends",
+    "repairs",
+    "costs",
+    "following",
+    "losses",
+    "known",
+    "shifts",
+    "widths",
+)
+BUDGETS = (1, 3, 10_000)
+
+
+def _beliefs(modules: Modules, problem: Troubleshooting) -> object:
+    known = arrays.beliefs(problem)
+    return modules["belief"].Beliefs(*(getattr(known, name) for name in EVERY), known.situations)
+
+
+def _searched(modules: Modules, problem: Troubleshooting) -> Iterator[object]:
+    """Values and bounds by branch and bound with small and large budgets."""
+    belief, beliefs = modules["belief"], _beliefs(modules, problem)
+    trail = belief.Trail(beliefs, arrays.priors(problem))
+    causes = trail.possible(0)
+    for budget in BUDGETS:
+        table = modules["memo"].Memo(1 << 12, budget)
+        yield belief.solve(beliefs, table, trail, 0, 0, math.inf)
+        yield table.expansions, table.entries, table.spent, table.full
+        for action in range(len(problem.actions)):
+            yield belief.tells(beliefs, trail, 0, action, 0)
+            yield belief.estimate(beliefs, table, trail, 0, action, causes, 0)
+    yield belief.stop(beliefs, trail, 0)
+
+
+def _ruled(modules: Modules, problem: Troubleshooting) -> Iterator[object]:
+    """What rules prefer and cost, and the lookahead over them."""
+    rollout, beliefs = modules["rollout"], _beliefs(modules, problem)
+    trail = modules["belief"].Trail(beliefs, arrays.priors(problem))
+    groups = rollout.Groups(beliefs, arrays.groups(problem))
+    for rule in rollout.RULES.values():
+        yield rollout.greedy(beliefs, groups, trail, 0, 0, rule)
+        yield rollout.follow(beliefs, groups, modules["memo"].Memo(1 << 12, 0), trail, 0, 0, rule)
+    bases = tuple(modules["memo"].Memo(1 << 12, 0) for _ in range(3))
+    yield rollout.look_ahead(beliefs, groups, bases, trail, 0, 0, 2, math.inf)
+
+
+def _tabled(modules: Modules, problem: Troubleshooting) -> list[float]:
+    """The values of all states."""
+    radix = np.array([len(action.outcomes) + 1 for action in problem.actions], np.int64)
+    found = modules["dense"].values(_beliefs(modules, problem), arrays.priors(problem), radix)
+    return [float(each) for each in found.ravel()]
+
+
+def _parted(modules: Modules, problem: Troubleshooting) -> Iterator[object]:
+    """Values and bounds over sets of causes."""
+    partition = modules["partition"]
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(arrays, "Partition", partition.Partition)
+        sets = arrays.partition(problem)
+    assert sets is not None
+    causes = sum(1 << cause for cause, prior in enumerate(problem.priors) if prior > 0)
+    for budget in BUDGETS:
+        table = modules["memo"].Memo(1 << 12, budget)
+        yield partition.solve(sets, table, partition.Room(sets), 0, causes, 0, math.inf)
+        yield table.expansions, table.entries, table.spent, table.full
+        for action in range(len(problem.actions)):
+            yield partition.estimate(sets, table, partition.Room(sets), action, causes, 0)
+
+
+@settings(max_examples=30, deadline=None)
+@given(isolations(5) | troubles(3))
+def test_beliefs_are_searched_alike(problem: Troubleshooting) -> None:
+    assert list(_searched(IMPORTED, problem)) == list(_searched(PLAIN, problem))
+
+
+@settings(max_examples=30, deadline=None)
+@given(isolations(5) | troubles(3))
+def test_rules_and_lookahead_are_alike(problem: Troubleshooting) -> None:
+    assert list(_ruled(IMPORTED, problem)) == list(_ruled(PLAIN, problem))
+
+
+@settings(max_examples=20, deadline=None)
+@given(troubles(3))
+def test_tables_of_all_states_are_alike(problem: Troubleshooting) -> None:
+    assert _tabled(IMPORTED, problem) == _tabled(PLAIN, problem)
+
+
+@settings(max_examples=30, deadline=None)
+@given(isolations(5))
+def test_sets_of_causes_are_searched_alike(problem: Troubleshooting) -> None:
+    assert list(_parted(IMPORTED, problem)) == list(_parted(PLAIN, problem))
+
+
+@pytest.mark.parametrize("modules", [IMPORTED, PLAIN], ids=["imported", "interpreted"])
+def test_a_grown_table_knows_what_it_knew(modules: Modules) -> None:
+    """The table has a power of two of slots."""
+    table = modules["memo"].Memo(4, 7)
+    larger = table.grown()
+    assert (larger.length, larger.budget, larger.expansions) == (16, 7, 0)
+    with pytest.raises(ValueError, match="power of two"):
+        modules["memo"].Memo(12, 0)
