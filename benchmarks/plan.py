@@ -4,7 +4,7 @@
 
 Times are minima and medians over N runs in one process (whole commands: N fresh processes). Exits with 1 when a bar is
 missed: one point under 0.2 s of search, twelve points under 2 s, one probe under 0.2 s, four under 2 s,
-`cellwright --help` under 0.3 s, and neither numba nor ortools loaded by a small problem.
+`cellwright --help` under 0.3 s, and neither NumPy nor ortools loaded by a small problem.
 """
 
 import argparse
@@ -81,7 +81,7 @@ def measure(target: str, runs: int) -> dict[str, Any]:
 def heavy_modules() -> list[str]:
     """Heavy packages that planning a small problem loads."""
     code = "import sys; from engine.pipelines import planning; planning.plan(planning.problem_of('bulkhead/one_point'))"
-    code += "; print(*sorted({'numba', 'ortools'} & set(sys.modules)))"
+    code += "; print(*sorted({'numpy', 'ortools'} & set(sys.modules)))"
     return subprocess.run(
         [sys.executable, "-c", code], capture_output=True, text=True, check=True
     ).stdout.split()

@@ -1,6 +1,5 @@
 """The file that a target names: a file, a folder, or a domain that comes with the engine, by path or by name."""
 
-from importlib import resources
 from pathlib import Path
 
 from kb.diagnostics import Diagnostic, InvalidInput, Source, nearest
@@ -9,12 +8,12 @@ from kb.model.domain import Domain
 
 DOMAIN_FILE = "domain.yaml"
 CELL_FILE = "cell.yaml"
+BUNDLED = Path(__file__).parents[1] / "domains"  # beside this package, whatever else has that name
 
 
 def bundled() -> dict[str, Path]:
     """The domains that come with the engine, by name."""
-    root = Path(str(resources.files("domains")))
-    return {path.parent.name: path.parent for path in sorted(root.glob(f"*/{DOMAIN_FILE}"))}
+    return {path.parent.name: path.parent for path in sorted(BUNDLED.glob(f"*/{DOMAIN_FILE}"))}
 
 
 def find(target: str) -> Path:

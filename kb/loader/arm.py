@@ -1,7 +1,6 @@
 """Arms from files with a Denavit-Hartenberg table and the shapes of the links. Bundled arms are in `kb/arms`."""
 
 import math
-from importlib import resources
 from pathlib import Path
 
 from kb.diagnostics import unknown_name
@@ -10,11 +9,12 @@ from kb.loader.reader import Findings, Reader, require, validate_shape
 from kb.loader.tree import Node, read_file
 from kb.model.cell import Arm, Joint, Link, Pose
 
+BUNDLED = Path(__file__).parents[1] / "arms"
+
 
 def bundled_arms() -> dict[str, Path]:
     """The arms that come with the engine, by name."""
-    root = Path(str(resources.files("kb"))) / "arms"
-    return {path.stem: path for path in sorted(root.glob("*.yaml"))}
+    return {path.stem: path for path in sorted(BUNDLED.glob("*.yaml"))}
 
 
 def load_arm(path: Path) -> Arm:

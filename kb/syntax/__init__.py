@@ -5,7 +5,7 @@ import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from fractions import Fraction
-from importlib import resources
+from pathlib import Path
 from typing import Any
 
 from lark import (
@@ -34,6 +34,7 @@ from kb.model.conditions import (
 from kb.model.statement import Statement
 from kb.terms import Function, Number, Operation, Term, Text, Variable, variables
 
+GRAMMAR = Path(__file__).with_name("expressions.lark")
 STARTS = ["header", "trigger", "conditions", "body", "clauses", "atoms", "atom", "term", "terms", "signature"]
 MAX_LENGTH = 65_536  # characters of one expression
 MAX_NESTING = 50  # brackets in brackets
@@ -194,7 +195,7 @@ def _digits(text: str) -> str:
 
 @functools.cache
 def _grammar() -> Lark:
-    text = resources.files("kb.syntax").joinpath("expressions.lark").read_text("utf-8")
+    text = GRAMMAR.read_text("utf-8")
     return Lark(text, parser="lalr", start=STARTS, maybe_placeholders=True)
 
 

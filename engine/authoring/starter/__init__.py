@@ -2,8 +2,6 @@
 
 import json
 import re
-from importlib import resources
-from importlib.resources.abc import Traversable
 from pathlib import Path
 
 from engine.authoring.testing.golden import compare_all, update
@@ -11,6 +9,7 @@ from kb.diagnostics import Diagnostic, InvalidInput, Source
 from kb.schema import json_schema
 
 SCHEMAS = ("domain", "problem", "faults")
+CELL = Path(__file__).with_name("cell")
 
 
 def create(folder: Path) -> list[Path]:
@@ -18,7 +17,7 @@ def create(folder: Path) -> list[Path]:
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         message = "the folder is not empty, and existing files are not overwritten"
         raise InvalidInput([Diagnostic(Source(str(folder)), "K403", message, "name a new folder")])
-    written = list(_copy(resources.files("engine.authoring.starter") / "cell", folder, _name(folder)))
+    written = list(_copy(CELL, folder, _name(folder)))
     for kind in SCHEMAS:
         written.append(folder / "schema" / f"{kind}.schema.json")
         written[-1].parent.mkdir(exist_ok=True)
@@ -35,10 +34,10 @@ def _name(folder: Path) -> str:
     return name if re.match(r"[a-z]", name) else f"cell_{name}".rstrip("_")
 
 
-def _copy(source: Traversable, target: Path, name: str) -> "list[Path]":
+def _copy(source: Path, target: Path, name: str) -> list[Path]:
     target.mkdir(parents=True, exist_ok=True)
     written = []
-    for each in sorted(source.iterdir(), key=lambda part: part.name):
+    for each in sorted(source.iterdir()):
         if each.is_dir():
             written += _copy(each, target / each.name, name)
         else:

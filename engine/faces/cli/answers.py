@@ -26,6 +26,12 @@ if TYPE_CHECKING:
     from kb.diagnostics import Diagnostic
 
 
+UNCOMPILED = """\
+The kernels of this installation are not compiled: plans may take sixteen times as long, geometry a hundred times.
+Install a wheel for this system, or install again where there is a C compiler (docs/installation.md).
+"""
+
+
 class Form(StrEnum):
     """How an answer is written."""
 
@@ -49,13 +55,21 @@ def give(make: Callable[[], Answer], form: Form) -> NoReturn:
     """Make the answer, print it and exit with its code."""
     with _hearing():
         answer = _made(make)
-    if form is Form.TEXT or answer.raw is not None:
-        with suppress(OSError):  # even if the reason cannot be printed, the exit code is right
+    with suppress(OSError):  # even if the reason cannot be printed, the exit code is right
+        if form is Form.TEXT or answer.raw is not None:
             _report(answer)
+        if uncompiled():
+            sys.stderr.write(UNCOMPILED)
     with writing():
         _print(answer, form)
         sys.stdout.flush()
     raise typer.Exit(answer.code)
+
+
+def uncompiled() -> bool:
+    """Whether a module that has types to be compiled with runs as plain Python in this process."""
+    files = [str(module.__file__) for name, module in list(sys.modules.items()) if name.startswith("engine.")]
+    return any(file.endswith(".py") and os.path.exists(f"{file[:-3]}.pxd") for file in files)
 
 
 @contextmanager

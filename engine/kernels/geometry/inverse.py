@@ -41,7 +41,8 @@ def _fits(e: Batch) -> bool:
     arm = e.h.shape[0] == e.o.shape[0] == 6 and e.h.shape[1] == e.o.shape[1] == 3
     poses = e.poses.shape[1] == 4 and e.poses.shape[2] == 4
     q = e.q.shape[0] == e.count and e.q.shape[1] == 8 and e.q.shape[2] == 6
-    return arm and poses and q and e.valid.shape[0] == e.count and e.valid.shape[1] == 8
+    fits: bool = arm and poses and q and e.valid.shape[0] == e.count and e.valid.shape[1] == 8
+    return fits
 
 
 def angle_onto(axis: V, start: V, end: V) -> float:

@@ -10,8 +10,8 @@ from math import inf
 
 import numpy as np
 
-from engine.kernels.arrays import Floats, Longs, Truths
-from engine.stages.diagnosis.kernels.memo import Memo, reals
+from engine.kernels.arrays import Floats, Longs, Truths, real, whole
+from engine.stages.diagnosis.kernels.memo import Memo
 from engine.stages.diagnosis.kernels.ranking import Ranking
 
 
@@ -51,11 +51,11 @@ class Beliefs:
         self.likelihoods, self.masks, self.ends, self.repairs = likelihoods, masks, ends, repairs
         self.costs, self.following, self.losses, self.known = costs, following, losses, known
         self.shifts, self.widths, self.situations = shifts, widths, situations
-        self._likelihoods, self._masks = reals(likelihoods), memoryview(masks)
-        self._ends, self._repairs = memoryview(ends.view(np.uint8)), memoryview(repairs.view(np.uint8))
-        self._costs, self._following = reals(costs), memoryview(following)
-        self._losses, self._known = reals(losses), reals(known)
-        self._shifts, self._widths = memoryview(shifts), memoryview(widths)
+        self._likelihoods, self._masks = real(likelihoods), whole(masks)
+        self._ends, self._repairs = whole(ends.view(np.uint8)), whole(repairs.view(np.uint8))
+        self._costs, self._following = real(costs), whole(following)
+        self._losses, self._known = real(losses), real(known)
+        self._shifts, self._widths = whole(shifts), whole(widths)
 
 
 class Trail:
@@ -71,7 +71,7 @@ class Trail:
         levels = problem.actions + 2
         rows = np.zeros((levels, problem.causes))
         rows[0] = weights
-        self.causes, self.weights = problem.causes, reals(rows)
+        self.causes, self.weights = problem.causes, real(rows)
         self.ranking = Ranking(levels, problem.actions)
 
     def mass(self, level: int) -> float:

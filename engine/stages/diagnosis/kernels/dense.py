@@ -8,9 +8,8 @@ only makes the number larger, so that one pass downwards meets every successor f
 
 import numpy as np
 
-from engine.kernels.arrays import Floats, Longs
+from engine.kernels.arrays import Floats, Longs, real, whole
 from engine.stages.diagnosis.kernels.belief import Beliefs, Trail, stop
-from engine.stages.diagnosis.kernels.memo import reals
 
 
 class States:
@@ -25,10 +24,10 @@ class States:
         places = np.cumprod(np.concatenate([np.ones(1, np.int64), radix]))
         self.problem, self.count = problem, int(radix.prod())
         self.found = np.zeros((len(problem.costs), self.count))
-        self.prior, self.trail = reals(prior), Trail(problem, prior)
-        self.radix, self.place = memoryview(radix), memoryview(places)
-        self.digits = memoryview(np.zeros(problem.actions, np.int64))
-        self.values = reals(self.found)
+        self.prior, self.trail = real(prior), Trail(problem, prior)
+        self.radix, self.place = whole(radix), whole(places)
+        self.digits = whole(np.zeros(problem.actions, np.int64))
+        self.values = real(self.found)
 
     def _enter(self, number: int) -> None:
         """Set digits and weights to those of a state."""

@@ -3,7 +3,6 @@ import cython
 
 cdef unsigned long long WORD, FIRST, SECOND, THIRD
 
-cpdef object reals(object array)
 
 @cython.final
 cdef class Memo:

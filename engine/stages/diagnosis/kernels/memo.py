@@ -2,20 +2,12 @@
 # cython: cdivision=True
 """What is known of the value of each state: a table with open addressing, keyed by two words."""
 
-from typing import TypeAlias, cast
-
 import numpy as np
 
-from engine.kernels.arrays import Floats
+from engine.kernels.arrays import real, whole
 
-Reals: TypeAlias = "memoryview[float]"
 WORD = 0xFFFFFFFFFFFFFFFF
 FIRST, SECOND, THIRD = 0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F, 0x94D049BB133111EB
-
-
-def reals(array: Floats) -> Reals:
-    """The array as kernels read it, compiled or not."""
-    return cast(Reals, memoryview(array))
 
 
 class Memo:
@@ -29,10 +21,10 @@ class Memo:
         """An empty table of `length` slots. Raises `ValueError` unless that is a power of two."""
         if length < 1 or length & (length - 1):
             raise ValueError(f"a table has a power of two of slots, not {length}")
-        self.possible = memoryview(np.zeros(length, np.int64))
-        self.rest = memoryview(np.zeros(length, np.int64))
-        self.value = reals(np.zeros(length))
-        self.exact = memoryview(np.zeros(length, np.uint8))
+        self.possible = whole(np.zeros(length, np.int64))
+        self.rest = whole(np.zeros(length, np.int64))
+        self.value = real(np.zeros(length))
+        self.exact = whole(np.zeros(length, np.uint8))
         self.length, self.budget = length, budget
         self.expansions = self.entries = 0
         self.spent = self.full = False
@@ -82,6 +74,6 @@ class Memo:
         for i in range(self.length):
             if self.possible[i] != 0:
                 at = larger.slot(self.possible[i], self.rest[i])
-                larger.enter(at, self.possible[i], self.rest[i], self.value[i], self.exact[i])
+                larger.enter(at, self.possible[i], self.rest[i], self.value[i], self.exact[i] != 0)
         larger.expansions = self.expansions
         return larger

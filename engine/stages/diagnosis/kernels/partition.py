@@ -10,8 +10,8 @@ from math import inf
 
 import numpy as np
 
-from engine.kernels.arrays import Floats, Longs, Truths
-from engine.stages.diagnosis.kernels.memo import Memo, reals
+from engine.kernels.arrays import Floats, Longs, Truths, real, whole
+from engine.stages.diagnosis.kernels.memo import Memo
 from engine.stages.diagnosis.kernels.ranking import Ranking
 
 
@@ -41,9 +41,9 @@ class Partition:
         agree = masses.shape == (8, 256) and ends.shape == masks.shape and len(cures) <= 64
         if not agree or not costs.shape == following.shape == (len(costs), *row) or cheapest.shape != row:
             raise ValueError(f"the arrays of a problem do not fit masks {masks.shape}")
-        self.masses, self.masks, self.ends = reals(masses), memoryview(masks), memoryview(ends.view(np.uint8))
-        self.costs, self.following, self.cheapest = reals(costs), memoryview(following), reals(cheapest)
-        self.goals, self.exempt, self.cures = memoryview(goals), memoryview(exempt), reals(cures)
+        self.masses, self.masks, self.ends = real(masses), whole(masks), whole(ends.view(np.uint8))
+        self.costs, self.following, self.cheapest = real(costs), whole(following), real(cheapest)
+        self.goals, self.exempt, self.cures = whole(goals), whole(exempt), real(cures)
 
 
 class Room:
@@ -55,7 +55,7 @@ class Room:
     def __init__(self, problem: Partition) -> None:
         self.last = problem.actions + 1
         self.ranking = Ranking(self.last + 1, problem.actions)
-        self.blocks = memoryview(np.empty(64, np.int64))
+        self.blocks = whole(np.empty(64, np.int64))
 
 
 def mass(problem: Partition, causes: int) -> float:

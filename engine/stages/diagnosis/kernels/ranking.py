@@ -4,15 +4,15 @@
 
 import numpy as np
 
-from engine.stages.diagnosis.kernels.memo import reals
+from engine.kernels.arrays import real, whole
 
 
 class Ranking:
     """Rows of actions (levels, A), ascending by their values (levels, A); who fills a row knows how many it has."""
 
     def __init__(self, levels: int, actions: int) -> None:
-        self.order = memoryview(np.empty((levels, actions), np.int64))
-        self.values = reals(np.empty((levels, actions)))
+        self.order = whole(np.empty((levels, actions), np.int64))
+        self.values = real(np.empty((levels, actions)))
 
     def insert(self, level: int, action: int, value: float, count: int) -> int:
         """Put an action among the first `count` of a row, behind its equals; how many there are then."""

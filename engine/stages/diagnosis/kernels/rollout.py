@@ -11,9 +11,9 @@ from math import inf
 
 import numpy as np
 
-from engine.kernels.arrays import Longs
+from engine.kernels.arrays import Longs, real, whole
 from engine.stages.diagnosis.kernels.belief import Beliefs, Trail, rest_after, situation_of, stop, tells
-from engine.stages.diagnosis.kernels.memo import Memo, reals
+from engine.stages.diagnosis.kernels.memo import Memo
 
 Bases = tuple[Memo, Memo, Memo]
 
@@ -28,8 +28,8 @@ class Groups:
         """Raises `ValueError` unless there is a group for each cause."""
         if groups.shape != (problem.causes,) or not ((groups >= 0) & (groups < problem.causes)).all():
             raise ValueError(f"a group below {problem.causes} was expected for each cause, not {groups}")
-        self.count, self.group = problem.causes, memoryview(groups)
-        self.mass = reals(np.zeros(problem.causes))
+        self.count, self.group = problem.causes, whole(groups)
+        self.mass = real(np.zeros(problem.causes))
 
 
 def uncertainty(trail: Trail, level: int, groups: Groups, rule: int) -> float:

@@ -1,0 +1,109 @@
+"""Every verb answers alike wherever it runs: folders of the user's with the names of our packages change nothing."""
+
+import os
+import shutil
+import subprocess
+import sys
+import sysconfig
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from engine.authoring.starter import create
+from engine.faces.cli import app
+from engine.faces.cli.verbs import VERBS
+from tests.places import TOP
+
+OURS = ("domains", "engine", "kb")
+SQUARE = (
+    "NAME: square\nTYPE: TSP\nDIMENSION: 4\nEDGE_WEIGHT_TYPE: EUC_2D\n"
+    "NODE_COORD_SECTION\n1 0 0\n2 9 0\n3 9 9\n4 0 9\nEOF\n"
+)
+JOBS = {
+    "cell": "cell show bulkhead --format svg",
+    "check": "check mine",
+    "diagnose": "diagnose mine --exception not_gripped --tree",
+    "explain": "explain plan.json 1",
+    "export": "export pddl bulkhead/one_point",
+    "import": "import qif points.csv",
+    "init": "init fresh",
+    "macros": "macros list --store known.db",
+    "measurement": "measurement list bulkhead/twelve_points",
+    "plan": "plan bulkhead/one_point",
+    "prepare": "prepare bulkhead/one_point --store new.db --jobs 2",
+    "revise": "revise plan.json --done 1",
+    "schedule": "schedule bulkhead/one_point",
+    "schema": "schema domain",
+    "sequence": "sequence square.tsp",
+    "test": "test mine",
+    "validate": "validate plan.json",
+}
+"""One small job of every verb, on the files of a desk."""
+
+
+@pytest.fixture(scope="module")
+def desk(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with the files of all jobs."""
+    folder = tmp_path_factory.mktemp("desks") / "desk"
+    create(folder / "mine")
+    (folder / "square.tsp").write_text(SQUARE)
+    (folder / "points.csv").write_text("name,x,y,z,nx,ny,nz\na,0,0,0,0,0,1\nb,9,0,0,0,0,1\n")
+    plan = ("plan", "bulkhead/one_point", "--store", str(folder / "known.db"), "--format", "json")
+    (folder / "plan.json").write_text(CliRunner().invoke(app, plan).stdout)
+    return folder
+
+
+@pytest.fixture
+def crowded(desk: Path, tmp_path: Path) -> Path:
+    """The same files beside packages that have the names of ours and fail when they are imported."""
+    folder = Path(shutil.copytree(desk, tmp_path / "crowded"))
+    for name in OURS:
+        _shadow(folder, name)
+    return folder
+
+
+def _shadow(folder: Path, name: str) -> None:
+    (folder / name).mkdir()
+    (folder / name / "__init__.py").write_text(f"raise RuntimeError('this is the {name} of the user')\n")
+
+
+def run(folder: Path, *command: str) -> subprocess.CompletedProcess[str]:
+    """A command in a folder, with this checkout on the path of Python."""
+    environment = {**os.environ, "PYTHONPATH": str(TOP), "COLUMNS": "120"}
+    return subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, check=False)
+
+
+def script(name: str) -> str:
+    """An installed script."""
+    found = shutil.which(name, path=sysconfig.get_path("scripts"))
+    assert found is not None
+    return found
+
+
+def test_every_verb_has_a_job() -> None:
+    assert set(JOBS) == set(VERBS)
+
+
+@pytest.mark.parametrize("verb", JOBS)
+def test_packages_of_the_user_with_our_names_change_no_answer(
+    verb: str, desk: Path, crowded: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    words = JOBS[verb].split()
+    ran = run(crowded, script("cellwright"), *words)
+
+    monkeypatch.chdir(Path(shutil.copytree(desk, tmp_path / "alone")))
+    alone = CliRunner().invoke(app, words, env={"COLUMNS": "120"})
+    assert (ran.returncode, ran.stdout, ran.stderr) == (0, alone.stdout, alone.stderr)
+
+
+def test_a_folder_of_domains_hides_no_bundled_one_even_where_python_looks_in_it_first(tmp_path: Path) -> None:
+    _shadow(tmp_path, "domains")
+    ran = run(tmp_path, sys.executable, "-m", "engine.faces.cli", "export", "pddl", "bulkhead/one_point")
+    assert ran.returncode == 0, ran.stderr
+
+
+def test_golden_plans_run_with_pytest_beside_packages_with_our_names(crowded: Path) -> None:
+    ran = run(crowded, script("pytest"), "mine")
+    assert ran.returncode == 0, ran.stdout
+    assert "1 passed" in ran.stdout

@@ -1,0 +1,41 @@
+"""Kernels are compiled together or not at all, and who runs them as plain Python is told."""
+
+import json
+import sys
+from importlib.machinery import EXTENSION_SUFFIXES
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from engine.faces.cli import app
+from engine.faces.cli.answers import UNCOMPILED, uncompiled
+from engine.kernels import bits
+from tests.places import TOP
+
+KERNELS = sorted(TOP.glob("engine/**/*.pxd"))
+
+
+def test_kernels_are_compiled_together_or_not_at_all() -> None:
+    compiled = {any(file.with_suffix(end).is_file() for end in EXTENSION_SUFFIXES) for file in KERNELS}
+    assert len(compiled) == 1, "python setup.py build_ext --inplace"
+
+
+def test_plain_python_in_place_of_a_kernel_is_told_once_and_not_in_the_answer(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(bits, "__file__", str(TOP / "engine" / "kernels" / "bits.py"))
+    result = CliRunner().invoke(app, ["plan", "bulkhead/one_point", "--format", "json"])
+    assert json.loads(result.stdout)["status"] == "found"
+    assert result.stderr == UNCOMPILED
+
+
+def test_modules_without_types_are_no_kernels(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in [name for name in sys.modules if name.startswith("engine.")]:
+        monkeypatch.delitem(sys.modules, name)
+    plain = type(sys)("engine.plain")
+    plain.__file__ = str(tmp_path / "plain.py")
+    monkeypatch.setitem(sys.modules, "engine.plain", plain)
+    assert not uncompiled()
+    (tmp_path / "plain.pxd").touch()
+    assert uncompiled()
