@@ -45,7 +45,7 @@ def _met(
     lowest: dict[Vertex, int],
     open_: dict[Vertex, None],
 ) -> bool:
-    """Whether a target is new. The number of an open target lowers `lowest` of the vertex that points at it."""
+    """Whether a target is new. The number of an open target lowers `lowest` of its predecessor."""
     if target not in numbers:
         return True
     if target in open_:

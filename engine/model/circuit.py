@@ -20,7 +20,7 @@ class Gate:
 
 @dataclass(frozen=True, slots=True)
 class Circuit:
-    """A circuit. A wire has the name of the gate that drives it. `gates` is ordered from inputs to outputs."""
+    """A circuit. A wire has the name of its gate. `gates` is ordered from inputs to outputs."""
 
     name: str
     inputs: tuple[str, ...]

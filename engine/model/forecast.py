@@ -7,7 +7,7 @@ from kb.model.plan import Plan, StepId
 
 
 def earliest_starts(plan: Plan) -> dict[StepId, int]:
-    """The start of each step if it begins as soon as those before it have ended, in the domain's time unit."""
+    """The start of each step if it begins as soon as those before it end, in the domain's time unit."""
     ends: dict[StepId, int] = {}
     starts: dict[StepId, int] = {}
     for step in plan.steps:

@@ -50,7 +50,7 @@ class Infeasible:
 
 @dataclass(frozen=True, slots=True)
 class GaveUp:
-    """The search stopped at a limit (`limit` is expansions, time or memory), or could not search everything."""
+    """The search stopped at a limit (`limit` is expansions, time or memory), or was not exhaustive."""
 
     reason: str
     limit: str = "expansions"

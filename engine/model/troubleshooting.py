@@ -98,7 +98,7 @@ def situation_bits(setup: Setup | None) -> int:
 
 @dataclass(frozen=True, slots=True)
 class Standing:
-    """The state of a case: causes still possible (a bit set), outcomes of uncertain actions, the situation."""
+    """The state of a case: possible causes (a bit set), outcomes of uncertain actions, the situation."""
 
     possible: int
     history: int = 0

@@ -16,7 +16,7 @@ from kb.terms import Function, Number, Term, Text
 
 
 class AspError(Exception):
-    """clingo refused a program. `messages` are (line, column, text); lines count from 1 in the refused text."""
+    """clingo refused a program. `messages` are (line, column, text); lines of that text count from 1."""
 
     def __init__(self, messages: Iterable[tuple[int, int, str]]) -> None:
         self.messages = list(messages)

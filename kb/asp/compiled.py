@@ -1,4 +1,4 @@
-"""Turns rules of clingo's syntax tree into values of the model, for rules that the planner evaluates itself."""
+"""Turns rules of clingo's syntax tree into values of the model, for rules that the planner evaluates."""
 
 from clingo import SymbolType, ast
 

@@ -1,4 +1,4 @@
-"""Multi-shot solving: a program grows part by part, and is solved under assumptions and a limit of conflicts."""
+"""Multi-shot solving: a program grows part by part, and is solved within a limit of conflicts."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 

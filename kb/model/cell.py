@@ -105,7 +105,7 @@ class Mesh:
 
 @dataclass(frozen=True, slots=True)
 class HeightField:
-    """Heights over a grid, solid down to `floor_m`: `heights_m[row][column]` is at (column * dx, row * dy)."""
+    """Heights on a grid, solid down to `floor_m`; `heights_m[row][column]` is at (column * dx, row * dy)."""
 
     spacing_m: tuple[float, float]
     heights_m: tuple[tuple[float, ...], ...]

@@ -38,7 +38,7 @@ class _Naming:
         self._equations: list[Comparison] = []
 
     def body(self, body: Body) -> Body:
-        """The body without computed values in atoms. The comparisons that name these values are at its end."""
+        """The body without computed values in atoms. Comparisons at its end name the values."""
         parts = tuple(map(self._part, body))
         found, self._equations = tuple(self._equations), []
         return (*parts, *found)

@@ -107,7 +107,7 @@ class Operator:
 
 @dataclass(frozen=True, slots=True)
 class Consequence:
-    """Matching atoms are added (`implied`) or denied, for each binding of `parameters` that satisfies `body`."""
+    """Matching atoms are added (`implied`) or denied, for each binding that satisfies `body`."""
 
     atom: Atom
     implied: bool

@@ -118,7 +118,7 @@ class FaultModel:
         return found.duration if found else 0
 
     def repairs_of(self, cause: str) -> tuple[Repair, ...]:
-        """The repairs that may remove a cause. The surest come first; equally sure ones are ordered by cost."""
+        """The repairs that may remove a cause. The surest come first, then the cheapest."""
         serving = [each for each in self.repairs.values() if each.cures.get(cause, 0.0) > 0.0]
         return tuple(sorted(serving, key=lambda each: (-each.cures[cause], each.cost)))
 

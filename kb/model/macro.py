@@ -75,7 +75,7 @@ class Macrop:
 
     @property
     def parameters(self) -> tuple[Variable, ...]:
-        """The header's variables: first those that the goals do not bind, then those of the goals, in order."""
+        """The header's variables: those that the goals do not bind, then those of the goals."""
         return tuple(each for each in self.name.arguments if isinstance(each, Variable))
 
     @cached_property

@@ -1,4 +1,4 @@
-"""The plan: partially ordered steps with causal links (McAllester & Rosenblitt 1991), as a value for files."""
+"""The plan: partially ordered steps with causal links (McAllester & Rosenblitt 1991), as a value."""
 
 from dataclasses import dataclass, replace
 from typing import NewType

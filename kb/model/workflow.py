@@ -65,7 +65,7 @@ def advanced(
 
 
 def superseded(chains: Sequence[Chain]) -> frozenset[str]:
-    """The chains that another chain of the same subject follows. Their last stages need not hold at the end."""
+    """The chains that another chain of the same subject follows. Their last stages need not last."""
     behind: dict[str, frozenset[str]] = {}
     found: set[str] = set()
     subjects = {chain.name: chain.subject for chain in chains}

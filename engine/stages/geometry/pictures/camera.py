@@ -26,7 +26,7 @@ class Camera:
     height: int
 
     def project(self, points: Floats) -> Floats:
-        """For points (..., 3): pixels to the right, pixels down, and the height towards the viewer in metres."""
+        """For points (..., 3): pixels to the right, pixels down, and metres towards the viewer."""
         seen = (points - self.middle) @ self.axes.T
         x = self.width / 2 + self.scale * seen[..., 0]
         y = self.height / 2 - self.scale * seen[..., 1]
@@ -45,7 +45,7 @@ class Camera:
 
 
 def looking_at(points: Floats, size: tuple[int, int], azimuth: float, elevation: float) -> Camera:
-    """A camera that looks from an azimuth and an elevation (radians), with all points (n, 3) in the picture."""
+    """A camera at an azimuth and an elevation (radians), with all points (n, 3) in the picture."""
     ca, sa, ce, se = math.cos(azimuth), math.sin(azimuth), math.cos(elevation), math.sin(elevation)
     axes = np.array([[-sa, ca, 0.0], [-se * ca, -se * sa, ce], [ce * ca, ce * sa, se]])
     seen = points @ axes.T if len(points) else np.zeros((1, 3))

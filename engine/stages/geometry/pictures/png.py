@@ -18,7 +18,7 @@ RING_PIXELS = (9.0, 13.0)  # inner and outer radius of the ring around a contact
 
 
 def draw(camera: Camera, triangles: Floats, colours: Floats, marks: Sequence[Floats] = ()) -> bytes:
-    """The PNG of triangles (m, 3, 3) with colours (m, 3), and a ring around each of the marked points (3,)."""
+    """The PNG of triangles (m, 3, 3) with colours (m, 3), and a ring around each marked point (3,)."""
     large = replace(camera, scale=camera.scale * OVER, width=camera.width * OVER, height=camera.height * OVER)
     image = np.ones((large.height, large.width, 3))
     depth = np.full(image.shape[:2], -np.inf)

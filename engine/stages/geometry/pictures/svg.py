@@ -55,7 +55,7 @@ def _split(seen: Floats, fills: Floats) -> tuple[Floats, Floats]:
 
 
 def _triangle(corners: Floats, fill: Floats) -> str:
-    """A triangle in SVG. Its outline has the colour of its face, which closes the seams between neighbours."""
+    """A triangle in SVG. Its outline has the colour of its face, to close the seams between neighbours."""
     points = " ".join(f"{x:.1f},{y:.1f}" for x, y in corners[:, :2])
     colour = "#{:02x}{:02x}{:02x}".format(*fill)
     return f'<polygon points="{points}" fill="{colour}" stroke="{colour}" stroke-width="0.6"/>'

@@ -1,4 +1,4 @@
-"""Finds what is wrong with a `cell.yaml`: shapes, names, and places that no configuration of an arm reaches."""
+"""Finds what is wrong with a `cell.yaml`: shapes, names, and places that no arm configuration reaches."""
 
 from collections.abc import Callable, Collection, Iterator
 from pathlib import Path

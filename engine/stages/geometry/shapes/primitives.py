@@ -1,4 +1,4 @@
-"""Pieces as primitive shapes of other libraries: spheres about the centre, capsules along z about the middle."""
+"""Pieces as primitive shapes of other libraries: spheres about the centre, capsules along z."""
 
 import numpy as np
 
