@@ -1,18 +1,21 @@
-"""What ground terms are worth and how they are ordered: clingo's arithmetic and clingo's order of terms.
+"""The values of ground terms and their order, as in clingo: its arithmetic and its order of terms.
 
-Search and checker both use this definition, as both speak of the same domain language. It covers the operations of that
-language (`+ - * / \\`); ranges, powers and absolute values stand in ASP texts alone, which clingo evaluates.
+The search and the checker both use this definition, because it belongs to the domain language. It covers the
+operations of that language (`+ - * / \\`); ranges, powers and absolute values occur only in ASP texts, which
+clingo evaluates.
 """
 
 from collections.abc import Callable
 
 from kb.terms import Atom, Function, Number, Operation, Term, Text
 
-BITS = 32  # of clingo's integers; what does not fit wraps around
+BITS = 32  # bits of clingo's integers; larger values wrap around
 
 
 def evaluate(term: Term) -> Term | None:
-    """A ground term with all arithmetic in it done; None where it has no value: division by zero, `bolt + 1`."""
+    """A ground term with all its arithmetic computed; None if it has no value, as with division by zero or
+    `bolt + 1`.
+    """
     match term:
         case Operation(operator, left, right):
             return _calculated(operator, evaluate(left), evaluate(right))
@@ -23,14 +26,14 @@ def evaluate(term: Term) -> Term | None:
 
 
 def evaluate_atom(atom: Atom) -> Atom | None:
-    """`evaluate` for an atom, which stays one."""
+    """`evaluate` for an atom. The result is an atom, too."""
     values = [evaluate(argument) for argument in atom.arguments]
     found = tuple([value for value in values if value is not None])
     return Function(atom.name, found) if len(found) == len(values) else None
 
 
 def compare(left: Term, relation: str, right: Term) -> bool:
-    """Whether a ground comparison is true; false where a side has no value."""
+    """Whether a ground comparison is true; false if a side has no value."""
     one, other = evaluate(left), evaluate(right)
     if one is None or other is None:
         return False
@@ -63,7 +66,7 @@ _HOLDS: dict[str, Callable[[int], bool]] = {
 
 
 def _compared(low: tuple[object, ...], high: tuple[object, ...]) -> int:
-    """-1, 0 or 1 as the first comes before, with or after the second."""
+    """-1, 0 or 1 if the first comes before the second, equals it, or comes after it."""
     return (low > high) - (low < high)
 
 
@@ -83,7 +86,7 @@ _EXACT: dict[str, Callable[[int, int], int]] = {
 
 
 def _divided(operator: str, left: int, right: int) -> Number | None:
-    """The quotient, rounded towards zero, or what it leaves, which has the sign of the dividend."""
+    """The quotient, rounded towards zero, or the remainder, which has the sign of the dividend."""
     if right == 0:
         return None
     quotient = abs(left) // abs(right)

@@ -1,7 +1,7 @@
-"""Small directed graphs, as a mapping from each vertex to those it points at.
+"""Small directed graphs, as a mapping from each vertex to the vertices that it points at.
 
-What the rest needs of graph theory is this much; a graph library would take longer to import than a small problem to
-plan.
+These few functions are enough here. Importing a graph library would take longer than planning a small
+problem.
 """
 
 from collections.abc import Hashable, Iterable, Iterator, Mapping
@@ -11,7 +11,9 @@ Vertex = TypeVar("Vertex", bound=Hashable)
 
 
 def components(graph: Mapping[Vertex, Iterable[Vertex]]) -> Iterator[list[Vertex]]:
-    """Strongly connected components, each after all that it points at (Tarjan 1972, without recursion)."""
+    """The strongly connected components; each comes after all components that it points at (Tarjan 1972,
+    without recursion).
+    """
     numbers: dict[Vertex, int] = {}
     lowest: dict[Vertex, int] = {}
     open_: dict[Vertex, None] = {}
@@ -43,7 +45,7 @@ def _met(
     lowest: dict[Vertex, int],
     open_: dict[Vertex, None],
 ) -> bool:
-    """Whether a target is new; one on the path lowers its predecessor."""
+    """Whether a target is new. The number of an open target lowers `lowest` of its predecessor."""
     if target not in numbers:
         return True
     if target in open_:
@@ -52,7 +54,7 @@ def _met(
 
 
 def _closed(vertex: Vertex, open_: dict[Vertex, None]) -> list[Vertex]:
-    """The component whose first vertex is `vertex`, taken off the open ones."""
+    """The component whose first vertex is `vertex`. Its vertices are removed from the open ones."""
     found = []
     while True:
         last, _ = open_.popitem()
@@ -62,7 +64,7 @@ def _closed(vertex: Vertex, open_: dict[Vertex, None]) -> list[Vertex]:
 
 
 def reached(graph: Mapping[Vertex, Iterable[Vertex]], start: Vertex) -> set[Vertex]:
-    """The vertices that some path leads to, `start` included."""
+    """The vertices that a path from `start` leads to, with `start` itself."""
     found, waiting = {start}, [start]
     while waiting:
         for target in graph.get(waiting.pop(), ()):

@@ -1,7 +1,7 @@
 """Terms and atoms: constants, numbers, texts, variables and compound terms, with substitution, matching and unification.
 
-An atom is a `Function` whose name is a predicate. `str` gives ASP text, which clingo and people read alike. Nothing here
-knows types or predicates.
+An atom is a `Function` whose name is a predicate. `str` gives ASP text, for clingo and for people. This
+module knows no types and no predicates.
 """
 
 import functools
@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True)
 class Number:
-    """An integer; durations are numbers in the domain's unit of time."""
+    """An integer. Durations are numbers, in the domain's unit of time."""
 
     value: int
 
@@ -33,7 +33,7 @@ class Text:
 
 @dataclass(frozen=True, slots=True)
 class Variable:
-    """A variable; `_` is anonymous: each of its occurrences stands for anything."""
+    """A variable. `_` is anonymous: each of its occurrences stands for anything."""
 
     name: str
 
@@ -56,7 +56,7 @@ class Function:
 
 @dataclass(frozen=True, slots=True)
 class Operation:
-    """Arithmetic inside a constraint, such as `W1 + 2`; never part of an atom that is kept."""
+    """Arithmetic inside a constraint, such as `W1 + 2`. It is never part of a stored atom."""
 
     operator: str
     left: "Term"
@@ -74,7 +74,7 @@ ANYTHING = Variable("_")
 
 
 def variables(term: Term) -> Iterator[Variable]:
-    """The variables of `term` in order of occurrence, repeated as they repeat; `_` included."""
+    """The variables of `term` in order of occurrence, as often as they occur, with `_`."""
     match term:
         case Variable():
             yield term
@@ -98,7 +98,7 @@ def is_ground(term: Term) -> bool:
 
 
 def substitute(term: Term, bindings: Substitution) -> Term:
-    """`term` with every bound variable replaced, once (bindings are not followed)."""
+    """`term` with every bound variable replaced. Variables inside the new terms are not replaced again."""
     match term:
         case Variable():
             return bindings.get(term, term)
@@ -111,7 +111,7 @@ def substitute(term: Term, bindings: Substitution) -> Term:
 
 
 def substitute_atom(atom: Atom, bindings: Substitution) -> Atom:
-    """`substitute` for an atom, which stays one."""
+    """`substitute` for an atom. The result is an atom, too."""
     return Function(atom.name, tuple([substitute(argument, bindings) for argument in atom.arguments]))
 
 
@@ -122,7 +122,10 @@ def match(pattern: Term, ground: Term, bindings: Substitution) -> dict[Variable,
 
 
 def _matched(pattern: Term, ground: Term, extended: dict[Variable, Term]) -> bool:
-    """Whether the two match; `extended` grows, by half a match where they do not."""
+    """Whether the two match.
+
+    The new bindings are added to `extended`; if they do not match, some may have been added.
+    """
     if isinstance(pattern, Variable):
         if pattern.name == "_":
             return True

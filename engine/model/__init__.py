@@ -1,1 +1,4 @@
-"""What the stages of the engine pass to each other: ground tasks and outcomes, all immutable."""
+"""The values that the stages of the engine pass to each other, such as ground tasks and outcomes.
+
+All are immutable.
+"""

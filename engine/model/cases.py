@@ -1,4 +1,4 @@
-"""A case: an exception that happened, what may be behind it, what was observed, and how it ended."""
+"""A case: an exception that happened, its possible causes, what was observed, and how it ended."""
 
 from dataclasses import dataclass, field
 
@@ -8,7 +8,7 @@ from kb.terms import Atom
 
 @dataclass(frozen=True, slots=True)
 class Hypothesis:
-    """What may be the matter: causes that are there together, and observations (names of tests) that are wrong."""
+    """A possible explanation of a case: causes present together, and wrong observations (names of tests)."""
 
     causes: tuple[str, ...]
     lies: tuple[str, ...] = ()
@@ -29,7 +29,7 @@ class Case:
 
 @dataclass(frozen=True, slots=True)
 class Observation:
-    """What an action showed."""
+    """The outcome that an action showed."""
 
     action: str
     outcome: str
@@ -37,7 +37,7 @@ class Observation:
 
 @dataclass(frozen=True, slots=True)
 class Stage:
-    """One step of a case: the belief before it, the advice, and what was observed at which cost."""
+    """One step of a case: the belief before it, the advice, what was observed, and what that cost."""
 
     belief: tuple[tuple[str, float], ...]
     advice: Advice
@@ -47,10 +47,11 @@ class Stage:
 
 @dataclass(frozen=True, slots=True)
 class Diagnosis:
-    """How a case ended. `hypotheses` are those still possible with their probabilities, most probable first.
+    """How a case ended.
 
-    `finished` says that nothing is left to ask; `cured` names the repair that ended it; `repairs` may be tried next, in order; `question` is put to a person where
-    nothing helps.
+    `hypotheses` are those still possible, each with its probability, the most probable first. `finished` says
+    that nothing is left to ask. `cured` names the repair that ended the case. `repairs` may be tried next, in
+    order. `question` is for a person, if nothing else helps.
     """
 
     exception: str
@@ -65,18 +66,18 @@ class Diagnosis:
 
     @property
     def question_text(self) -> str:
-        """What a person is asked, or nothing."""
+        """The question to a person as text, or an empty text."""
         return self.question.text if self.question else ""
 
     @property
     def observations(self) -> tuple[Observation, ...]:
-        """Everything observed, in order."""
+        """All observations, in order."""
         return tuple(stage.observed for stage in self.stages)
 
 
 @dataclass(frozen=True, slots=True)
 class Question:
-    """What a person is asked: at most four answers."""
+    """A question to a person, with at most four answers."""
 
     text: str
     answers: tuple[str, ...]
@@ -84,7 +85,7 @@ class Question:
 
 @dataclass(frozen=True, slots=True)
 class Revision:
-    """What a diagnosis changes in the world model, each with its reason, and what is lost."""
+    """The changes that a diagnosis makes in the world model, each with its reason, and the lost resources."""
 
     withdrawn: tuple[tuple[Atom, str], ...] = ()
     asserted: tuple[tuple[Atom, str], ...] = ()

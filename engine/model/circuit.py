@@ -1,4 +1,4 @@
-"""A combinational circuit: gates in an order in which every input of a gate comes before it."""
+"""A combinational circuit: its gates are ordered so that the inputs of a gate come before it."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -8,7 +8,10 @@ AND, OR, XOR = "and", "or", "xor"
 
 @dataclass(frozen=True, slots=True)
 class Gate:
-    """A gate: the function of its inputs (`and`, `or`, `xor`; of one input each is the input itself), then inverted or not."""
+    """A gate: a function of its inputs (`and`, `or`, `xor`), then inverted or not.
+
+    With one input each function is the input.
+    """
 
     function: str
     inverted: bool
@@ -17,7 +20,7 @@ class Gate:
 
 @dataclass(frozen=True, slots=True)
 class Circuit:
-    """Wires are named after the gate that drives them. `gates` is ordered from inputs to outputs."""
+    """A circuit. A wire has the name of its gate. `gates` is ordered from inputs to outputs."""
 
     name: str
     inputs: tuple[str, ...]
@@ -25,7 +28,10 @@ class Circuit:
     gates: Mapping[str, Gate]
 
     def values(self, given: Mapping[str, bool], flipped: frozenset[str] = frozenset()) -> dict[str, bool]:
-        """The value of every wire for values of the inputs, the outputs of the gates in `flipped` being inverted."""
+        """The value of every wire for given values of the inputs.
+
+        The outputs of the gates in `flipped` are inverted.
+        """
         found = dict(given)
         for name, gate in self.gates.items():
             read = [found[wire] for wire in gate.inputs]

@@ -1,4 +1,4 @@
-"""Why there is no plan, and what would have to be different: the answer of `cellwright explain`."""
+"""Why there is no plan, and which changes would allow one: the answer of `cellwright explain`."""
 
 from dataclasses import dataclass
 
@@ -8,7 +8,7 @@ from kb.terms import Atom
 
 @dataclass(frozen=True, slots=True)
 class Amendment:
-    """A difference to a problem. `kind`: add static, remove static, add initial, remove initial, or drop goal.
+    """A change to a problem. `kind` is add static, remove static, add initial, remove initial, or drop goal.
 
     `proof` is the number of steps of a checked plan for the changed problem.
     """
@@ -17,7 +17,7 @@ class Amendment:
     facts: tuple[Atom, ...] = ()
     goal: str = ""
     proof: int = 0
-    missing: tuple[str, ...] = ()  # from the goal down to what is missing
+    missing: tuple[str, ...] = ()  # from the goal down to the condition that is missing
 
     def __str__(self) -> str:
         what = self.goal or ", ".join(map(str, self.facts))
@@ -26,10 +26,11 @@ class Amendment:
 
 @dataclass(frozen=True, slots=True)
 class Explanation:
-    """`status` is feasible, infeasible or unknown.
+    """Why there is no plan. `status` is feasible, infeasible or unknown.
 
-    `goals` is a minimal set of goals that cannot be reached (together, if several); `exclusions` are pairs among
-    them that are never true at once; `changes` are smallest ones, each proved by planning with it.
+    `goals` is a minimal set of goals that cannot be reached (together, if there are several). `exclusions`
+    are pairs of these that are never true at the same time. `changes` are the smallest ones; each is proved
+    by a plan.
     """
 
     status: str
@@ -41,7 +42,10 @@ class Explanation:
 
 @dataclass(frozen=True, slots=True)
 class Purpose:
-    """A step achieves `condition` for `consumer` (None: it is a goal), which by way of `links` serves a goal."""
+    """A step achieves `condition` for `consumer` (None if it is a goal).
+
+    Through the causal links in `links` this serves a goal.
+    """
 
     condition: Atom
     consumer: Step | None
@@ -59,7 +63,7 @@ class OrderReason:
 
 @dataclass(frozen=True, slots=True)
 class StepReason:
-    """Why a step is in a plan, and why it stands where it does."""
+    """Why a step is in a plan, and why it has its place in the order."""
 
     step: Step
     purposes: tuple[Purpose, ...]

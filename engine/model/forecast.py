@@ -1,13 +1,13 @@
-"""When the steps of a plan can run: earliest starts and the makespan.
+"""The times of a plan: the earliest start of each step, and the makespan.
 
-Start times are a forecast; the orders between steps are what a plan promises.
+Start times are a forecast. A plan promises only the order between its steps.
 """
 
 from kb.model.plan import Plan, StepId
 
 
 def earliest_starts(plan: Plan) -> dict[StepId, int]:
-    """When each step can start if every step starts as soon as those before it have ended, in the unit of the domain."""
+    """The start of each step if it begins as soon as those before it end, in the domain's time unit."""
     ends: dict[StepId, int] = {}
     starts: dict[StepId, int] = {}
     for step in plan.steps:
@@ -17,6 +17,6 @@ def earliest_starts(plan: Plan) -> dict[StepId, int]:
 
 
 def makespan(plan: Plan) -> int:
-    """The end of the last step, every step starting as early as it may."""
+    """The end of the last step if every step starts as early as possible."""
     starts = earliest_starts(plan)
     return max((starts[step.id] + step.duration for step in plan.steps), default=0)

@@ -1,7 +1,8 @@
-"""What crosses the geometry port: jointed frames, convex pieces, pairs to be checked, and contacts. Metres, radians.
+"""The values of the geometry port: jointed frames, convex pieces, pairs to be checked, and contacts.
 
-Frames that move are *carriers*. Carrier 0 is the world; carrier i (1..k) is what joint i-1 moves. Every piece stands
-still in one carrier, so that the same scene serves arms, several arms, and bodies that fly free.
+Metres, radians. Frames that move are called carriers. Carrier 0 is the world; carrier i (1..k) is the frame
+that joint i-1 moves. Every piece is fixed in one carrier. So one kind of scene serves for one arm, several
+arms, and bodies that move freely.
 """
 
 from dataclasses import dataclass, field
@@ -13,7 +14,10 @@ from engine.kernels.arrays import Truths as Truths
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Joints:
-    """k joints as arrays: carrier i+1 stands at T_parent_origin(i) and moves about or along axis(i) of that frame."""
+    """k joints as arrays.
+
+    Carrier i+1 is at T_parent_origin(i) and moves about or along axis(i) of that frame.
+    """
 
     parent: Longs  # (k,) the carrier that each joint stands on, less than i+1
     T_parent_origin: Floats  # (k, 4, 4)
@@ -24,7 +28,7 @@ class Joints:
 
     @property
     def count(self) -> int:
-        """How many joints, so how long a configuration is."""
+        """The number of joints, which is the length of a configuration."""
         return int(self.parent.shape[0])
 
 
@@ -32,8 +36,8 @@ class Joints:
 class Piece:
     """A convex piece: all points within `radius_m` of the hull of `vertices` (n, 3), given in its own frame.
 
-    `body` is what a person calls it; `T_carrier_piece` (4, 4) puts it in carrier `carrier`. `box` tells that the
-    vertices are those of a block about the origin, whose edges lie along the axes.
+    `body` is the name that people use. `T_carrier_piece` (4, 4) is its pose in carrier `carrier`. With `box`
+    the vertices are those of a block about the origin, with edges along the axes.
     """
 
     body: str
@@ -46,9 +50,10 @@ class Piece:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Scene:
-    """Everything that can touch: joints, pieces, and the pairs of pieces (m, 2) that must not.
+    """Everything that can touch: joints, pieces, and the pairs of pieces (m, 2) that must not touch.
 
-    A free scene has no joints and one moving carrier (1), whose pose is asked about.
+    A free scene has no joints and one moving carrier (number 1). Its pose is given in place of a
+    configuration.
     """
 
     joints: Joints
@@ -59,7 +64,7 @@ class Scene:
 
     @property
     def carriers(self) -> int:
-        """How many carriers, the world included."""
+        """The number of carriers, the world included."""
         return 2 if self.free else self.joints.count + 1
 
 
@@ -67,8 +72,9 @@ class Scene:
 class Contact:
     """The nearest (or deepest) points of two bodies in the world frame.
 
-    `distance_m` is negative when they overlap: then `-distance_m` is the shortest way to part them, along `normal`,
-    the unit vector from the first to the second body. `point_first` and `point_second` (3,) lie on their surfaces.
+    `distance_m` is negative if the bodies overlap: then `-distance_m` is the shortest displacement that
+    separates them. It is along `normal`, the unit vector from the first body to the second. `point_first` and
+    `point_second` (3,) lie on the surfaces of the bodies.
     """
 
     first: str
@@ -80,5 +86,5 @@ class Contact:
 
     @property
     def depth_m(self) -> float:
-        """How far they overlap; 0 when they do not."""
+        """How far the bodies overlap; 0 if they do not."""
         return max(0.0, -self.distance_m)

@@ -12,7 +12,7 @@ from kb.terms import Atom, Term, Text
 
 @dataclass(frozen=True, slots=True)
 class Happening:
-    """A stage that a step reaches: from `start` for `duration`."""
+    """A stage of a chain, and the step that reaches it, from `start` for `duration`."""
 
     stage: Atom
     step: StepId
@@ -22,7 +22,10 @@ class Happening:
 
 @dataclass(frozen=True, slots=True)
 class History:
-    """What a plan does to one object: the stages of its chain, in order. `names` are texts that statics give it."""
+    """What a plan does to one object: the stages of its chain, in order.
+
+    `names` are texts that static facts give it.
+    """
 
     subject: Term | None
     chain: str
@@ -48,7 +51,7 @@ def histories(problem: Problem, plan: Plan) -> tuple[History, ...]:
 
 
 def _names(problem: Problem, subject: Term | None) -> dict[str, str]:
-    """Texts that binary static facts of the problem give to an object, by predicate."""
+    """The texts that binary static facts of the problem give to an object, by predicate."""
     return {
         fact.name: fact.arguments[1].value
         for fact in problem.statics

@@ -8,10 +8,11 @@ Triple = tuple[float, float, float]
 
 @dataclass(frozen=True, slots=True)
 class Feature:
-    """A feature as it is drawn: its kind, sizes by name, and where it is.
+    """A feature as the drawing shows it: its kind, its sizes by name, and where it is.
 
-    `tolerances` has the width of the narrowest tolerance zone for each kind of characteristic. `along` is the axis, the
-    normal or the line's direction; `across` a direction at right angles to it, from which `sweep` (rad) counts.
+    `tolerances` holds the width of the narrowest tolerance zone for each kind of characteristic. `along` is
+    the axis, the normal or the direction of a line. `across` is a direction at right angles to it; the angle
+    `sweep` (rad) starts there.
     """
 
     name: str
@@ -28,9 +29,11 @@ class Feature:
 
 @dataclass(frozen=True, slots=True)
 class MeasurementPoint:
-    """Where a tool measures: `normal` points away from the material; `bore_m` is the width of the hole it lies in.
+    """Where a tool measures: `normal` points away from the material; `bore_m` is the width of the hole that
+    the point lies in.
 
-    `kind` is what is needed of the tool (thickness, profile); `tolerance_m` is the width of the zone to be shown.
+    `kind` is what the tool must measure (thickness, profile). `tolerance_m` is the width of the tolerance
+    zone that the measurement must confirm.
     """
 
     name: str
@@ -44,7 +47,7 @@ class MeasurementPoint:
 
 @dataclass(frozen=True, slots=True)
 class Excluded:
-    """A feature that gets no points, and why."""
+    """A feature without measurement points, and why it has none."""
 
     feature: str
     reason: str
@@ -52,7 +55,7 @@ class Excluded:
 
 @dataclass(frozen=True, slots=True)
 class Inspection:
-    """What is to be measured of a part."""
+    """The measurements of a part."""
 
     name: str
     points: tuple[MeasurementPoint, ...]

@@ -1,4 +1,4 @@
-"""What is found out about the orders that a partially ordered plan allows."""
+"""Whether the orders that a partially ordered plan allows are valid."""
 
 from dataclasses import dataclass
 
@@ -7,7 +7,7 @@ from kb.model.plan import StepId
 
 @dataclass(frozen=True, slots=True)
 class Counterexample:
-    """An order that fails: its last step cannot be done, or every step is done and the goal does not hold."""
+    """An order that fails: its last step cannot be done, or all steps are done and the goal does not hold."""
 
     order: tuple[StepId, ...]
     at_the_goal: bool
@@ -15,7 +15,7 @@ class Counterexample:
 
 @dataclass(frozen=True, slots=True)
 class Verdict:
-    """Whether every order is valid; None if that was not found out."""
+    """Whether every order is valid; None if this is unknown."""
 
     valid: bool | None
     counterexample: Counterexample | None = None

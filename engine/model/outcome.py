@@ -1,4 +1,4 @@
-"""Answers: a plan was found, proved impossible, or the search gave up."""
+"""The three answers of a search: a plan was found, it is proved that none exists, or the search gave up."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -9,9 +9,9 @@ from kb.terms import Function
 
 @dataclass(frozen=True, slots=True)
 class Offer:
-    """The MACROPs, as steps with variables, that the search which answered had as operators, and those that it took.
+    """The MACROPs that a search had as operators, as steps with variables, and those that its plan uses.
 
-    `search` is `backward` or `forward`, empty if nothing was offered.
+    `search` is the search that answered, `backward` or `forward`; it is empty if no MACROPs were offered.
     """
 
     search: str = ""
@@ -24,7 +24,7 @@ NO_OFFER = Offer()
 
 @dataclass(frozen=True, slots=True)
 class Statistics:
-    """What a researcher wants to know of one run; times in seconds, never part of golden output."""
+    """Measurements of one run, for research. Times are in seconds and never part of golden output."""
 
     counts: Mapping[str, int] = field(default_factory=dict)
     seconds: Mapping[str, float] = field(default_factory=dict)
@@ -50,7 +50,7 @@ class Infeasible:
 
 @dataclass(frozen=True, slots=True)
 class GaveUp:
-    """The search stopped at a limit (`limit`: expansions, time or memory) or could not be exhaustive."""
+    """The search stopped at a limit (`limit` is expansions, time or memory), or was not exhaustive."""
 
     reason: str
     limit: str = "expansions"

@@ -1,4 +1,4 @@
-"""What each step of a plan is there for, and how conditions are said."""
+"""The purpose of each step of a plan, and the wording of conditions."""
 
 from collections.abc import Callable
 
@@ -9,7 +9,10 @@ from kb.terms import Atom
 
 
 def purposes(problem: Problem, plan: Plan) -> dict[StepId, dict[str, list[str]]]:
-    """For each step what it achieves, and for which steps ("goal" for the goal): why it is there."""
+    """For each step, what it achieves and for which steps ("goal" for the goal).
+
+    This is why the step is in the plan.
+    """
     say = wording(problem)
     found: dict[StepId, dict[str, list[str]]] = {}
     for link in plan.links:
@@ -21,7 +24,7 @@ def purposes(problem: Problem, plan: Plan) -> dict[StepId, dict[str, list[str]]]
 
 
 def wording(problem: Problem | None) -> Callable[[Atom], str]:
-    """How conditions are said: stages of the problem's workflow as their own atoms, `not p` for `not(p)`."""
+    """The wording of each condition: a stage of the workflow as its own atom, `not p` for `not(p)`."""
     chains = problem.chains if problem else ()
     stages = {stage_atom(c, n): str(stage) for c in chains for n, stage in enumerate(c.stages, 1)}
     stages |= {stage_atom(chain, 0): f"before {chain.stages[0]}" for chain in chains if chain.stages}

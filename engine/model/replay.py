@@ -1,4 +1,4 @@
-"""Instances of operators traced back to the ground operators of a task."""
+"""Finds the ground operators of a task that belong to given instances of operators."""
 
 from collections.abc import Iterable, Mapping
 
@@ -9,7 +9,7 @@ Instances = Mapping[Function, list[GroundOperator]]
 
 
 def instances(task: Task) -> Instances:
-    """The ground operators of each instance: they differ in supports and in stages that they reach."""
+    """The ground operators of each instance. They differ in supports and in the stages that they reach."""
     found: dict[Function, list[GroundOperator]] = {}
     for operator in task.operators:
         found.setdefault(operator.instance, []).append(operator)
@@ -17,9 +17,11 @@ def instances(task: Task) -> Instances:
 
 
 def replayed(known: Instances, state: Bits, steps: Iterable[Function]) -> list[GroundOperator] | None:
-    """The ground operators of instances taken one after another from a state; None if one cannot be taken.
+    """The ground operators of instances that are applied one after another from a state; None if one cannot
+    be applied.
 
-    Of several for one instance the one that reaches most is meant: to reach a stage early is never worse.
+    If several ground operators fit an instance, the one that reaches most stages is taken, because reaching a
+    stage early is never worse.
     """
     found = []
     for instance in steps:

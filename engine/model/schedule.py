@@ -1,4 +1,4 @@
-"""When what is to be scheduled happens: a schedule of a shop, and the timetable of a plan. Times are integers."""
+"""The schedule of a shop, and the timetable of a plan: when everything happens. Times are integers."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -10,7 +10,7 @@ from kb.model.plan import Plan, StepId
 
 @dataclass(frozen=True, slots=True)
 class Adjustment:
-    """A device is brought from one setting to another by its operator."""
+    """The operator of a device brings it from one setting to another."""
 
     device: str
     change: Changeover
@@ -18,7 +18,7 @@ class Adjustment:
 
     @property
     def end(self) -> int:
-        """When it is done."""
+        """When the adjustment is done."""
         return self.start + self.change.duration
 
 
@@ -26,8 +26,8 @@ class Adjustment:
 class Schedule:
     """When each stage and each change of a device starts. No schedule is shorter than `lower_bound`.
 
-    `tardiness` is the weighted sum of what jobs end after they are due, which comes before the makespan; `proved`
-    says that there is no better schedule. Start times are a forecast; the order is what is promised.
+    `tardiness` is the weighted sum of how late jobs end. Less tardiness is better than a shorter makespan.
+    `proved` says that there is no better schedule. Only the order is promised; start times are a forecast.
     """
 
     starts: Mapping[str, int]
@@ -39,7 +39,7 @@ class Schedule:
 
     @property
     def gap(self) -> float:
-        """How much longer than the lower bound it may be, as a share of the makespan."""
+        """The difference between the makespan and its lower bound, as a share of the makespan."""
         return (self.makespan - self.lower_bound) / self.makespan if self.makespan else 0.0
 
 
@@ -58,7 +58,8 @@ Timing = Scheduled | Infeasible | GaveUp
 class Timetable:
     """A plan with the start of each step, and the schedule of the shop behind it.
 
-    `shop` has a stage per block of steps that serves an object. `note` says why the plan kept its own order, if it did.
+    `shop` has a stage for each block of steps that serves an object. `note` says why the plan kept its own
+    order, if it did.
     """
 
     plan: Plan

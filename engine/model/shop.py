@@ -1,4 +1,7 @@
-"""What is to be scheduled: jobs of stages on resources, windows between them, and devices. Times are integers."""
+"""A scheduling problem: jobs made of stages, resources, time windows between stages, and devices.
+
+Times are integers.
+"""
 
 import itertools
 from collections.abc import Mapping
@@ -8,7 +11,10 @@ from functools import cached_property
 
 @dataclass(frozen=True, slots=True)
 class Need:
-    """A stage needs `device` at `setting` from `begin` to `end`, counted from the start of the stage."""
+    """A stage needs `device` at `setting` from `begin` to `end`.
+
+    Both times count from the start of the stage.
+    """
 
     device: str
     setting: str
@@ -18,9 +24,10 @@ class Need:
 
 @dataclass(frozen=True, slots=True)
 class Stage:
-    """Something that lasts `duration` without a break and holds one unit of each of its resources meanwhile.
+    """An activity of length `duration` without a break. It holds one unit of each of its resources.
 
-    `origin` and `destination` are where a resource that travels must be when it starts, and is when it has ended.
+    `origin` is where a travelling resource must be when the stage starts; `destination` is where it is at the
+    end.
     """
 
     name: str
@@ -33,9 +40,9 @@ class Stage:
 
 @dataclass(frozen=True, slots=True)
 class Job:
-    """Stages that belong together; their order is told by windows. None starts before `release`.
+    """Stages that belong together. Windows say in which order they come. No stage starts before `release`.
 
-    To end after `due` costs `priority` for each unit of time.
+    If the job ends after `due`, each unit of time costs `priority`.
     """
 
     name: str
@@ -47,7 +54,7 @@ class Job:
 
 @dataclass(frozen=True, slots=True)
 class Moment:
-    """`offset` after the start of a stage."""
+    """The time `offset` after the start of a stage."""
 
     stage: str
     offset: int = 0
@@ -55,7 +62,7 @@ class Moment:
 
 @dataclass(frozen=True, slots=True)
 class Window:
-    """`later` comes at least `least` and (dwell) at most `most` after `earlier`."""
+    """`later` comes at least `least` and at most `most` after `earlier`. (A largest time is called dwell.)"""
 
     earlier: Moment
     later: Moment
@@ -65,7 +72,10 @@ class Window:
 
 @dataclass(frozen=True, slots=True)
 class Hold:
-    """One unit of `resource` is taken from `begin` to `end`, not before (blocking); None is from the start, or for good."""
+    """One unit of `resource` is taken from `begin` to `end`, even between stages (blocking).
+
+    `begin` None: from time 0; `end` None: for ever.
+    """
 
     resource: str
     begin: Moment | None
@@ -74,22 +84,26 @@ class Hold:
 
 @dataclass(frozen=True, slots=True)
 class Resource:
-    """`capacity` equal units. One that travels (capacity 1) takes `travel[from, to]` between what it does.
+    """A resource with `capacity` equal units.
 
-    `home` is where it is at the start. Pairs that are not named take no time; travel that depends on kinds of work
-    in place of places is a sequence-dependent set-up.
+    If it travels (capacity 1), it takes `travel[from, to]` between two stages. `home` is where it is at the
+    start. Pairs that are not named take no time. With kinds of work in place of places, travel is a
+    sequence-dependent set-up.
     """
 
     name: str
     capacity: int = 1
     travel: Mapping[tuple[str, str], int] = field(default_factory=dict)
     home: str = ""
-    units: tuple[str, ...] = ()  # their names, if they have some
+    units: tuple[str, ...] = ()  # names of the units, if they have names
 
 
 @dataclass(frozen=True, slots=True)
 class Changeover:
-    """How a device comes from one setting to another: `duration` of its operator's time, from `origin` to `destination`."""
+    """How a device gets from one setting to another.
+
+    Its operator needs `duration`, and moves from `origin` to `destination`.
+    """
 
     before: str
     after: str
@@ -100,9 +114,10 @@ class Changeover:
 
 @dataclass(frozen=True, slots=True)
 class Device:
-    """A door, a lid, a tool: one setting at a time, changed by `operator` (a resource of capacity 1).
+    """A device such as a door, a lid or a tool.
 
-    `final` is the setting to be left behind, if it matters.
+    It has one setting at a time; `operator` (a resource of capacity 1) changes it. `final` is the setting
+    that it must have at the end; empty if any setting will do.
     """
 
     name: str
@@ -112,14 +127,14 @@ class Device:
     final: str = ""
 
     def change(self, before: str, after: str) -> Changeover | None:
-        """How to come from `before` to `after`, if there is a way."""
+        """The change from setting `before` to setting `after`, if there is one."""
         found = [each for each in self.changes if (each.before, each.after) == (before, after)]
         return found[0] if found else None
 
 
 @dataclass(frozen=True)
 class Shop:
-    """Everything to be scheduled. Names of stages are unique among all jobs."""
+    """A whole scheduling problem. Names of stages are unique among all jobs."""
 
     jobs: tuple[Job, ...]
     resources: tuple[Resource, ...]

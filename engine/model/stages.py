@@ -1,4 +1,4 @@
-"""How many stages of a chain are reached, as a fluent: what a task counts, and causal links name."""
+"""The fluent for the number of stages of a chain that are reached. Ground tasks and causal links use it."""
 
 from kb.model.problem import Chain
 from kb.terms import Atom, Function, Number, Text

@@ -10,10 +10,10 @@ from kb.terms import Atom, Function, Term
 
 @dataclass(frozen=True, slots=True)
 class ConditionalEffect:
-    """`adds` and `deletes` happen if `condition` held before the step.
+    """An effect with a condition: `adds` and `deletes` happen if `condition` held before the step.
 
-    `cancels` are complementary atoms of `adds`: other effects of the step, which delete what this one adds, do not
-    make them true.
+    `cancels` are the complementary atoms of `adds`. Another effect of the step that deletes what this one
+    adds does not make them true.
     """
 
     condition: Bits
@@ -24,7 +24,10 @@ class ConditionalEffect:
 
 @dataclass(frozen=True, slots=True)
 class GroundOperator:
-    """A plain operator: new state = (state - deletes) + adds. Several may share one `instance` (supports, stages)."""
+    """A ground operator: new state = (state - deletes) + adds.
+
+    Several may share one `instance`; they differ in supports or stages.
+    """
 
     instance: Function
     preconditions: Bits
@@ -38,10 +41,11 @@ class GroundOperator:
 
 @dataclass(frozen=True, slots=True)
 class Task:
-    """A ground planning task. `weights` are criticalities per atom; each mutex group holds at most one true atom.
+    """A ground planning task.
 
-    A negative condition on atom p is a positive one on the complementary atom `not(p)`, kept by every effect on p.
-    `goals` are alternatives: any one of the bitsets will do.
+    `weights` are criticalities per atom; each mutex group holds at most one true atom. A negative condition
+    on atom p is a positive one on the complementary atom `not(p)`, kept by every effect on p. `goals` are
+    alternatives: a state that contains any one of the bitsets is a goal state.
     """
 
     atoms: tuple[Atom, ...]
@@ -57,7 +61,7 @@ class Task:
 
 
 def progress(state: Bits, operator: GroundOperator) -> Bits:
-    """The state after `operator` in `state`: delete, then add."""
+    """The state after `operator` is applied in `state`: first delete, then add."""
     adds, deletes, cancels = operator.adds, operator.deletes, 0
     for effect in operator.conditional:
         if effect.condition & ~state == 0:

@@ -1,4 +1,4 @@
-"""Visits, what it costs to travel between them, and tours: what the sequencer is asked and what it answers."""
+"""Visits, travel costs between them, and tours: the questions and the answers of the sequencer."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -14,10 +14,11 @@ Window = tuple[int, int]
 
 @dataclass(frozen=True, slots=True)
 class Visit:
-    """Something that a tour passes once.
+    """A place that a tour visits once.
 
-    `position` is for pictures and construction; `tool` is what has to be set up for it. The visit begins within
-    `window` (earliest, latest; both count from the start of the tour) and lasts `duration`, in the unit of the costs.
+    `position` serves for pictures and for first tours. `tool` is the tool that the visit needs. The visit
+    begins within `window` (earliest, latest; both count from the start of the tour) and lasts `duration`.
+    Times are in the unit of the costs.
     """
 
     name: str
@@ -31,9 +32,10 @@ class Visit:
 class TourProblem:
     """Which order of the visits costs least?
 
-    `travel` (n, n) is the cost from visit i to visit j, not negative; `changes` is what it costs besides to go on with
-    another tool. With windows costs are times. An open tour ends at its last visit, a closed one goes back to its
-    first. `start` and `end` are the first and the last visit, if they are given. Each pair of `precedence` is in order.
+    `travel` (n, n) is the cost from visit i to visit j, not negative. `changes` is the additional cost of
+    going on with another tool. With windows, costs are times. An open tour ends at its last visit; a closed
+    one goes back to its first. `start` and `end` are the first and the last visit, if given. The visits of
+    each pair in `precedence` come in that order.
     """
 
     name: str
@@ -48,7 +50,7 @@ class TourProblem:
 
     @property
     def arcs(self) -> Longs:
-        """Travel and change of tool together (n, n)."""
+        """The cost from visit to visit (n, n): travel and change of tool together."""
         if not self.changes or not self.visits:
             return self.travel
         tools = [visit.tool for visit in self.visits]
@@ -65,16 +67,19 @@ class TourProblem:
 
     @property
     def ordered(self) -> bool:
-        """Whether it matters where a tour begins beyond its cost: precedence or windows."""
+        """Whether some orders are forbidden, by precedence or windows.
+
+        Then it also matters where a tour begins.
+        """
         return bool(self.precedence) or self.timed
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PoseProblem:
-    """Which order of the visits, and which pose at each, take least time on a closed tour from the first visit?
+    """Which order of the visits, and which pose at each, make the fastest closed tour from the first visit?
 
-    `poses` has for each visit its configurations (m, k), m >= 1; `speeds` (k,) are those of the joints, which move at
-    the same time: going from one pose to another takes as long as the slowest joint needs.
+    `poses` holds the configurations (m, k) of each visit, m >= 1. `speeds` (k,) are the speeds of the joints.
+    Joints move at the same time: a move takes as long as the slowest joint needs.
     """
 
     name: str
@@ -85,9 +90,10 @@ class PoseProblem:
 
 @dataclass(frozen=True, slots=True)
 class Tour:
-    """An order of all visits, its cost, and a lower bound on the cost of any; `work` says how long was searched.
+    """An order of all visits, its cost, and a lower bound on the cost of every tour.
 
-    `poses` names the chosen pose of each visit in `order`, where visits have several.
+    `work` says how long the search was. If visits have several poses, `poses` holds the chosen pose of each
+    visit in `order`.
     """
 
     order: tuple[int, ...]
@@ -104,21 +110,21 @@ class Tour:
 
     @property
     def gap(self) -> float:
-        """How far the cost may lie above the least one, as a fraction of the lower bound; infinite without a bound."""
+        """The difference of cost and lower bound, as a fraction of the bound; infinite without a bound."""
         if self.proved:
             return 0.0
         return (self.cost - self.lower_bound) / self.lower_bound if self.lower_bound > 0 else float("inf")
 
 
 def cost_of(problem: TourProblem, order: tuple[int, ...]) -> int:
-    """What an order costs: its arcs, and the way back when the tour is closed."""
+    """The cost of an order: its arcs, and the way back if the tour is closed."""
     arcs = problem.arcs
     total = sum(int(arcs[a, b]) for a, b in pairwise(order))
     return total + int(arcs[order[-1], order[0]]) if problem.closed and len(order) > 1 else total
 
 
 def violations(problem: TourProblem, order: tuple[int, ...]) -> list[str]:
-    """What an order does against the problem; empty when it is a tour that was asked for."""
+    """How an order violates the problem; empty if it is a valid tour."""
     names = [visit.name for visit in problem.visits]
     found = []
     if sorted(order) != list(range(len(names))):

@@ -1,7 +1,7 @@
-"""Troubleshooting: causes with priors, actions that tell causes apart or put them right, and what may be concluded.
+"""Troubleshooting: causes with priors, actions that separate causes or repair them, and possible conclusions.
 
-Given the cause, the outcomes of different actions are independent, and an action gives the same outcome whenever it is
-repeated; so each is worth doing once. Costs and losses share one unit.
+Given the cause, the outcomes of different actions are independent. An action gives the same outcome whenever
+it is repeated, so each action is worth doing only once. Costs and losses share one unit.
 """
 
 import math
@@ -14,9 +14,10 @@ MAX_HISTORY_BITS = 62
 
 @dataclass(frozen=True, slots=True)
 class Action:
-    """A test or a repair. `likelihoods[o][c]` is the probability of outcome o if c is the cause; columns sum to 1.
+    """A test or a repair.
 
-    An outcome in `ends` finishes the case: of a repair, that the trouble is gone.
+    `likelihoods[o][c]` is the probability of outcome o if c is the cause; columns sum to 1. An outcome in
+    `ends` finishes the case, such as the outcome of a repair that the trouble is gone.
     """
 
     name: str
@@ -27,13 +28,16 @@ class Action:
 
     @property
     def certain(self) -> bool:
-        """Whether each cause fixes the outcome."""
+        """Whether the cause determines the outcome, for every cause."""
         return all(value in (0.0, 1.0) for row in self.likelihoods for value in row)
 
 
 @dataclass(frozen=True, slots=True)
 class Conclusion:
-    """An end of the case: what it loses if c is the cause; infinity where it may not be drawn while c is possible."""
+    """An end of the case.
+
+    `losses[c]` is the loss if c is the cause; infinity forbids this conclusion while c is possible.
+    """
 
     name: str
     losses: tuple[float, ...]
@@ -41,9 +45,11 @@ class Conclusion:
 
 @dataclass(frozen=True, slots=True)
 class Setup:
-    """Situations of the cell: doing action a in situation k costs `costs[k][a]` beforehand and leaves `following[k][a]`.
+    """Situations of the cell.
 
-    Set-up is planned well: nothing is gained by doing some other action first only for the situation that it leaves.
+    Preparing action a in situation k costs `costs[k][a]`; the action leaves situation `following[k][a]`.
+    Set-up costs are the least ones: doing another action first, only for the situation that it leaves, gains
+    nothing.
     """
 
     costs: tuple[tuple[float, ...], ...]
@@ -52,7 +58,10 @@ class Setup:
 
 @dataclass(frozen=True, slots=True)
 class Troubleshooting:
-    """What is to be found out. Priors sum to 1; ties among actions go to the one declared first."""
+    """A troubleshooting problem. Priors sum to 1.
+
+    If actions are equally good, the one declared first is chosen.
+    """
 
     causes: tuple[str, ...]
     priors: tuple[float, ...]
@@ -70,23 +79,26 @@ class Troubleshooting:
 
 
 def field_bits(action: Action) -> int:
-    """Bits that remember the outcome of an uncertain action; a certain one is remembered by the causes it leaves."""
+    """The bits that store the outcome of one uncertain action.
+
+    The outcome of a certain action needs none: the causes left show it.
+    """
     return 0 if action.certain else len(action.outcomes).bit_length()
 
 
 def history_bits(actions: Sequence[Action]) -> int:
-    """Bits that remember the outcomes of all uncertain actions."""
+    """The bits that store the outcomes of all uncertain actions."""
     return sum(map(field_bits, actions))
 
 
 def situation_bits(setup: Setup | None) -> int:
-    """Bits that number the situations."""
+    """The bits that store the situation."""
     return (len(setup.costs) - 1).bit_length() if setup else 0
 
 
 @dataclass(frozen=True, slots=True)
 class Standing:
-    """Where a case stands: the causes still possible (a bit set), outcomes of uncertain actions, the situation."""
+    """The state of a case: possible causes (a bit set), outcomes of uncertain actions, the situation."""
 
     possible: int
     history: int = 0
@@ -95,7 +107,7 @@ class Standing:
 
 @dataclass(frozen=True, slots=True)
 class Conclude:
-    """A leaf: the conclusion drawn (its index), or None where an outcome ended the case."""
+    """A leaf: the index of the conclusion drawn, or None if an outcome ended the case."""
 
     probability: float
     conclusion: int | None
@@ -104,9 +116,9 @@ class Conclude:
 
 @dataclass(frozen=True, slots=True)
 class Try:
-    """A branching: the action (its index), what it costs here with its set-up, and what follows each outcome.
+    """An inner node: the index of the action, its cost here with its set-up, and the branch for each outcome.
 
-    `probability` is that of coming here; outcomes that cannot occur have no branch.
+    `probability` is the probability of reaching this node. Outcomes that cannot occur have no branch.
     """
 
     probability: float
@@ -120,10 +132,11 @@ Tree = Conclude | Try
 
 @dataclass(frozen=True, slots=True)
 class Advice:
-    """What to do next: an action, or a conclusion where `action` is None; with its expected cost from here.
+    """What to do next: an action, or a conclusion if `action` is None.
 
-    `bound` is a proven lower bound of the optimum, equal to `expected_cost` where `optimal`. `runners_up` are other
-    actions with (a lower bound of) the expected cost of beginning with them, best first.
+    `expected_cost` is the expected cost from here. `bound` is a proven lower bound of the optimum; it equals
+    `expected_cost` if `optimal`. `runners_up` are other actions, best first, each with the expected cost (or
+    a lower bound of it) of beginning with it.
     """
 
     action: int | None

@@ -1,8 +1,8 @@
-"""The doorway to clingo: grounding definite programs, and reading ASP files statement by statement.
+"""The only way to clingo: grounding definite programs, and reading ASP files statement by statement.
 
-Programs that go through here are stratified, so gringo alone evaluates them and no solver runs. Large results leave
-as integer tables through one theory atom per table, whose text is made in C++: some six times faster than asking for
-symbols one by one.
+Programs that are grounded here are stratified, so the grounder evaluates them and no solver runs. Large
+results leave as tables of integers, through one theory atom for each table. clingo writes its text in C++,
+which is about six times faster than asking for symbols one by one.
 """
 
 import re
@@ -16,7 +16,7 @@ from kb.terms import Function, Number, Term, Text
 
 
 class AspError(Exception):
-    """clingo refused a program; `messages` are (line, column, text), lines counting from 1 in the refused text."""
+    """clingo refused a program. `messages` are (line, column, text); lines of that text count from 1."""
 
     def __init__(self, messages: Iterable[tuple[int, int, str]]) -> None:
         self.messages = list(messages)
@@ -24,7 +24,7 @@ class AspError(Exception):
 
 
 class Messages:
-    """Collects what clingo says instead of printing it."""
+    """Collects clingo's messages; they are not printed."""
 
     _PLACE = re.compile(r"<?[\w-]*>?:(\d+):(\d+)(?:-[\d:]+)?: (?:error|info|warning): (.*)", re.DOTALL)
 
@@ -35,14 +35,14 @@ class Messages:
         self.hear(text)
 
     def hear(self, text: str) -> None:
-        """Take the place out of a message."""
+        """Stores a message, with its place in the text as line and column."""
         found = self._PLACE.match(text)
         line, column, said = (int(found[1]), int(found[2]), found[3]) if found else (0, 0, text)
         self.heard.append((line, column, " ".join(said.split())))
 
 
 class Grounder:
-    """Grounds text step by step and hands out what became true."""
+    """Grounds text step by step, and returns the atoms that became true."""
 
     def __init__(self) -> None:
         self._messages = Messages()
@@ -53,7 +53,7 @@ class Grounder:
         self._tables = 0
 
     def ground(self, text: str) -> None:
-        """Add statements, and everything that follows from them. Raises `AspError`."""
+        """Adds statements, and everything that follows from them. Raises `AspError`."""
         self._parts += 1
         part = f"part_{self._parts}"
         try:
@@ -68,7 +68,10 @@ class Grounder:
         return [tuple(map(term, atom.symbol.arguments)) for atom in found]
 
     def everything(self) -> Iterator[Function]:
-        """Every true atom of every predicate; their arguments, few of them different, are read once each."""
+        """Every true atom of every predicate.
+
+        Few arguments are different, so each different one is read only once.
+        """
         atoms, known = self._control.symbolic_atoms, dict[clingo.Symbol, Term]()
         for name, arity, positive in atoms.signatures:
             for atom in atoms.by_signature(name, arity, positive):
@@ -79,7 +82,7 @@ class Grounder:
                 yield Function(name, tuple([known[each] for each in arguments]))
 
     def tables(self, arities: Mapping[str, int]) -> dict[str, Table]:
-        """For each predicate over integers its true atoms as rows, sorted."""
+        """For each predicate over integers, its true atoms as sorted rows."""
         first = self._tables
         columns = {name: arity for name, arity in arities.items() if arity}
         statements = []
@@ -111,7 +114,7 @@ def term(symbol: clingo.Symbol) -> Term:
 
 
 def ground_term(text: str) -> Term:
-    """A ground term from its text, fast; arithmetic in it is evaluated. Raises `AspError`."""
+    """A ground term from its text, read in a fast way. Arithmetic in it is evaluated. Raises `AspError`."""
     if (found := suspicion(text)) is not None:
         raise AspError([(1, found.offset + 1, found.message)])
     messages = Messages()

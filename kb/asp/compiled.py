@@ -1,4 +1,4 @@
-"""Rules of clingo's syntax tree as values of the model: what the planner itself reads, not clingo."""
+"""Turns rules of clingo's syntax tree into values of the model, for rules that the planner evaluates."""
 
 from clingo import SymbolType, ast
 
@@ -7,7 +7,7 @@ from kb.terms import Atom, Function, Number, Operation, Term, Text, Variable
 
 
 class NotCompilable(Exception):
-    """The model has no value for a part of a rule; the message is its text."""
+    """The model has no value for a part of a rule. The message is the text of that part."""
 
 
 def compiled(rule: ast.AST) -> tuple[Atom, Body]:

@@ -1,4 +1,4 @@
-"""Enumerates stable models of small programs, projected to what was asked for."""
+"""Enumerates stable models of small programs, projected to one predicate."""
 
 from collections.abc import Iterator
 
@@ -9,9 +9,10 @@ from kb.terms import Function
 
 
 def models(text: str, shown: str, limit: int) -> Iterator[tuple[Function, ...]]:
-    """The arguments of unary predicate `shown` in each stable model, each set once, at most `limit` of them.
+    """The arguments of the unary predicate `shown` in each stable model.
 
-    clingo searches with one thread and a fixed configuration, so the order repeats. Raises `AspError`.
+    Each set comes once; at most `limit` sets. clingo searches with one thread and a fixed configuration, so
+    the order repeats. Raises `AspError`.
     """
     messages = Messages()
     options = ["--warn=none", f"--models={limit}", "--project=project", "--configuration=tweety"]

@@ -1,4 +1,4 @@
-"""Optimal stable models of programs with `#minimize`, one after the other, none containing one that was given before."""
+"""Optimal stable models of programs with `#minimize`, one after the other. None contains an earlier one."""
 
 from collections.abc import Iterator
 
@@ -11,10 +11,11 @@ from kb.terms import Function
 def best_models(
     text: str, shown: str, limit: int, options: tuple[str, ...] = ()
 ) -> Iterator[tuple[int, tuple[Function, ...]]]:
-    """The cost and the arguments of unary predicate `shown`, in models of least cost that contain no earlier one.
+    """The cost and the arguments of the unary predicate `shown` in optimal models, without those that contain
+    an earlier one.
 
-    So with costs of each atom apart, the minimal sets come out, cheapest first. At most `limit`; one thread, so that
-    the order repeats. Raises `AspError`.
+    If each atom has a cost of its own, these are the minimal sets, the cheapest first. At most `limit` models
+    are given. clingo searches with one thread, so that the order repeats. Raises `AspError`.
     """
     messages = Messages()
     control = clingo.Control(["--warn=none", *options], logger=messages, message_limit=50)
@@ -35,7 +36,7 @@ def best_models(
 
 
 def _optimum(control: clingo.Control) -> tuple[int, tuple[Function, ...]] | None:
-    """The last model of a search is the optimal one."""
+    """The optimal model, which is the last one of a search; None if there is no model."""
     best = None
     with control.solve(yield_=True) as models:
         for model in models:

@@ -1,4 +1,4 @@
-"""Reads an ASP file statement by statement: what each defines and uses, and what domain files may not contain."""
+"""Reads an ASP file statement by statement: what each one defines and uses, and whether it is allowed."""
 
 import re
 from collections.abc import Callable, Iterator, Sequence
@@ -12,14 +12,14 @@ from kb.asp.tree import ALONE, Reading, signature, strange
 from kb.diagnostics import Source
 from kb.model.statement import Constant, Statement
 
-MAX_LENGTH = 2**19  # characters of one file
+MAX_LENGTH = 2**19  # characters in one file
 Place = Callable[[int, int], Source]
 """Where a line and a column of a text are, both counted from 1."""
 
 
 @dataclass(frozen=True, slots=True)
 class Parsed:
-    """A statement, and clingo's syntax tree of it for those who compile it."""
+    """A statement, with its tree from clingo's parser, for `kb.asp.compiled`."""
 
     statement: Statement
     tree: ast.AST
@@ -36,9 +36,9 @@ class Refused:
 
 
 def statements(text: str, place: Place, pools: bool = False) -> Iterator[Parsed | Refused]:
-    """The statements of an ASP file in order. Raises `AspError` for what is not ASP.
+    """The statements of an ASP file, in order. Raises `AspError` for what is not ASP.
 
-    Rules with pools are written out, or, with `pools`, kept as they stand.
+    Rules with pools become several rules; with `pools` they are kept as they are.
     """
     if (found := suspicion(text, MAX_LENGTH)) is not None:
         line = text.count("\n", 0, found.offset) + 1
@@ -80,7 +80,7 @@ def _statement(node: ast.AST, where: Source, pools: bool) -> Iterator[Parsed | R
 
 
 def _rules(node: ast.AST, where: Source, pools: bool) -> Iterator[Parsed | Refused]:
-    """The rules of a statement: one, or more where it has pools."""
+    """The rules of a statement: one, or several if it has pools."""
     reading = Reading()
     made = rule(node, where, reading)
     if why := strange(node, reading):
@@ -92,7 +92,7 @@ def _rules(node: ast.AST, where: Source, pools: bool) -> Iterator[Parsed | Refus
 
 
 def rule(node: ast.AST, where: Source, reading: Reading) -> Parsed | Refused:
-    """A rule without pools; `reading` takes in what stands in it."""
+    """The value of a rule without pools. `reading` collects its parts."""
     head, body = node.head, list(node.body)
     reading.head(head)
     counts = reading.counts
@@ -122,9 +122,9 @@ def rule(node: ast.AST, where: Source, reading: Reading) -> Parsed | Refused:
 
 
 def plain_fact(text: str, where: Source) -> Statement | None:
-    """The fact that clingo prints as `text`, if its arguments are constants and natural numbers, else None.
+    """The fact that clingo prints as `text` if its arguments are constants and natural numbers, else None.
 
-    This is a short way for the facts that files hold by the hundred: reading their trees takes several times as long.
+    This is a faster way for files with hundreds of facts: reading their trees takes several times as long.
     """
     if (fact := _FACT.fullmatch(text)) is None:
         return None
@@ -145,9 +145,9 @@ _FACT = re.compile(r"([a-z][A-Za-z0-9_]*)(?:\(([a-z0-9][A-Za-z0-9_]*(?:,[a-z0-9]
 
 
 def unsafe(rules: Sequence[Statement]) -> Iterator[tuple[Statement, str]]:
-    """The rules that have unsafe variables, with these variables; nothing is grounded.
+    """The rules that have unsafe variables, each with these variables. Nothing is grounded.
 
-    An atom that nothing makes true joins each body, so clingo checks the rules and finds no instance of them.
+    Each body gets an extra atom that is never true. So clingo checks the rules but finds no instance of them.
     """
     heard: list[str] = []
     control = Control(["--warn=none"], logger=lambda _, text: heard.append(text), message_limit=1000)
@@ -157,7 +157,7 @@ def unsafe(rules: Sequence[Statement]) -> Iterator[tuple[Statement, str]]:
         )
         control.ground([("base", [])])
     except RuntimeError:
-        pass  # what was heard says why
+        pass  # the collected messages say why
     for message in heard:
         found = re.match(r"<?[\w-]*>?:([0-9]+):", message)
         if found and "error" in message and int(found[1]) <= len(rules):

@@ -1,4 +1,4 @@
-"""Multi-shot solving: programs that grow part by part and are solved under assumptions within a bound of conflicts."""
+"""Multi-shot solving: a program grows part by part, and is solved within a limit of conflicts."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 
@@ -8,13 +8,16 @@ from kb.asp import AspError, Messages
 from kb.terms import Function, Number
 
 Shown = frozenset[tuple[int, ...]] | bool | None
-"""What a model shows: the arguments of atoms; False if there is no model; None if nobody knows."""
+"""The arguments of the shown atoms of a model; False if there is no model; None if this is unknown."""
 
-PAUSE = 0.05  # seconds between two looks at whether to stop
+PAUSE = 0.05  # seconds between two checks whether to stop
 
 
 class Solver:
-    """A program in named parts; clingo searches with one thread and a fixed configuration, so that answers repeat."""
+    """A program in named parts.
+
+    clingo searches with one thread and a fixed configuration, so that answers repeat.
+    """
 
     def __init__(self, parts: Mapping[str, tuple[Sequence[str], str]], options: Sequence[str] = ()) -> None:
         self._messages = Messages()
@@ -27,16 +30,16 @@ class Solver:
             raise AspError(self._messages.heard or [(0, 0, str(error))]) from None
 
     def ground(self, parts: Iterable[tuple[str, Sequence[int]]]) -> None:
-        """Ground parts with numbers for their parameters. Raises `AspError`."""
+        """Grounds parts with numbers for their parameters. Raises `AspError`."""
         try:
             self._control.ground([(name, [clingo.Number(n) for n in numbers]) for name, numbers in parts])
         except RuntimeError as error:
             raise AspError(self._messages.heard or [(0, 0, str(error))]) from None
 
     def solve(self, assumed: Iterable[Function], conflicts: int, interrupted: Callable[[], bool]) -> Shown:
-        """The arguments of the shown atoms of a model; False if there is none; None if the bound came first.
+        """The arguments of the shown atoms of a model; False if there is none; None if the limit came first.
 
-        Shown atoms have numbers for arguments. External atoms are false but for those that are `assumed`.
+        Shown atoms have numbers as arguments. External atoms are false, except those that are `assumed`.
         """
         self._control.configuration.solve.solve_limit = str(max(conflicts, 1))  # type: ignore[union-attr]
         names = [_symbol(each) for each in assumed]

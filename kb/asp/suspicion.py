@@ -1,4 +1,7 @@
-"""What must not reach clingo: it follows inclusions, and guards neither its stack nor its integers nor its messages."""
+"""Finds text that must not reach clingo.
+
+clingo follows inclusions, and text can overflow its stack or its integers, or break its messages.
+"""
 
 import re
 from dataclasses import dataclass
@@ -10,7 +13,7 @@ LARGEST = 2**31 - 1
 
 @dataclass(frozen=True, slots=True)
 class Suspicion:
-    """Why a text is not given to clingo, and the character that shows it."""
+    """Why a text is not given to clingo, and the offset of the character that is the reason."""
 
     offset: int
     message: str
@@ -19,7 +22,7 @@ class Suspicion:
 
 
 def suspicion(text: str, longest: int = 65_536) -> Suspicion | None:
-    """The first thing in a text that clingo cannot be trusted with; None for nearly every text."""
+    """The first thing in a text that is not safe to give to clingo; None for nearly every text."""
     if len(text) <= 1000 and _ORDINARY.fullmatch(text) and text.count("(") <= MAX_NESTING:
         return None
     if len(text) > longest:

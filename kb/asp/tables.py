@@ -1,6 +1,6 @@
-"""Tables of integers that leave clingo as text: lists while they are small, arrays when they are large.
+"""Tables of integers that leave clingo as text. Small ones are lists, large ones are arrays.
 
-NumPy is imported for large tables alone; it takes longer to import than a small problem to ground.
+NumPy is imported only for large tables, because importing it takes longer than grounding a small problem.
 """
 
 from collections.abc import Iterator
@@ -13,14 +13,14 @@ if TYPE_CHECKING:
 
     Array = npt.NDArray[np.int64]
 
-LARGE = 300_000  # characters from which on an array is worth its import
-CHUNK = 10_000  # rows that are Python numbers at one moment
-LARGEST_KEY = 2**62  # rows whose columns span less are sorted by one integer each
+LARGE = 300_000  # characters of text; from this length on NumPy is worth its import
+CHUNK = 10_000  # rows that are Python numbers at the same time
+LARGEST_KEY = 2**62  # if the spans of the columns multiply to less, each row is sorted by one integer
 _NUMBERS_ALONE = str.maketrans(";", ",", "()")  # clingo writes a negative number as (-1)
 
 
 class Table:
-    """Distinct rows of integers in lexicographic order, so that nothing depends on clingo's order."""
+    """Different rows of integers in lexicographic order, so that nothing depends on clingo's order."""
 
     def __init__(self, rows: "list[list[int]] | Array") -> None:
         self._rows = rows
@@ -37,7 +37,7 @@ class Table:
 
 
 def table(text: str, width: int) -> Table:
-    """The rows that a theory atom is printed with, between its braces."""
+    """The rows in the text of a theory atom, between its braces."""
     numbers = text[text.index("{") + 1 : -1].translate(_NUMBERS_ALONE)
     if not numbers.strip():
         return Table([])

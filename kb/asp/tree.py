@@ -1,6 +1,6 @@
-"""What stands in a rule of clingo's syntax tree, found in one walk: names, variables, uses, and what is not allowed.
+"""Finds the parts of a rule in clingo's syntax tree in one walk: names, variables, uses, forbidden things.
 
-Each look at a node of the tree costs microseconds, so the nodes that rules are made of have readers of their own.
+Each access to a node of the tree costs microseconds, so frequent kinds of nodes have readers of their own.
 """
 
 from collections.abc import Callable, Iterator
@@ -13,11 +13,11 @@ from kb.model.statement import Constant, Sign, Signature, Use
 MAX_ALTERNATIVES = 10_000
 MAX_RANGE = 1_000_000
 Strange = tuple[str, str, str]
-"""What a rule may not contain: message, hint and code."""
+"""Something that a rule may not contain: message, hint and code."""
 
 
 class Reading:
-    """What one rule holds, in the order of its text."""
+    """The parts of one rule, in the order of its text."""
 
     def __init__(self) -> None:
         self.names: list[str] = []
@@ -25,16 +25,16 @@ class Reading:
         self.constants: list[Constant] = []
         self.uses: list[Use] = []
         self.strange: list[Strange] = []
-        self.counts = False  # arithmetic or a range has been met
+        self.counts = False  # whether arithmetic or a range was found
         self.pools = False
-        self._sign = Sign.POSITIVE  # how atoms are read here
+        self._sign = Sign.POSITIVE  # how the atoms at the present place are read
 
     def read(self, node: ast.AST) -> None:
-        """Take in a node and what stands in it."""
+        """Collects the parts of a node and of all nodes below it."""
         _READERS.get(node.ast_type, Reading._other)(self, node)
 
     def head(self, node: ast.AST) -> None:
-        """Take in a rule's head, which reads nothing."""
+        """Collects the parts of a rule's head. A head uses no predicates."""
         self.read(node)
         self.uses.clear()
 
@@ -141,7 +141,7 @@ _READERS: dict[ast.ASTType, Callable[[Reading, ast.AST], None]] = {
 
 
 def constant(node: ast.AST) -> str | None:
-    """The constant that a term is, None if it is something else."""
+    """The name of the constant, if a term is one, else None."""
     if node.ast_type == ast.ASTType.SymbolicTerm:
         symbol = node.symbol
         return symbol.name if symbol.type == SymbolType.Function else None
@@ -156,14 +156,16 @@ def signature(atom: ast.AST) -> Signature:
 
 
 def strange(rule: ast.AST, reading: Reading) -> Strange | None:
-    """The first thing that a rule may not contain: runaway pools and ranges, external functions, classical negation."""
+    """The first thing in a rule that is not allowed, such as too large pools and ranges, external functions,
+    classical negation.
+    """
     if reading.pools and _alternatives(rule) > MAX_ALTERNATIVES:
         return f"pools make more than {MAX_ALTERNATIVES} rules of this one", "use variables", "K007"
     return reading.strange[0] if reading.strange else None
 
 
 def _span(interval: ast.AST) -> int:
-    """How many numbers a range has; 0 when its ends are not plain numbers."""
+    """How many numbers a range has; 0 if its ends are not plain numbers."""
     ends = []
     for end in (interval.left, interval.right):
         if end.ast_type != ast.ASTType.SymbolicTerm or end.symbol.type != SymbolType.Number:
@@ -173,13 +175,13 @@ def _span(interval: ast.AST) -> int:
 
 
 def _alternatives(node: ast.AST) -> int:
-    """An upper bound on the rules that pools make of one."""
+    """An upper bound on the number of rules that pools make of one rule."""
     inside = [_alternatives(child) for child in children(node)]
     return sum(inside) if node.ast_type == ast.ASTType.Pool else prod(inside)
 
 
 def children(node: ast.AST) -> Iterator[ast.AST]:
-    """The nodes right below a node, in order."""
+    """The nodes directly below a node, in order."""
     for key in node.child_keys:
         child = getattr(node, key)
         for part in child if isinstance(child, (ast.ASTSequence, list)) else [child]:

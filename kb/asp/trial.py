@@ -1,4 +1,4 @@
-"""Whether a program can be grounded within limits, tried in a process of its own that may be stopped."""
+"""Finds out whether a program can be grounded within limits, in a separate process that can be stopped."""
 
 import os
 import resource
@@ -11,17 +11,17 @@ MEGABYTES = 2000
 
 
 def affordable(text: str, seconds: int = SECONDS, megabytes: int = MEGABYTES) -> bool:
-    """Whether clingo grounds `text` within so much processor time and so much more memory than is in use now.
+    """Whether clingo grounds `text` within `seconds` of processor time and `megabytes` of additional memory.
 
-    clingo cannot be interrupted while it grounds, so a forked child does it under limits of the operating system.
-    Errors in the text count as affordable: they are reported when it is grounded for good.
+    clingo cannot be interrupted while it grounds, so a forked child process grounds under limits of the
+    operating system. A text with errors counts as affordable, because the real grounding reports the errors.
     """
     child = os.fork()
     if child == 0:
         os._exit(_grounds(text, seconds, megabytes))
     try:
         _, status = os.waitpid(child, 0)
-    except BaseException:  # an interrupt must not leave the child at work
+    except BaseException:  # the child must not go on after an interrupt
         os.kill(child, signal.SIGKILL)
         os.waitpid(child, 0)
         raise
@@ -29,7 +29,7 @@ def affordable(text: str, seconds: int = SECONDS, megabytes: int = MEGABYTES) ->
 
 
 def _grounds(text: str, seconds: int, megabytes: int) -> int:
-    """In the child: 0 if the text was grounded; the limits end it otherwise."""
+    """In the child process: 0 if the text was grounded. If not, the limits end the process."""
     silence = os.open(os.devnull, os.O_WRONLY)
     os.dup2(silence, 1)
     os.dup2(silence, 2)
@@ -49,7 +49,7 @@ def _grounds(text: str, seconds: int, megabytes: int) -> int:
 
 
 def _address_space() -> int:
-    """Bytes of address space in use; 0 where the system does not tell."""
+    """Bytes of address space in use; 0 if the system does not report them."""
     try:
         with open("/proc/self/statm", encoding="ascii") as file:
             return int(file.read().split()[0]) * resource.getpagesize()

@@ -11,7 +11,10 @@ VIOLATED = "_violated"
 
 
 def static_program(problem: Problem) -> str:
-    """ASP text whose only model holds every static fact; constraint n of the domain derives `_violated(n)`."""
+    """ASP text with exactly one model, which holds every static fact.
+
+    Constraint n of the domain derives `_violated(n)`.
+    """
     domain = problem.domain
     lines = list(_types(domain))
     lines += [f"{type_}({name})." for name, type_ in {**domain.objects, **problem.objects}.items()]
@@ -34,7 +37,10 @@ def _types(domain: Domain) -> Iterator[str]:
 
 
 def guard(parameters: Iterable[Parameter]) -> list[str]:
-    """Body literals that bind each parameter to the values of its type; numbers and texts have no extension."""
+    """Body literals that bind each parameter to the values of its type.
+
+    Numbers and texts cannot be listed, so they get none.
+    """
     unbound = {name for name in BUILT_IN_TYPES if name != OBJECT}
     return [
         f"{parameter.type}({parameter.variable})" for parameter in parameters if parameter.type not in unbound

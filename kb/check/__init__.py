@@ -1,4 +1,4 @@
-"""Findings about a whole domain that no single expression shows: what is declared and never used, read and never made."""
+"""Finds faults that only a whole domain shows, such as predicates that nothing uses or makes true."""
 
 from collections.abc import Collection, Iterator
 
@@ -20,7 +20,10 @@ def check_domain(domain: Domain, problems: Collection[Problem] = ()) -> list[Dia
 
 
 def unreachable(domain: Domain, reached: Collection[str]) -> list[Diagnostic]:
-    """Warnings about operators that no problem can ever apply; those that wait for a workflow stage are not meant."""
+    """Warnings about operators that no problem can ever apply.
+
+    Operators with events are left out, since a workflow may need them.
+    """
     hint = "look at its types, its constraints, and at what adds its preconditions"
     return [
         Diagnostic(each.where, "K304", f"no problem can ever apply {each.header}", hint, warning=True)
@@ -40,7 +43,7 @@ def _unused(domain: Domain, problems: Collection[Problem]) -> Iterator[Diagnosti
 
 
 def _named(problems: Collection[Problem]) -> Iterator[str]:
-    """Predicates that problems name in facts, goals and workflows."""
+    """The predicates in the facts, goals and workflows of problems."""
     for problem in problems:
         stages = (stage for chain in problem.chains for stage in chain.stages)
         yield from (atom.name for atom in (*problem.statics, *problem.initial, *stages))
@@ -62,7 +65,9 @@ def _is_event(domain: Domain, effect: Effect) -> bool:
 
 
 def _not_held(domain: Domain) -> Iterator[Diagnostic]:
-    """Operators that read an atom such as `free(gripper)` without holding what all others that read it hold."""
+    """Warnings about an operator that reads an atom such as `free(gripper)` but does not hold the resource,
+    although all other readers do.
+    """
     readers: dict[Atom, list[Operator]] = {}
     for operator in domain.operators:
         for literal in literals(operator.precondition):
@@ -72,24 +77,24 @@ def _not_held(domain: Domain) -> Iterator[Diagnostic]:
         for resource in atom.arguments:
             without = [each for each in operators if resource not in each.resources]
             if len(without) == 1 and len(operators) > 2:
-                message = f"{without[0].header} reads {atom} but does not hold {resource}, as all others do that read it"
+                message = f"{without[0].header} reads {atom} but does not hold {resource}; all others that read it do"
                 hint = f"add `{resource}` to its resources, or two such steps may run at the same moment"
                 yield Diagnostic(without[0].where, "K305", message, hint, warning=True)
 
 
 def _read(domain: Domain) -> Iterator[str]:
-    """Predicates that conditions, constraints and rules name, but for what they count."""
+    """The predicates in conditions, constraints and rules, except those inside aggregates."""
     yield from (literal.atom.name for each in _conditions(domain) for literal in literals(each))
 
 
 def _counted(domain: Domain) -> Iterator[str]:
-    """Predicates that aggregates count."""
+    """The predicates inside aggregates."""
     parts = (part for each in _conditions(domain) for part in conditions(each))
     yield from (name for part in parts if isinstance(part, Aggregate) for name, _ in part.uses)
 
 
 def _conditions(domain: Domain) -> Iterator[Condition]:
-    """Every condition, and every part of a body."""
+    """Every condition of a domain, and every part of a body."""
     for operator in domain.operators:
         yield operator.precondition
         yield from (effect.condition for effect in operator.effects)

@@ -1,7 +1,8 @@
-"""Declarations that are almost what the engine reads by convention: misspelt, or with other arguments.
+"""Finds declarations that are almost conventions of the engine: misspelt, or with other arguments.
 
-What is about measurements is looked at in domains that measure. Left out are names that a domain gives itself, which
-the loader has checked, and constants, of which objects of any kind might have nearly the name.
+Conventions about measurements are checked only in domains that measure. Two kinds of names are left out:
+names that a domain gives to conventions, because the loader has checked them; and constants, because any
+object may have a similar name.
 """
 
 import difflib
@@ -12,8 +13,8 @@ from kb.diagnostics import Diagnostic, Source
 from kb.model.conventions import CONVENTIONS, NUMBERS, Convention, Sort
 from kb.model.domain import Domain
 
-ALIKE = 0.8  # of two names: difflib's ratio
-FITTING = 3  # so many conventions about measurements make a domain one that measures, without the type
+ALIKE = 0.8  # ratio of difflib from which two names are alike
+FITTING = 3  # a domain measures if it has this many conventions about measurements, even without the type
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,14 +28,14 @@ class Declared:
 
 
 def read_by_engine(domain: Domain) -> set[str]:
-    """The names of what a domain declares as the engine reads or writes it."""
+    """The names of the declarations that the engine reads or writes."""
     declared, words = list(_declared(domain)), domain.conventions
     named = ((each, getattr(words, each.role)) for each in CONVENTIONS.values())
     return {name for convention, name in named if any(_fits(convention, each, name) for each in declared)}
 
 
 def near_misses(domain: Domain) -> list[Diagnostic]:
-    """A warning for each declaration that the engine would read if it were written a little otherwise."""
+    """A warning for each declaration that the engine would read after a small change."""
     declared = list(_declared(domain))
     words = domain.conventions
     known = {getattr(words, role) for role in CONVENTIONS}
@@ -68,7 +69,7 @@ def _fits(convention: Convention, declared: Declared, name: str) -> bool:
 
 
 def _one_table(convention: Convention, declared: Declared) -> bool:
-    """Whether both are predicates, or both the same other thing."""
+    """Whether both are predicates, both types, or both functions."""
     others = {Sort.TYPE.value, Sort.FUNCTION.value}
     return convention.sort.value == declared.sort or not {convention.sort.value, declared.sort} & others
 
@@ -81,7 +82,7 @@ def _measures(fitting: Sequence[Convention]) -> bool:
 def _otherwise(
     convention: Convention, declared: Declared, fitting: Sequence[Convention]
 ) -> Iterator[Diagnostic]:
-    """The name of a convention, declared so that the engine does not read it."""
+    """A warning about a declaration with the name of a convention that the engine does not read."""
     deviation = convention.deviation(declared.sort, declared.arguments)
     if deviation is not None and _is_meant(convention, declared, fitting):
         message = f"the engine does not read this '{declared.name}': it {deviation[1]}"
@@ -90,7 +91,7 @@ def _otherwise(
 
 
 def _is_meant(convention: Convention, declared: Declared, fitting: Sequence[Convention]) -> bool:
-    """Whether a declaration of another shape is likely to be meant as the convention of its name."""
+    """Whether a declaration that differs from the convention of its name is probably meant as one."""
     if declared.sort != convention.sort.value and len(declared.arguments) != len(convention.arguments):
         return False
     if convention.is_about_time:
@@ -99,7 +100,7 @@ def _is_meant(convention: Convention, declared: Declared, fitting: Sequence[Conv
 
 
 def _misspelt(convention: Convention, others: Sequence[Declared]) -> Iterator[Diagnostic]:
-    """Something that would be the convention if it were called so."""
+    """A warning about a declaration that would be the convention if it had its name."""
     fitting = {each.name: each for each in others if _fits(convention, each, each.name)}
     for name in difflib.get_close_matches(convention.role, sorted(fitting), n=1, cutoff=ALIKE):
         message = f"'{name}' is almost '{convention.role}', which the engine knows ({convention.meaning})"

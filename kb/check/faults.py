@@ -1,4 +1,4 @@
-"""Findings about a whole fault base: what nothing raises, tells apart or puts right."""
+"""Finds faults of a whole fault base, such as causes without an exception, a separating test or a repair."""
 
 from collections.abc import Iterator
 
@@ -10,7 +10,7 @@ MOST_BITS = 48
 
 
 def check_faults(model: FaultModel) -> list[Diagnostic]:
-    """Warnings about a fault base, and errors where the selection of tests could not hold it."""
+    """Warnings about a fault base, and errors if it is too large for the selection of tests."""
     return [*_unraised(model), *_unrepaired(model), *_idle(model), *_alike(model), *_too_many(model)]
 
 
@@ -40,7 +40,7 @@ def _idle(model: FaultModel) -> Iterator[Diagnostic]:
 
 
 def _alike(model: FaultModel) -> Iterator[Diagnostic]:
-    """Classes that no test tells apart and no repair serves as a whole."""
+    """Warnings about classes of causes that no test separates and no single repair serves."""
     for exception in model.exceptions.values():
         for group in model.alike(exception.name):
             if not any(all(r.cures.get(cause) for cause in group) for r in model.repairs.values()):
@@ -61,6 +61,6 @@ def _too_many(model: FaultModel) -> Iterator[Diagnostic]:
 
 
 def _bits(test: FaultTest, exception: Interruption) -> int:
-    """Bits that the selection needs to remember the outcome of an uncertain test."""
+    """The number of bits that the selection needs to store the outcome of an uncertain test."""
     sure = all(test.likelihood(o, c) in (0.0, 1.0) for o in test.outcomes for c in exception.counts)
     return 0 if sure else len(test.outcomes).bit_length()

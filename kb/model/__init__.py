@@ -1,1 +1,1 @@
-"""What a person can write in a file, or we can read back later: domains, problems, plans."""
+"""The values that files hold, written by people or by the program itself: domains, problems, plans."""

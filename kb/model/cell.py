@@ -1,7 +1,7 @@
-"""The cell: arms, frames, bodies, regions and places, as values. Lengths in metres, angles in radians, nothing computed.
+"""The cell: arms, frames, bodies, regions and places, as values. Lengths are in metres, angles in radians.
 
-A frame's location is a `Placement`: the pose `T_parent_frame` in a named parent. What the numbers mean for collision
-or reach is the business of the geometric level.
+A frame's location is a `Placement`: the pose `T_parent_frame` in a named parent. Nothing is computed here;
+`engine.stages.geometry` computes collisions and reach.
 """
 
 from collections.abc import Mapping
@@ -17,7 +17,9 @@ WORLD = "world"
 
 @dataclass(frozen=True, slots=True)
 class Pose:
-    """Position, and roll, pitch and yaw about the fixed x, y and z axes, in that order: R = Rz(yaw) Ry(pitch) Rx(roll)."""
+    """A position, and roll, pitch and yaw about the fixed x, y and z axes, in that order: R = Rz(yaw)
+    Ry(pitch) Rx(roll).
+    """
 
     position_m: Vector = (0.0, 0.0, 0.0)
     rpy_rad: Vector = (0.0, 0.0, 0.0)
@@ -26,7 +28,7 @@ class Pose:
 HERE = Pose()
 Offsets = tuple[
     Pose, ...
-]  # poses taken one after the other, each in the frame of the one before; none: no offset
+]  # poses taken one after the other, each in the frame of the one before; empty: no offset
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,7 +40,10 @@ class Sphere:
 
 @dataclass(frozen=True, slots=True)
 class Tube:
-    """A cylinder along z with a half-sphere of the same radius at both ends; `length_m` lies between their centres."""
+    """A cylinder along z with a half-sphere of the same radius at both ends.
+
+    `length_m` is the distance between their centres.
+    """
 
     radius_m: float
     length_m: float
@@ -53,7 +58,7 @@ class Box:
 
 @dataclass(frozen=True, slots=True)
 class Cylinder:
-    """A flat-ended cylinder along z about the origin; for collision a prism around it."""
+    """A flat-ended cylinder along z about the origin. Collision uses a prism around it."""
 
     radius_m: float
     length_m: float
@@ -77,7 +82,10 @@ class Edge:
 
 @dataclass(frozen=True, slots=True)
 class Polyhedron:
-    """Named vertices, faces and edges; `pieces` are the convex pieces that fill it (none: it is convex itself)."""
+    """Named vertices, faces and edges.
+
+    `pieces` are the convex pieces that fill it (empty: it is convex itself).
+    """
 
     vertices: Mapping[str, Vector]
     faces: tuple[Face, ...] = ()
@@ -88,7 +96,7 @@ class Polyhedron:
 
 @dataclass(frozen=True, slots=True)
 class Mesh:
-    """An STL or OBJ file, scaled; for collision the convex hull of each of its connected components."""
+    """An STL or OBJ file, scaled. Collision uses the convex hull of each of its connected components."""
 
     path: str
     scale: Vector = (1.0, 1.0, 1.0)
@@ -97,7 +105,7 @@ class Mesh:
 
 @dataclass(frozen=True, slots=True)
 class HeightField:
-    """Heights over a grid, filled down to `floor_m`: `heights_m[row][column]` stands at x = column * dx, y = row * dy."""
+    """Heights on a grid, solid down to `floor_m`; `heights_m[row][column]` is at (column * dx, row * dy)."""
 
     spacing_m: tuple[float, float]
     heights_m: tuple[tuple[float, ...], ...]
@@ -117,7 +125,7 @@ Shape = Sphere | Tube | Box | Cylinder | Polyhedron | Mesh | HeightField | Point
 
 @dataclass(frozen=True, slots=True)
 class PlacedShape:
-    """A shape at a pose in the frame of what it belongs to."""
+    """A shape at a pose in the frame of its body, link or region."""
 
     shape: Shape
     pose: Pose = HERE
@@ -134,7 +142,7 @@ class JointKind(Enum):
 class Joint:
     """A moving joint: first the fixed `origin` in the frame of the joint before, then the motion about or along `axis`.
 
-    Limits in rad or m, speed per second, acceleration per second squared; None: unknown.
+    Limits are in rad or m, speed is per second, acceleration per second squared. None means unknown.
     """
 
     name: str
@@ -149,7 +157,11 @@ class Joint:
 
 @dataclass(frozen=True, slots=True)
 class Link:
-    """A rigid link: `carrier` joints move it (0: it stands still); `offset` leads to its frame after the last of them."""
+    """A rigid link.
+
+    The first `carrier` joints move it (0: it stands still); `offset` leads from the last of them to its
+    frame.
+    """
 
     name: str
     carrier: int
@@ -159,13 +171,16 @@ class Link:
 
 @dataclass(frozen=True, slots=True)
 class Arm:
-    """A serial arm. `flange` leads to the mounting face after the last joint; `assumptions` tell what is not published."""
+    """A serial arm. `flange` leads from the last joint to the mounting face.
+
+    `assumptions` list values that are not published.
+    """
 
     name: str
     joints: tuple[Joint, ...]
     links: tuple[Link, ...] = ()
     flange: Offsets = ()
-    allowed: frozenset[frozenset[str]] = frozenset()  # pairs of links that may touch or never can
+    allowed: frozenset[frozenset[str]] = frozenset()  # pairs of links that may touch, or that can never touch
     assumptions: tuple[str, ...] = ()
 
 
@@ -199,7 +214,9 @@ class BodyKind(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Body:
-    """Something solid: its shapes, where it is at the start, and named poses on it (where to grip it, its tip)."""
+    """A solid thing: its shapes, where it is at the start, and named poses on it (such as where to grip it,
+    or its tip).
+    """
 
     name: str
     kind: BodyKind
@@ -210,7 +227,10 @@ class Body:
 
 @dataclass(frozen=True, slots=True)
 class Region:
-    """A region of the region tree: it lies within the union of its parents (none: a root); leaves that are solid are real."""
+    """A region of the region tree. It lies within the union of its parents (none: a root).
+
+    Solid leaves stand for real things.
+    """
 
     name: str
     shape: Shape
@@ -222,10 +242,11 @@ class Region:
 
 @dataclass(frozen=True, slots=True)
 class Place:
-    """What an atom's place means: the pose that an arm's tool point takes there.
+    """The meaning of a place in an atom: the pose that an arm's tool point takes there.
 
-    With `tool`, a body in the hand, its feature `tip` takes the pose instead. `approach_m` backs off along the tool's z.
-    `turns` lets the tool turn about its own z; `touches` are the bodies that may be in contact there.
+    With `tool`, a body in the hand, the feature `tip` of that body takes the pose instead. `approach_m` backs
+    off along the tool's z. `turns` lets the tool turn about its own z. `touches` are the bodies that may be
+    in contact there.
     """
 
     name: str
@@ -241,7 +262,8 @@ class Place:
 class Location:
     """Where a fact puts a body: its feature `grip` (else its own frame) takes the pose of a place, or that of a frame.
 
-    `body` and `place` are terms, `frame` the name of a frame, in which variables of the fact may stand.
+    `body` and `place` are terms, and `frame` is the name of a frame. All three may contain variables of the
+    fact.
     """
 
     fact: Atom

@@ -1,6 +1,6 @@
-"""Values that are computed inside an atom or a term get a name: `p(N + 1)` is `p(V), V = N + 1`.
+"""Gives names to values that are computed inside an atom or a term: `p(N + 1)` becomes `p(V), V = N + 1`.
 
-So arithmetic stands at the sides of comparisons alone, and whoever solves a body matches atoms as they stand.
+After that, arithmetic occurs only in comparisons, and the search for bindings can match atoms as they are.
 """
 
 import itertools
@@ -12,7 +12,7 @@ from kb.terms import Atom, Function, Operation, Term, Variable
 
 
 def with_named_values(domain: Domain) -> Domain:
-    """The domain, no body or rule of which computes inside an atom; nothing else changes."""
+    """The same domain, but no body or rule in it computes inside an atom."""
     named = _Naming()
     return replace(
         domain,
@@ -31,20 +31,20 @@ def with_named_values(domain: Domain) -> Domain:
 
 
 class _Naming:
-    """Names computed values, each with a variable that stands nowhere else."""
+    """Names computed values. Each gets a variable that is used nowhere else."""
 
     def __init__(self) -> None:
         self._counter = itertools.count(1)
         self._equations: list[Comparison] = []
 
     def body(self, body: Body) -> Body:
-        """The body with computed values named at its end."""
+        """The body without computed values in atoms. Comparisons at its end name the values."""
         parts = tuple(map(self._part, body))
         found, self._equations = tuple(self._equations), []
         return (*parts, *found)
 
     def rule(self, rule: Rule) -> Rule:
-        """The rule with computed values of its head and its body named."""
+        """The rule without computed values in atoms, in its head and in its body."""
         return replace(rule, head=self._atom(rule.head), body=self.body(rule.body))
 
     def _part(self, part: BodyPart) -> BodyPart:

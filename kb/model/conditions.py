@@ -1,4 +1,7 @@
-"""Conditions: what must hold for an operator, an effect or a rule. One formula language for the domain language and PDDL."""
+"""Conditions of operators, effects and rules.
+
+The domain language and PDDL share this one language of formulas.
+"""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -20,7 +23,7 @@ class Parameter:
 
 @dataclass(frozen=True, slots=True)
 class Literal:
-    """An atom that must be true, or, not `positive`, false (closed world)."""
+    """An atom that must be true if `positive`, else false (closed world)."""
 
     atom: Atom
     positive: bool = True
@@ -43,10 +46,11 @@ class Comparison:
 
 @dataclass(frozen=True, slots=True)
 class Aggregate:
-    """An ASP aggregate over statics, kept as text: only clingo evaluates it. `outer` are the variables seen outside its braces.
+    """An ASP aggregate over statics, kept as text because only clingo evaluates it.
 
-    `binds` is the one of these that it gives its value; `standing` are all variables, inside and outside, as often as they stand;
-    `uses` are the predicates that it counts.
+    `outer` are its variables that occur outside its braces. `binds` is the one of `outer` that takes the
+    aggregate's value. `standing` are all variables, inside and outside, as often as they occur. `uses` are
+    the predicates that it counts.
     """
 
     text: str
@@ -135,7 +139,7 @@ def _enclosed(condition: Condition) -> str:
 
 
 def conditions(condition: Condition) -> Iterator[Condition]:
-    """The condition and all that it is made of, outside in."""
+    """The condition and all its parts, from the outside to the inside."""
     yield condition
     match condition:
         case And(parts) | Or(parts):
@@ -153,14 +157,14 @@ def literals(condition: Condition) -> Iterator[Literal]:
 
 
 def goal_parts(goal: Condition) -> tuple[Condition, ...]:
-    """The conjuncts of a condition, however nested; none of a true one."""
+    """The conjuncts of a condition, at any depth of nesting. A true condition has none."""
     if not isinstance(goal, And):
         return (goal,)
     return tuple(part for inner in goal.parts for part in goal_parts(inner))
 
 
 def free_variables(condition: Condition) -> tuple[Variable, ...]:
-    """The variables that no quantifier inside binds, each once, in order of occurrence; `_` is none of them."""
+    """The variables that no quantifier inside binds, each once, in order of occurrence, without `_`."""
     return tuple(dict.fromkeys(variable for variable in _free(condition) if variable != ANYTHING))
 
 
@@ -202,7 +206,7 @@ def _free(condition: Condition) -> Iterator[Variable]:
 
 
 def bind(condition: Condition, bindings: Substitution) -> Condition:
-    """The condition with free variables replaced; quantified variables hide bindings of the same name."""
+    """The condition with free variables replaced. A quantified variable hides a binding of the same name."""
     match condition:
         case Literal() | Comparison() | Aggregate():
             return substitute_part(condition, bindings)

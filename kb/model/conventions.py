@@ -1,6 +1,7 @@
-"""The names of a domain by which the engine knows what to measure, and when: those written here, and no others.
+"""All names in a domain that have a meaning for the engine.
 
-A domain declares those that it needs, and may call each by another name (`conventions` in `domain.yaml`).
+They say what to measure, and when; there are no others. A domain declares the names that it needs. It may use
+another name for each (`conventions` in `domain.yaml`).
 """
 
 from collections.abc import Mapping, Sequence
@@ -11,7 +12,7 @@ NUMBERS = ("int", "time")
 
 
 class Sort(Enum):
-    """What a name is the name of."""
+    """The kind of thing that a name stands for."""
 
     TYPE = "type"
     CONSTANT = "constant"
@@ -22,10 +23,10 @@ class Sort(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Convention:
-    """What the engine reads or writes under the name `role`, where the domain does not rename it.
+    """A name that the engine reads or writes. It is `role`, unless the domain renames it.
 
-    `arguments` are types: `int`, `time` and `text` are those of the language, the others say what is meant. `used_by`
-    are verbs of the command line.
+    `arguments` are types: `int`, `time` and `text` are those of the language, the others only say what is
+    meant. `used_by` are verbs of the command line.
     """
 
     role: str
@@ -36,16 +37,18 @@ class Convention:
 
     @property
     def is_about_time(self) -> bool:
-        """Whether schedules read it; all others are about measurements."""
+        """Whether schedules read it. All other conventions are about measurements."""
         return "schedule" in self.used_by
 
     def written(self, name: str = "") -> str:
-        """How it is declared, under its own name or under another one."""
+        """The text of its declaration, with its own name or with another one."""
         brackets = f"({', '.join(self.arguments)})" if self.arguments else ""
         return f"{name or self.role}{brackets}"
 
     def deviation(self, sort: str, arguments: Sequence[str]) -> tuple[str, str] | None:
-        """The code of what a declaration has otherwise, and what it does; None if it is as the engine reads it."""
+        """How a declaration differs from what the engine reads, as a diagnostic code and a text; None if it
+        does not differ.
+        """
         if sort != self.sort.value:
             return "K108", f"is {WITH_ARTICLE[sort]}, not {WITH_ARTICLE[self.sort.value]}"
         if (given := len(arguments)) != (wanted := len(self.arguments)):
@@ -68,7 +71,7 @@ WITH_ARTICLE = {
 
 
 def _named(sort: Sort, role: str, arguments: str, used_by: str, meaning: str) -> str:
-    """A field that is called by its role where nothing else is given; its metadata tell what it is."""
+    """A field of `Conventions`. Its default is the role itself; its metadata hold the convention."""
     convention = Convention(role, sort, _listed(arguments), _listed(used_by), meaning)
     made: str = field(default=role, metadata={"convention": convention})
     return made
@@ -91,7 +94,7 @@ POINT = "measurement, int, int, int"
 
 @dataclass(frozen=True, slots=True)
 class Conventions:
-    """What a domain calls each convention."""
+    """The name that a domain gives to each convention."""
 
     measurement: str = _named(
         Sort.TYPE, "measurement", "", EVERYWHERE, "what is measured: each object of this type is one visit"
@@ -149,11 +152,11 @@ class Conventions:
     )
 
     def kind(self, word: str) -> str:
-        """What the domain calls a kind of measurement; kinds of its own are called as they are."""
+        """The domain's name for a kind of measurement. The domain's own kinds keep their names."""
         return {"profile": self.profile, "thickness": self.thickness}.get(word, word)
 
     def place(self, measurement: str) -> str:
-        """The place of a measurement, as the term is written."""
+        """The text of the term for the place of a measurement."""
         return f"{self.meas}({measurement})"
 
 

@@ -39,7 +39,7 @@ class FunctionSignature:
 
 
 class Kind(Enum):
-    """How the extension of a predicate comes about."""
+    """What makes the atoms of a predicate true."""
 
     STATIC = "static"
     FLUENT = "fluent"
@@ -70,7 +70,9 @@ class Effect:
 
 @dataclass(frozen=True, slots=True)
 class Command:
-    """What the executive sends for a step, the reply it expects, and the fact the reply gives (ITA, figure 3)."""
+    """What the executive sends for a step, the reply that it expects, and the fact that the reply gives (ITA,
+    figure 3).
+    """
 
     stream: Term
     reply: Term
@@ -105,7 +107,7 @@ class Operator:
 
 @dataclass(frozen=True, slots=True)
 class Consequence:
-    """Matching atoms are added (`implied`) or denied, for every binding of `parameters` that satisfies `body`."""
+    """Matching atoms are added (`implied`) or denied, for each binding that satisfies `body`."""
 
     atom: Atom
     implied: bool
@@ -115,7 +117,10 @@ class Consequence:
 
 @dataclass(frozen=True, slots=True)
 class DeductiveOperator:
-    """What follows when an effect adds the trigger (or, not positive, denies it although it was true)."""
+    """What follows when an effect adds the trigger.
+
+    If the trigger is not positive: when an effect denies it and it was true.
+    """
 
     trigger: Literal
     parameters: tuple[Parameter, ...]
@@ -126,7 +131,7 @@ class DeductiveOperator:
 
 @dataclass(frozen=True, slots=True)
 class Default:
-    """Facts true at the start unless what is already there denies them."""
+    """Facts that are true at the start unless other facts deny them."""
 
     atom: Atom
     parameters: tuple[Parameter, ...] = ()
@@ -136,7 +141,10 @@ class Default:
 
 @dataclass(frozen=True, slots=True)
 class Rule:
-    """`head :- body`, a rule whose body depends on fluents; rules over statics alone are statements for clingo."""
+    """`head :- body`, a rule whose body depends on fluents.
+
+    Rules over statics only are statements for clingo.
+    """
 
     head: Atom
     body: Body
@@ -145,7 +153,7 @@ class Rule:
 
 @dataclass(frozen=True, slots=True)
 class Phrase:
-    """A sentence pattern and the stage or goal it stands for; patterns are read by the command grammar."""
+    """A sentence pattern and the stage or goal that it stands for. The command grammar reads patterns."""
 
     say: str
     goal: str = ""
@@ -165,23 +173,28 @@ class Domain:
     operators: tuple[Operator, ...] = ()
     deductive_operators: tuple[DeductiveOperator, ...] = ()
     defaults: tuple[Default, ...] = ()
-    asp: tuple[Statement, ...] = ()  # over statics alone
+    asp: tuple[Statement, ...] = ()  # over statics only
     rules: tuple[Rule, ...] = ()
     time_unit: str = "s"
     words: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     phrases: tuple[Phrase, ...] = ()
     path: str = ""
-    renamed: Mapping[str, str] = field(default_factory=dict)  # conventions: what this domain calls them
+    renamed: Mapping[str, str] = field(
+        default_factory=dict
+    )  # roles of conventions: their names in this domain
 
     @property
     def conventions(self) -> "Conventions":
-        """What this domain calls the things that the engine knows by name."""
-        from kb.model.conventions import Conventions  # of use for measurements and schedules alone
+        """This domain's names for the conventions of the engine."""
+        from kb.model.conventions import Conventions  # only measurements and schedules use them
 
         return Conventions(**self.renamed)
 
     def is_subtype(self, name: str, ancestor: str) -> bool:
-        """Whether `name` is `ancestor` or below it; `object` is above every type but numbers and texts."""
+        """Whether type `name` is `ancestor` or below it.
+
+        `object` is above every type except numbers and texts.
+        """
         if ancestor == OBJECT:
             return name == OBJECT or name not in BUILT_IN_TYPES
         while name != ancestor:

@@ -1,6 +1,7 @@
-"""Fault knowledge: what can go wrong in a kind of cell, how it shows, what tells it apart and what puts it right.
+"""Fault knowledge of a kind of cell: exceptions, their causes, tests that separate causes, and repairs.
 
-Atoms may hold variables: those of the operator that an exception interrupts are bound by the step; any other means "some".
+Atoms may contain variables. The interrupted step binds those of its operator; any other variable means
+"some".
 """
 
 import itertools
@@ -13,9 +14,10 @@ from kb.terms import Atom, Function, Term
 
 @dataclass(frozen=True, slots=True)
 class Interruption:
-    """An exception: a reply or a timeout that stops a plan, and how often each of its causes was found behind it.
+    """An exception: a reply or a timeout that stops a plan, and how often each cause was found.
 
-    `operator` is the operator whose command is answered so, its variables naming the step's arguments; None for any.
+    `operator` is the operator whose command gets this answer; its variables stand for the step's arguments.
+    None means any operator.
     """
 
     name: str
@@ -28,10 +30,10 @@ class Interruption:
 
 @dataclass(frozen=True, slots=True)
 class Cause:
-    """A fault. `doubts` are assertions that are uncertain while it is possible.
+    """A fault. `doubts` are assertions that are uncertain while this cause is possible.
 
-    If it is the cause, `denies` leave the world model, `adds` join it, and `loses` are resources that are lost. With
-    `stops` nobody in the cell can repair it: the cell stops safely and asks.
+    If it is the cause, `denies` are removed from the world model, `adds` are added, and `loses` are resources
+    that are lost. `stops` says that the cell cannot repair it: the cell stops safely and asks.
     """
 
     name: str
@@ -48,8 +50,8 @@ class Cause:
 class FaultTest:
     """A test: `gives[cause][outcome]` is the probability of an outcome under a cause; others give `otherwise`.
 
-    `by` is the step that carries it out, `asks` whether it is a question to a person. Costs and
-    durations count the domain's time.
+    `by` is the step that carries it out. `asks` says whether it is a question to a person. Costs and
+    durations are in the domain's unit of time.
     """
 
     name: str
@@ -74,7 +76,10 @@ class FaultTest:
 
 @dataclass(frozen=True, slots=True)
 class Repair:
-    """A repair: `cures[cause]` is the probability that it puts a cause right; `adds` and `denies` then change the world."""
+    """A repair. `cures[cause]` is the probability that it removes a cause.
+
+    If it does, `adds` and `denies` change the world.
+    """
 
     name: str
     say: str
@@ -93,8 +98,8 @@ class Repair:
 class FaultModel:
     """The fault base of a domain. Mappings keep the order of declaration.
 
-    `smoothing` is added to every count; `stop` is the cost of a safe stop with a question; `lies` is the probability that
-    an observation is wrong, which counts only when nothing else explains what was seen.
+    `smoothing` is added to every count. `stop` is the cost of a safe stop with a question. `lies` is the
+    probability that an observation is wrong; it is used only if nothing else explains the observations.
     """
 
     domain: str
@@ -108,12 +113,12 @@ class FaultModel:
     path: str = ""
 
     def duration(self, name: str) -> int:
-        """How long a test or repair takes; what is none takes no time."""
+        """How long a test or repair takes; 0 for any other name."""
         found = self.tests.get(name) or self.repairs.get(name)
         return found.duration if found else 0
 
     def repairs_of(self, cause: str) -> tuple[Repair, ...]:
-        """The repairs that may put a cause right, the surest first, then the cheapest."""
+        """The repairs that may remove a cause. The surest come first, then the cheapest."""
         serving = [each for each in self.repairs.values() if each.cures.get(cause, 0.0) > 0.0]
         return tuple(sorted(serving, key=lambda each: (-each.cures[cause], each.cost)))
 
@@ -130,7 +135,10 @@ class FaultModel:
         return tuple(test for test in self.tests.values() if not _alike(test, among))
 
     def alike(self, exception: str) -> list[tuple[str, ...]]:
-        """The classes of causes of an exception that no test surely tells apart; those of one cause are left out."""
+        """The classes of causes of an exception that no test surely separates.
+
+        Classes of one cause are left out.
+        """
         order = list(self.exceptions[exception].counts)
         classes: list[set[str]] = [{cause} for cause in order]
         for one, other in itertools.combinations(order, 2):
@@ -146,5 +154,5 @@ def _alike(test: FaultTest, causes: tuple[str, ...]) -> bool:
 
 
 def certainly_apart(test: FaultTest, one: str, other: str) -> bool:
-    """Whether any outcome of a test rules out one of two causes."""
+    """Whether every outcome of a test rules out at least one of two causes."""
     return all(test.likelihood(o, one) == 0.0 or test.likelihood(o, other) == 0.0 for o in test.outcomes)

@@ -1,6 +1,6 @@
-"""The MACROP: a plan with variables for constants, and what must be true for any instance of it to be a plan (ITA, figure 4).
+"""The MACROP: a plan with variables, and the conditions under which an instance is a plan (ITA, figure 4).
 
-A value that files and databases hold. Making one is `engine.stages.macros`' business.
+It is a value that files and databases hold. `engine.stages.macros` makes MACROPs.
 """
 
 from collections.abc import Iterable, Iterator, Mapping
@@ -17,7 +17,7 @@ NO_TIME, ONE = Number(0), Number(1)
 
 @dataclass(frozen=True, slots=True)
 class MacroStep:
-    """One step of the body; `after` are its predecessors, `duration` and `cost` numbers or variables."""
+    """One step of the body. `after` are its predecessors; `duration` and `cost` are numbers or variables."""
 
     id: StepId
     operator: Function
@@ -29,7 +29,7 @@ class MacroStep:
 
 @dataclass(frozen=True, slots=True)
 class MacroChain:
-    """A workflow chain that the body works through; names of chains are variables, too."""
+    """A workflow chain that the body completes. Names of chains are variables, too."""
 
     name: Term
     stages: tuple[Atom, ...]
@@ -39,7 +39,7 @@ class MacroChain:
 
 @dataclass(frozen=True, slots=True)
 class MacroPart:
-    """Steps of a body that are an instance of another MACROP, by that one's name."""
+    """Steps of a body that are an instance of another MACROP, and the name of that MACROP."""
 
     name: str
     steps: tuple[StepId, ...]
@@ -49,10 +49,11 @@ class MacroPart:
 class Macrop:
     """A generalised plan.
 
-    Any binding of the variables that satisfies `types`, `constraints` (n-ary, over statics), `disequalities` and none of
-    the `exclusions`, in a state where the `preconditions` hold, makes the body a plan for the `goals` and `chains`.
-    `adders` hold afterwards. `depends` maps each part of the domain that the proof of this rests on to its digest.
-    A `subsequence` is for searches, as an operator; it is not looked up for goals.
+    Any binding of the variables that satisfies `types`, `constraints` (n-ary, over statics), `disequalities`
+    and none of the `exclusions`, in a state where the `preconditions` hold, makes the body a plan for the
+    `goals` and `chains`. The `adders` hold afterwards. `depends` maps each part of the domain that the proof
+    of this uses to its digest. A `subsequence` is an operator for searches; it is not retrieved as a plan for
+    goals.
     """
 
     name: Function
@@ -63,7 +64,7 @@ class Macrop:
     types: tuple[Parameter, ...]
     constraints: Body
     disequalities: tuple[Comparison, ...]
-    exclusions: tuple[Body, ...]  # bodies over statics of which none has a binding
+    exclusions: tuple[Body, ...]  # bodies over statics; none of them may have a binding
     resources: tuple[Term, ...]
     steps: tuple[MacroStep, ...]
     links: tuple[CausalLink, ...]
@@ -74,18 +75,18 @@ class Macrop:
 
     @property
     def parameters(self) -> tuple[Variable, ...]:
-        """The header's variables: those that the goals do not bind, then those of the goals in order."""
+        """The header's variables: those that the goals do not bind, then those of the goals."""
         return tuple(each for each in self.name.arguments if isinstance(each, Variable))
 
     @cached_property
     def cost(self) -> int | None:
-        """The sum of the steps' costs; None if it depends on the binding."""
+        """The sum of the costs of the steps; None if it depends on the binding."""
         costs = [step.cost for step in self.steps]
         return sum(each.value for each in costs if isinstance(each, Number)) if _fixed(costs) else None
 
     @cached_property
     def duration(self) -> int | None:
-        """The length of the longest chain of predecessors, in the domain's unit of time; None if a binding decides."""
+        """The length of the longest chain of predecessors, in time units; None if the binding decides."""
         if not _fixed([step.duration for step in self.steps]):
             return None
         ends: dict[StepId, int] = {}
@@ -95,7 +96,10 @@ class Macrop:
         return max(ends.values(), default=0)
 
     def unary_constraints(self, domain: Domain) -> tuple[Parameter, ...]:
-        """The types that have to be tested: not those that a compound term in a precondition or goal already states."""
+        """The types that must be tested.
+
+        Types that a compound term in a precondition or goal already implies are left out.
+        """
         stated = set(self._stated(domain))
         return tuple(
             each

@@ -1,7 +1,8 @@
-"""Conditions become disjunctive normal form over literals; what is universal becomes a derived predicate.
+"""Brings conditions into disjunctive normal form over literals.
 
-`forall X: phi` holds if no X violates phi, so a fresh predicate collects the violations and is required to be false
-(Lloyd & Topor 1984). Its supports are found like those of any derived predicate.
+Universal conditions become derived predicates. `forall X: phi` holds if no X violates phi. So a new predicate
+collects the violations and must be false (Lloyd & Topor 1984). Its supports are found like those of any
+derived predicate.
 """
 
 import itertools
@@ -31,7 +32,7 @@ NEGATED = {"=": "!=", "!=": "=", "<": ">=", ">=": "<", ">": "<=", "<=": ">"}
 
 @dataclass
 class Normaliser:
-    """Turns conditions into disjuncts and collects the rules of the predicates it invents."""
+    """Turns conditions into disjuncts, and collects the rules of the new predicates."""
 
     rules: list[Rule] = field(default_factory=list)
     prefix: str = "_violated"
@@ -64,7 +65,7 @@ class Normaliser:
     def _renamed_apart(
         self, parameters: tuple[Parameter, ...], part: Condition
     ) -> tuple[tuple[Parameter, ...], Condition]:
-        """The same quantified part with variables that stand nowhere else, since disjuncts join their variables."""
+        """The same part with variables that occur nowhere else, because disjuncts join their variables."""
         fresh = {p.variable: Variable(f"{p.variable}__{next(self._counter)}") for p in parameters}
         return tuple(Parameter(fresh[p.variable], p.type) for p in parameters), bind(part, fresh)
 

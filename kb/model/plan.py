@@ -1,4 +1,4 @@
-"""The plan: partially ordered steps with causal links (McAllester & Rosenblitt 1991), as a value that files hold."""
+"""The plan: partially ordered steps with causal links (McAllester & Rosenblitt 1991), as a value."""
 
 from dataclasses import dataclass, replace
 from typing import NewType
@@ -33,18 +33,21 @@ class CausalLink:
 
 @dataclass(frozen=True, slots=True)
 class Plan:
-    """Steps in one executable order; unordered steps may overlap in time, so they never interfere."""
+    """Steps, listed in an order that can be executed.
+
+    Unordered steps may overlap in time; therefore they never interfere.
+    """
 
     steps: tuple[Step, ...]
     links: tuple[CausalLink, ...] = ()
 
     @property
     def cost(self) -> int:
-        """The sum of the steps' costs."""
+        """The sum of the costs of the steps."""
         return sum(step.cost for step in self.steps)
 
     def predecessors(self) -> dict[StepId, frozenset[StepId]]:
-        """Every step that must come before each step, transitively; steps are stored in an executable order."""
+        """For each step, all steps that must come before it, directly or through others."""
         closed: dict[StepId, frozenset[StepId]] = {}
         for step in self.steps:
             direct = frozenset(step.after)
@@ -53,7 +56,7 @@ class Plan:
 
 
 def in_sequence(plan: Plan) -> Plan:
-    """The plan with every step after the one before it in the list."""
+    """The same plan in full order: each step comes after the one before it in the list."""
     steps = tuple(
         replace(step, after=(plan.steps[place - 1].id,) if place else ())
         for place, step in enumerate(plan.steps)

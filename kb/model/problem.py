@@ -1,4 +1,4 @@
-"""The problem: what one task adds to its domain. `replace` gives the same problem from another initial state."""
+"""The problem: what one task adds to its domain."""
 
 import dataclasses
 from collections.abc import Mapping
@@ -12,10 +12,11 @@ from kb.terms import Atom, Term
 
 @dataclass(frozen=True, slots=True)
 class Chain:
-    """The ordered stages of one object (or group of bindings); `after` names chains that must be finished first.
+    """The ordered stages of one object (or of one group of bindings).
 
-    What the last stage adds must still hold at the end, unless a chain of the same subject comes after this one.
-    A fluent stage with `_` is reached by any atom that fits; what must last of it is a goal of its own.
+    `after` names chains that must be finished first. The last stage must still hold at the end, unless a
+    chain of the same subject comes after this one. Any atom that fits reaches a fluent stage with `_`. Such a
+    stage need not last, unless a goal says so.
     """
 
     name: str
@@ -27,7 +28,10 @@ class Chain:
 
 @dataclass(frozen=True, slots=True)
 class Problem:
-    """Objects, statics, initial facts, goals and workflow of one task. `path` is empty for a problem made on the fly."""
+    """Objects, statics, initial facts, goals and workflow of one task.
+
+    `path` is empty for a problem that is not from a file.
+    """
 
     name: str
     domain: Domain
@@ -36,10 +40,12 @@ class Problem:
     initial: tuple[Atom, ...] = ()
     goal: Condition = TRUE
     chains: tuple[Chain, ...] = ()
-    complete: bool = False  # `initial` is a whole state: neither closed nor completed by defaults
+    complete: bool = (
+        False  # `initial` is a complete state: no deductive operators or defaults are applied to it
+    )
     path: str = ""
     where: Source = field(default=NOWHERE, compare=False)
 
     def replace(self, initial: tuple[Atom, ...]) -> "Problem":
-        """The same problem from an observed state, taken as it is."""
+        """The same problem from an observed state, which is taken as complete."""
         return dataclasses.replace(self, initial=initial, complete=True)

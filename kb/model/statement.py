@@ -1,7 +1,8 @@
-"""A statement of ASP as a value: what it defines and uses, where it stands, and its text for clingo.
+"""A statement of ASP as a value: the predicates that it defines and uses, its place, and its text for clingo.
 
-`kb.asp.statements` makes statements from files, once. Whoever asks what a rule says asks the value; nobody looks into
-the text, which can deceive: `beside(` holds `ide(`, and a quoted text may hold anything.
+`kb.asp.statements` makes statements from files, once. All questions about a rule are answered by the value,
+never by a look into the text. The text can mislead: `beside(` contains `ide(`, and a quoted text may contain
+anything.
 """
 
 from collections.abc import Sequence
@@ -25,14 +26,17 @@ class Sign(Enum):
 
 
 class Use(NamedTuple):
-    """A predicate that a body reads; unless the sign is positive, all of it must be known before."""
+    """A predicate that a body reads.
+
+    If the sign is not positive, all atoms of the predicate must be known before.
+    """
 
     predicate: Signature
     sign: Sign
 
 
 class Constant(NamedTuple):
-    """A constant that stands as argument `number` (from 0) of an atom."""
+    """A constant that is argument `number` (from 0) of an atom."""
 
     predicate: Signature
     number: int
@@ -41,10 +45,11 @@ class Constant(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Statement:
-    """A rule, a fact (nothing in its body), a constraint (nothing defined) or, with `constant`, the value of a constant.
+    """A rule, a fact (its body is empty), a constraint (it defines nothing) or, with `constant`, the value of
+    a constant.
 
-    Equal texts say the same, so that the text alone is compared. All variables are listed as often as they stand, `_`
-    never; `names` are those of predicates, functions and constants.
+    Equal texts mean the same, so only the text is compared. `variables` lists variables as often as they
+    occur, without `_`. `names` are those of predicates, functions and constants.
     """
 
     text: str
@@ -56,21 +61,21 @@ class Statement:
     constants: tuple[Constant, ...] = field(default=(), compare=False)
     variables: tuple[str, ...] = field(default=(), compare=False)
     names: tuple[str, ...] = field(default=(), compare=False)
-    counts: bool = field(default=False, compare=False)  # whether the head holds arithmetic or a range
+    counts: bool = field(default=False, compare=False)  # whether the head contains arithmetic or a range
     constant: str = field(default="", compare=False)
 
     @property
     def is_constraint(self) -> bool:
-        """Whether this forbids what its body says."""
+        """Whether this is a constraint: its body must not hold."""
         return self.defines is None and not self.constant
 
     def under(self, head: str) -> str:
-        """The text with another head (or one, for a constraint)."""
+        """The text with another head. A constraint gets a head in this way."""
         return f"{head} :- {'; '.join(self.body)}." if self.body else f"{head}."
 
 
 def derivation(head: Atom, body: Sequence[Atom]) -> Statement:
-    """The statement `head :- body`, of atoms without texts, arithmetic or negation."""
+    """The statement `head :- body`. Its atoms have no texts and no arithmetic, and none is negated."""
     uses = tuple(Use((atom.name, len(atom.arguments)), Sign.POSITIVE) for atom in body)
     parts = tuple(map(str, body))
     made = Statement("", head=str(head), body=parts)

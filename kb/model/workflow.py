@@ -1,7 +1,7 @@
-"""What a workflow means: when a chain may advance, what reaches a stage, what must last. Definitions, and no search.
+"""The meaning of a workflow: when a chain may advance, what reaches a stage, what must hold at the end.
 
-Grounding, MACROPs, revision and the checker share them. How a plan is followed is each one's own: the checker considers
-every reading of an event, the others take the first chain that it serves.
+Grounding, MACROPs, revision and the checker share these definitions. They differ in how they follow a plan:
+the checker considers every chain that an event can serve, the others take only the first.
 """
 
 from collections.abc import Container, Iterable, Mapping, Sequence
@@ -14,7 +14,7 @@ Reached = Mapping[str, int]  # for each chain, how many of its stages are reache
 
 
 def reaches(atom: Atom, stage: Atom) -> bool:
-    """Whether an atom that is added, or an event that happens, is what a stage names; `_` in a stage stands for anything."""
+    """Whether an added atom, or an event, reaches a stage. `_` in a stage stands for anything."""
     return match(stage, atom, {}) is not None
 
 
@@ -24,10 +24,13 @@ def finished(chains: Iterable[Chain], reached: Reached) -> frozenset[str]:
 
 
 def may_advance(chain: Chain, reached: int, done: Container[str]) -> bool:
-    """Whether a step may reach the next stage of a chain, `reached` of whose stages are reached and before which the chains
-    `done` were finished: it has one more, and has begun or waits for no chain.
+    """Whether a step may reach the next stage of a chain.
 
-    A step moves a chain by one stage at most, and what counts is how things stood before the step.
+    `reached` is the number of its stages that are reached before the step; `done` are the chains that are
+    finished before the step. The chain must have a next stage, and it must have begun already or wait for no
+    unfinished chain.
+
+    A step moves a chain by one stage at most.
     """
     return reached < len(chain.stages) and (reached > 0 or all(name in done for name in chain.after))
 
@@ -45,8 +48,10 @@ def next_stages(chains: Sequence[Chain], reached: Reached) -> dict[str, Atom]:
 def advanced(
     chains: Sequence[Chain], reached: Reached, events: Sequence[Atom], adds: Iterable[Atom]
 ) -> tuple[dict[str, Atom], tuple[Atom, ...]]:
-    """How a step moves the chains, each as soon as possible: what reaches the next stage of which chain, and the events that
-    are the next stage of none. An event serves the first chain that waits for it, an atom all of them.
+    """What reaches the next stage of each chain that a step moves, and the events that move no chain.
+
+    Each chain moves as soon as possible. An event serves only the first chain that waits for it; an atom
+    serves all of them.
     """
     left, added = list(events), tuple(adds)
     moved: dict[str, Atom] = {}
@@ -60,7 +65,7 @@ def advanced(
 
 
 def superseded(chains: Sequence[Chain]) -> frozenset[str]:
-    """The chains after which another one of the same subject comes: what they end with need not last."""
+    """The chains that another chain of the same subject follows. Their last stages need not last."""
     behind: dict[str, frozenset[str]] = {}
     found: set[str] = set()
     subjects = {chain.name: chain.subject for chain in chains}
@@ -72,8 +77,10 @@ def superseded(chains: Sequence[Chain]) -> frozenset[str]:
 
 
 def lasting(chains: Sequence[Chain], domain: Domain) -> dict[str, Atom]:
-    """What must still hold at the end, by the chain that asks for it: a last stage that is a fluent without `_`, unless a
-    later chain of the same subject goes on."""
+    """For each chain, what must still hold at the end: its last stage, if that is a fluent without `_`.
+
+    Chains that another chain of the same subject follows are left out.
+    """
     passing = superseded(chains)
     return {
         chain.name: chain.stages[-1]

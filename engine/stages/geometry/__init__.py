@@ -1,4 +1,4 @@
-"""The geometric ground: frames and world model, arms, parts, collision and the region tree. Plans no motion.
+"""Geometry: frames and the world model, arms, parts, collision and the region tree. It plans no motion.
 
 Numba is imported only when a compiled kernel is first called.
 """

@@ -1,21 +1,27 @@
-"""Batches in stretches, a thread for each core: the kernels leave the interpreter free while they run."""
+"""Works on batches in stretches, with a thread for each core.
+
+This helps because the kernels release Python's lock.
+"""
 
 import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 
-STRETCH = 1024  # rows whose carrier poses are held at a time
+STRETCH = 1024  # rows whose carrier poses are in memory at a time
 
 
 def cores() -> int:
-    """How many cores this program may use; CELLWRIGHT_THREADS lowers it."""
+    """How many cores this program may use. CELLWRIGHT_THREADS lowers the number."""
     given = os.environ.get("CELLWRIGHT_THREADS", "")
     allowed = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     return max(1, min(allowed, int(given))) if given.isdigit() else allowed
 
 
 def in_stretches(count: int, work: Callable[[int, int], None]) -> None:
-    """Call `work(first, after)` for stretches of `count` rows; each writes to its own rows, so that their order means nothing."""
+    """Calls `work(first, after)` for stretches of `count` rows.
+
+    Each call writes only to its own rows, so their order does not matter.
+    """
     if count <= STRETCH:
         work(0, count)
         return

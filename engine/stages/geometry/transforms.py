@@ -44,7 +44,7 @@ def of_pose(pose: Pose) -> Floats:
 
 
 def of_offsets(offsets: Offsets) -> Floats:
-    """The matrix (4, 4) of poses taken one after the other."""
+    """The matrix (4, 4) of poses taken one after the other: their product."""
     T = np.eye(4)
     for pose in offsets:
         T = T @ of_pose(pose)
@@ -52,7 +52,7 @@ def of_offsets(offsets: Offsets) -> Floats:
 
 
 def to_pose(T: Floats) -> Pose:
-    """The pose with this matrix (4, 4); at a pitch of a right angle the roll is 0."""
+    """The pose with this matrix (4, 4). If the pitch is a right angle, the roll is set to 0."""
     R = T[:3, :3]
     pitch = math.atan2(-R[2, 0], math.hypot(R[0, 0], R[1, 0]))
     if math.hypot(R[0, 0], R[1, 0]) > 1e-12:
@@ -76,7 +76,7 @@ def apply(T: Floats, points: Floats) -> Floats:
 
 
 def is_rigid(T: Floats, tolerance: float = 1e-9) -> bool:
-    """Whether every matrix (..., 4, 4) is a rotation without reflection and a displacement."""
+    """Whether every matrix (..., 4, 4) is a rotation (without reflection) and a displacement."""
     R = T[..., :3, :3]
     orthogonal = np.abs(R @ np.swapaxes(R, -1, -2) - np.eye(3)).max() <= tolerance
     return bool(
@@ -85,7 +85,7 @@ def is_rigid(T: Floats, tolerance: float = 1e-9) -> bool:
 
 
 def difference(T_a_b: Floats, T_a_c: Floats) -> tuple[Floats, Floats]:
-    """How far poses (..., 4, 4) are apart: metres (...) and radians (...)."""
+    """How far poses (..., 4, 4) are apart: in metres (...) and in radians (...)."""
     metres: Floats = np.linalg.norm(T_a_b[..., :3, 3] - T_a_c[..., :3, 3], axis=-1)
     vector = rotation_vector(np.swapaxes(T_a_b[..., :3, :3], -1, -2) @ T_a_c[..., :3, :3])
     radians: Floats = np.linalg.norm(vector, axis=-1)

@@ -191,7 +191,7 @@ operators:
   two: {preconditions: "free(saw), ready", adds: done(saw), resources: saw}
   three: {preconditions: free(saw), adds: "free(saw), ready"}
 """
-LOOSE = "three reads free(saw) but does not hold saw, as all others do that read it"
+LOOSE = "three reads free(saw) but does not hold saw; all others that read it do"
 
 
 def held(text: str, folder: Path) -> list[Diagnostic]:

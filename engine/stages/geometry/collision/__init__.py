@@ -1,1 +1,1 @@
-"""Who computes distances and collisions."""
+"""Backends that compute distances and collisions."""

@@ -10,7 +10,7 @@ from engine.stages.geometry.shapes.primitives import length_of, primitive_frame,
 
 
 def _geometry(piece: Piece) -> "coal.CollisionGeometry":
-    """A piece as coal knows it. Raises `ValueError` for a rounded polytope."""
+    """A piece as a coal geometry. Raises `ValueError` for a rounded polytope."""
     refuse_rounded(piece, "coal")
     if len(piece.vertices) == 1:
         return coal.Sphere(piece.radius_m)
@@ -25,7 +25,7 @@ def _geometry(piece: Piece) -> "coal.CollisionGeometry":
 
 
 class CoalChecker:
-    """A scene as coal geometries; balls around them are compared first."""
+    """A scene as coal geometries. Balls around them are compared first."""
 
     def __init__(self, scene: Scene) -> None:
         self._scene = scene
@@ -48,7 +48,7 @@ class CoalChecker:
 
     @property
     def scene(self) -> Scene:
-        """What is checked."""
+        """The scene that is checked."""
         return self._scene
 
     def collides(self, where: Floats) -> Truths:
@@ -56,7 +56,7 @@ class CoalChecker:
         return np.array([self._touches(poses) for poses in self._poses(where)], dtype=bool)
 
     def clearance(self, where: Floats, beyond_m: float = 1.0) -> Floats:
-        """The least signed distance (n,), at most `beyond_m`."""
+        """The least signed distance (n,), in metres; `beyond_m` where it would be larger."""
         return np.array(
             [
                 min([beyond_m, *(c.distance_m for c in self._near(poses, beyond_m))])
@@ -76,7 +76,7 @@ class CoalChecker:
         return carrier_poses(self._scene.joints, np.asarray(where, dtype=float))
 
     def _candidates(self, poses: Floats, by: float) -> Floats:
-        """The pairs (m, 2) whose balls are nearer than `by`."""
+        """The pairs (m, 2) whose balls are nearer to each other than `by`."""
         placed = poses[self._carrier]
         centres = np.einsum("pij,pj->pi", placed[:, :3, :3], self._centres) + placed[:, :3, 3]
         i, j = self._scene.pairs.T
@@ -121,11 +121,11 @@ class CoalChecker:
 
 
 class CoalBackend:
-    """coal, one pair at a time."""
+    """The backend that asks coal, one pair at a time."""
 
     name = "coal"
     exact_depths = True
 
     def checker(self, scene: Scene) -> CoalChecker:
-        """Make coal geometries. Raises `ValueError` for a rounded polytope."""
+        """A checker with coal geometries for the scene. Raises `ValueError` for a rounded polytope."""
         return CoalChecker(scene)

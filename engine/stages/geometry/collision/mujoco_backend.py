@@ -1,8 +1,8 @@
 """MuJoCo (Apache licence) as a geometry backend; an extra: `pip install cellwright[mujoco]`.
 
-Carriers are bodies, joints are hinges and slides, pieces are geoms; only the scene's pairs are let meet. Blocks become
-convex meshes: MuJoCo's own collider of capsules and blocks misses a capsule that pierces a thin block, and tells the
-depth of one end alone.
+Carriers are bodies, joints are hinges and slides, pieces are geoms; only the scene's pairs are compared.
+Blocks become convex meshes, because MuJoCo's own collider for a capsule and a block misses a capsule that
+pierces a thin block, and reports the depth of one end only.
 """
 
 import mujoco
@@ -20,13 +20,13 @@ class MujocoChecker:
         self._scene = scene
         self._model = _compiled(scene, native_blocks)
         self._state = mujoco.MjData(self._model)
-        # geoms are numbered in the order of their bodies, pieces in that of the scene
+        # geoms are numbered in the order of their bodies, pieces in the order of the scene
         geom = mujoco.mjtObj.mjOBJ_GEOM
         self._geoms = [mujoco.mj_name2id(self._model, geom, f"piece_{n}") for n in range(len(scene.pieces))]
 
     @property
     def scene(self) -> Scene:
-        """What is checked."""
+        """The scene that is checked."""
         return self._scene
 
     def collides(self, where: Floats) -> Truths:
@@ -39,7 +39,7 @@ class MujocoChecker:
         return found
 
     def clearance(self, where: Floats, beyond_m: float = 1.0) -> Floats:
-        """The least signed distance (n,), at most `beyond_m`."""
+        """The least signed distance (n,), in metres; `beyond_m` where it would be larger."""
         return np.array(
             [min([beyond_m, *(contact.distance_m for contact in self._near(one, beyond_m))]) for one in where]
         )
@@ -94,7 +94,7 @@ def _compiled(scene: Scene, native_blocks: bool) -> "mujoco.MjModel":
 
 
 def _body(parent: "mujoco.MjsBody", T: Floats) -> "mujoco.MjsBody":
-    """A body at a pose; its mass means nothing here."""
+    """A body at a pose. Its mass has no effect, since nothing is simulated."""
     body = parent.add_body(pos=T[:3, 3], quat=_quaternion(T))
     body.explicitinertial, body.mass, body.inertia = True, 1.0, [1.0, 1.0, 1.0]
     return body
@@ -125,7 +125,7 @@ def _add_geom(
 
 
 class MujocoBackend:
-    """MuJoCo, one configuration after the other."""
+    """The backend that asks MuJoCo, one configuration after the other."""
 
     name = "mujoco"
     exact_depths = True
@@ -134,5 +134,5 @@ class MujocoBackend:
         self._native_blocks = native_blocks
 
     def checker(self, scene: Scene) -> MujocoChecker:
-        """Compile a model. Raises `ValueError` for a rounded polytope."""
+        """A checker with a compiled model of the scene. Raises `ValueError` for a rounded polytope."""
         return MujocoChecker(scene, self._native_blocks)

@@ -1,6 +1,6 @@
-"""Distances the plain way, in NumPy: the difference of two cores is written out corner by corner, and its hull asked.
+"""Distances in plain NumPy, from the hull of all differences between the corners of two cores.
 
-Slow and meant to be obviously right: the compiled kernels are tested against it.
+This is slow and meant to be obviously right. The compiled kernels are tested against it.
 """
 
 import numpy as np
@@ -10,7 +10,7 @@ from engine.stages.geometry.shapes.hull import FlatError, hull_triangles, planes
 
 
 def signed_distance(first: Floats, second: Floats) -> float:
-    """Of the hulls of points (n, 3) and (m, 3): their distance, or minus the least displacement that parts them."""
+    """The distance of the hulls of points (n, 3) and (m, 3), or minus the least move that separates them."""
     difference = (first[:, None, :] - second[None, :, :]).reshape(-1, 3)
     try:
         triangles = hull_triangles(difference)
@@ -23,14 +23,19 @@ def signed_distance(first: Floats, second: Floats) -> float:
 
 
 def _flat_distance(points: Floats) -> float:
-    """The distance of the origin from the hull of points in one plane: it is the union of all their triangles."""
+    """The distance of the origin from the hull of points in one plane.
+
+    The hull is the union of all triangles of the points.
+    """
     count = len(points)
     triples = [(i, j, k) for i in range(count) for j in range(i, count) for k in range(j, count)]
     return float(min(_triangle_distance(points[list(triple)]) for triple in triples))
 
 
 def _triangle_distance(corners: Floats) -> float:
-    """The distance of the origin from a triangle: inside its prism the height, else the nearest edge."""
+    """The distance of the origin from a triangle: its height if it projects into the triangle, else the
+    distance from the nearest edge.
+    """
     a, b, c = corners
     normal = np.cross(b - a, c - a)
     length = float(np.linalg.norm(normal))

@@ -1,4 +1,4 @@
-"""Serial arms: forward kinematics and Jacobian, single and batched, in plain NumPy; limits."""
+"""Serial arms in plain NumPy, single or in batches: forward kinematics, Jacobian and joint limits."""
 
 import math
 from dataclasses import dataclass
@@ -12,7 +12,7 @@ from kb.model.cell import Arm, JointKind
 
 
 def joints_of(arm: Arm) -> Joints:
-    """The joints of a serial arm as arrays, its base being carrier 0."""
+    """The joints of a serial arm as arrays. The arm's base is carrier 0."""
     k = len(arm.joints)
     axes = np.array([joint.axis for joint in arm.joints], dtype=float).reshape(k, 3)
     return Joints(
@@ -38,7 +38,7 @@ def joint_motion(joints: Joints, index: int, values: Floats) -> Floats:
 
 
 def carrier_poses(joints: Joints, q: Floats) -> Floats:
-    """The pose of every carrier, the world first: q (..., k) gives (..., k + 1, 4, 4)."""
+    """The poses of all carriers, the world first: q (..., k) gives (..., k + 1, 4, 4)."""
     poses = [np.broadcast_to(np.eye(4), (*q.shape[:-1], 4, 4))]
     for index in range(joints.count):
         moved = joint_motion(joints, index, q[..., index])
@@ -57,12 +57,12 @@ class ArmModel:
 
     @cached_property
     def joints(self) -> Joints:
-        """Its joints as arrays."""
+        """The arm's joints as arrays."""
         return joints_of(self.arm)
 
     @cached_property
     def T_last_flange(self) -> Floats:
-        """The flange after the last joint (4, 4)."""
+        """The pose of the flange in the frame after the last joint (4, 4)."""
         return transforms.of_offsets(self.arm.flange)
 
     def flange_pose(self, q: Floats) -> Floats:
@@ -73,7 +73,7 @@ class ArmModel:
         return pose
 
     def jacobian(self, q: Floats) -> Floats:
-        """Velocity of the flange's origin (m), then its angular velocity (rad), per joint: (..., k) gives (..., 6, k)."""
+        """Velocity of the flange's origin (m), then angular velocity (rad): (..., k) gives (..., 6, k)."""
         q = np.asarray(q, dtype=float)
         poses = carrier_poses(self.joints, q)
         origin = (poses[..., -1, :, :] @ self.T_last_flange)[..., :3, 3]
@@ -87,22 +87,25 @@ class ArmModel:
         return np.stack(columns, axis=-1)
 
     def within_limits(self, q: Floats, tolerance: float = 1e-9) -> Truths:
-        """Whether each configuration (..., k) keeps its joint limits."""
+        """Whether each configuration (..., k) is within the joint limits."""
         inside = (q >= self.joints.lower - tolerance) & (q <= self.joints.upper + tolerance)
         return np.asarray(inside.all(axis=-1))
 
     def within_limits_of(self, joint: int, value: float, tolerance: float = 1e-9) -> bool:
-        """Whether one joint may take a value."""
+        """Whether a value of one joint is within its limits."""
         return bool(self.joints.lower[joint] - tolerance <= value <= self.joints.upper[joint] + tolerance)
 
     def random(self, count: int, rng: np.random.Generator) -> Floats:
-        """Configurations (count, k), uniform within the limits; an unlimited joint turns once around."""
+        """Configurations (count, k), drawn uniformly within the limits.
+
+        An unlimited joint takes any angle of one full turn.
+        """
         lower = np.maximum(self.joints.lower, -math.pi * 2)
         upper = np.minimum(self.joints.upper, math.pi * 2)
         return rng.uniform(lower, upper, (count, self.joints.count))
 
 
 def wrapped(angles: Floats) -> Floats:
-    """The same directions in (-pi, pi]."""
+    """The same angles, moved into (-pi, pi] by whole turns."""
     turned: Floats = -((-angles + math.pi) % (2 * math.pi) - math.pi)
     return turned

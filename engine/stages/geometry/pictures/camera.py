@@ -1,4 +1,4 @@
-"""Where a picture is seen from: a parallel projection that holds everything."""
+"""The view of a picture: a parallel projection that shows everything."""
 
 import math
 from collections.abc import Sequence
@@ -10,7 +10,7 @@ from engine.model.geometry import Floats
 from engine.stages.geometry.pictures.surfaces import Surface
 
 AZIMUTH_RAD, ELEVATION_RAD = math.radians(-60.0), math.radians(28.0)
-MARGIN = 0.05  # of the picture, on each side
+MARGIN = 0.05  # share of the picture left free on each side
 LIGHT = np.array([0.3, 0.5, 0.81])  # to the light: right, up and towards the viewer
 AMBIENT = 0.45
 
@@ -26,14 +26,17 @@ class Camera:
     height: int
 
     def project(self, points: Floats) -> Floats:
-        """Pixels right and down, and the height towards the viewer in metres, of points (..., 3)."""
+        """For points (..., 3): pixels to the right, pixels down, and metres towards the viewer."""
         seen = (points - self.middle) @ self.axes.T
         x = self.width / 2 + self.scale * seen[..., 0]
         y = self.height / 2 - self.scale * seen[..., 1]
         return np.stack([x, y, seen[..., 2]], axis=-1)
 
     def shade(self, triangles: Floats) -> Floats:
-        """How bright triangles (m, 3, 3) in the world are lit (m,); those turned away are lit as if from behind."""
+        """How bright triangles (m, 3, 3) in the world are (m,).
+
+        Triangles that face away are lit as if from behind.
+        """
         normals = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
         length = np.linalg.norm(normals, axis=1, keepdims=True)
         seen = (normals / np.where(length > 0, length, 1.0)) @ self.axes.T
@@ -42,7 +45,7 @@ class Camera:
 
 
 def looking_at(points: Floats, size: tuple[int, int], azimuth: float, elevation: float) -> Camera:
-    """A camera that looks down on points (n, 3) from an azimuth and an elevation (radians), all of them in the picture."""
+    """A camera at an azimuth and an elevation (radians), with all points (n, 3) in the picture."""
     ca, sa, ce, se = math.cos(azimuth), math.sin(azimuth), math.cos(elevation), math.sin(elevation)
     axes = np.array([[-sa, ca, 0.0], [-se * ca, -se * sa, ce], [ce * ca, ce * sa, se]])
     seen = points @ axes.T if len(points) else np.zeros((1, 3))
@@ -53,7 +56,7 @@ def looking_at(points: Floats, size: tuple[int, int], azimuth: float, elevation:
 
 
 def triangles_in_world(shown: Sequence[Surface], carriers: Floats) -> Floats:
-    """The corners (m, 3, 3) of all triangles, their carriers being at poses (k + 1, 4, 4)."""
+    """The corners (m, 3, 3) of all triangles in the world, for carriers at poses (k + 1, 4, 4)."""
     placed = []
     for surface in shown:
         T = carriers[surface.carrier]

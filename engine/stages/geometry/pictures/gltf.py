@@ -1,7 +1,7 @@
-"""A scene and its motion as glTF 2.0 (Khronos): one file, its numbers inside.
+"""A scene and its motion as glTF 2.0 (Khronos): one file that holds its numbers, too.
 
-Each joint is a node that turns or slides in a node for its origin, so that viewers interpolate configurations, not poses.
-The root turns the z axis, which points up here, to glTF's y axis.
+Each joint is a node that turns or slides within a node for its origin. So viewers interpolate configurations,
+not poses. Up is the z axis here and the y axis in glTF, so the root node turns one to the other.
 """
 
 import base64
@@ -18,26 +18,26 @@ from engine.model.geometry import Floats, Joints
 from engine.stages.geometry.pictures.surfaces import Colour, Surface
 
 FLOAT, UNSIGNED = 5126, 5125  # component types
-VERTICES, INDICES = 34962, 34963  # what a view is for
-STEP_RAD = math.pi / 2  # rotations are interpolated the short way round, so steps stay below half a turn
+VERTICES, INDICES = 34962, 34963  # buffer view targets
+STEP_RAD = math.pi / 2  # viewers interpolate rotations the short way round, so steps stay below half a turn
 
 
 @dataclass
 class _Document:
-    """A document being written."""
+    """A document that is being written."""
 
     content: dict[str, list[Any]] = field(default_factory=dict)
     data: bytearray = field(default_factory=bytearray)
     materials: dict[Colour, int] = field(default_factory=dict)
 
     def add(self, kind: str, entry: dict[str, Any]) -> int:
-        """The number of a new entry."""
+        """Adds an entry to a list of the document. Returns its number."""
         entries = self.content.setdefault(kind, [])
         entries.append(entry)
         return len(entries) - 1
 
     def numbers(self, values: NDArray[Any], shape: str, target: int | None = None) -> int:
-        """The accessor of numbers (n,) or (n, 3 or 4), single floats or unsigned integers."""
+        """The number of a new accessor of an array (n,) or (n, 3 or 4) of floats or unsigned integers."""
         whole = np.issubdtype(values.dtype, np.integer)
         stored = np.ascontiguousarray(values, dtype="<u4" if whole else "<f4")
         view = {"buffer": 0, "byteOffset": len(self.data), "byteLength": stored.nbytes}
@@ -49,7 +49,7 @@ class _Document:
         return self.add("accessors", {**kind, "type": shape, **limits})
 
     def material(self, colour: Colour) -> int:
-        """The number of the material of a colour."""
+        """The number of a new material with a colour."""
         if colour not in self.materials:
             look = {"baseColorFactor": [*colour, 1.0], "metallicFactor": 0.0, "roughnessFactor": 0.8}
             self.materials[colour] = self.add(
@@ -58,7 +58,7 @@ class _Document:
         return self.materials[colour]
 
     def text(self, root: int) -> str:
-        """The whole file."""
+        """The text of the whole file."""
         uri = "data:application/octet-stream;base64," + base64.b64encode(bytes(self.data)).decode("ascii")
         head = {
             "asset": {"version": "2.0", "generator": "cellwright"},
@@ -70,9 +70,10 @@ class _Document:
 
 
 def document(shown: Sequence[Surface], joints: Joints, times_s: Floats, configurations: Floats) -> str:
-    """Surfaces on their carriers; the joints stand as in the first of the configurations (n, k) and pass through all.
+    """The glTF text of surfaces on their carriers.
 
-    With one configuration nothing moves.
+    The joints start at the first of the configurations (n, k) and pass through all. With only one
+    configuration nothing moves.
     """
     made = _Document()
     turned = [-math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5)]
@@ -109,7 +110,7 @@ def _path(joints: Joints, index: int) -> str:
 
 
 def _motion(joints: Joints, index: int, values: Floats) -> Floats:
-    """Translations (n, 3) or quaternions (n, 4; x, y, z, w) of one joint."""
+    """The motion of one joint: translations (n, 3) or quaternions (n, 4; x, y, z, w)."""
     half = values[:, None] / 2
     turns: Floats = np.concatenate([np.sin(half) * joints.axis[index], np.cos(half)], axis=1)
     slides: Floats = values[:, None] * joints.axis[index]
@@ -117,7 +118,9 @@ def _motion(joints: Joints, index: int, values: Floats) -> Floats:
 
 
 def _refined(joints: Joints, times_s: Floats, configurations: Floats) -> tuple[Floats, Floats]:
-    """Times (m,) and configurations (m, k) with so many between the given ones that no joint turns too far at once."""
+    """Times (m,) and configurations (m, k): the given ones, with others between so that no joint turns too
+    far in one step.
+    """
     steps = np.abs(np.diff(configurations[:, ~joints.prismatic], axis=0))
     parts = np.maximum(1, np.ceil(steps.max(axis=1, initial=0.0) / STEP_RAD).astype(int))
     marks = np.concatenate([n + np.arange(count) / count for n, count in enumerate(parts)] + [[len(parts)]])

@@ -1,4 +1,6 @@
-"""A picture as PNG: triangles into a depth buffer, at twice the size, then halved to smooth the edges."""
+"""A picture as PNG: triangles are drawn into a depth buffer at twice the size; halving the picture then
+smooths the edges.
+"""
 
 import struct
 import zlib
@@ -11,12 +13,12 @@ from numpy.typing import NDArray
 from engine.model.geometry import Floats
 from engine.stages.geometry.pictures.camera import Camera
 
-OVER = 2  # drawn so much larger
+OVER = 2  # how much larger the picture is drawn before it is reduced
 RING_PIXELS = (9.0, 13.0)  # inner and outer radius of the ring around a contact
 
 
 def draw(camera: Camera, triangles: Floats, colours: Floats, marks: Sequence[Floats] = ()) -> bytes:
-    """Triangles (m, 3, 3) with colours (m, 3), and a ring around each of the marked points (3,)."""
+    """The PNG of triangles (m, 3, 3) with colours (m, 3), and a ring around each marked point (3,)."""
     large = replace(camera, scale=camera.scale * OVER, width=camera.width * OVER, height=camera.height * OVER)
     image = np.ones((large.height, large.width, 3))
     depth = np.full(image.shape[:2], -np.inf)
@@ -30,7 +32,9 @@ def draw(camera: Camera, triangles: Floats, colours: Floats, marks: Sequence[Flo
 
 
 def _fill(image: Floats, depth: Floats, corners: Floats, colour: Floats) -> None:
-    """The pixels whose middle lies in a triangle (3, 3) and nearer than what is there."""
+    """Colours the pixels whose middle lies in a triangle (3, 3), where the triangle is nearer than what was
+    drawn before.
+    """
     low = np.maximum(np.floor(corners[:, :2].min(axis=0)).astype(int), 0)
     high = np.minimum(np.ceil(corners[:, :2].max(axis=0)).astype(int) + 1, image.shape[1::-1])
     (ax, ay), (bx, by), (cx, cy) = corners[:, :2]
@@ -49,14 +53,14 @@ def _fill(image: Floats, depth: Floats, corners: Floats, colour: Floats) -> None
 
 
 def _ring(image: Floats, at: Floats) -> None:
-    """A dark ring, over everything."""
+    """Draws a dark ring over everything else."""
     y, x = np.ogrid[: image.shape[0], : image.shape[1]]
     away = np.hypot(x + 0.5 - at[0], y + 0.5 - at[1]) / OVER
     image[(away >= RING_PIXELS[0]) & (away <= RING_PIXELS[1])] = (0.1, 0.1, 0.1)
 
 
 def _encoded(pixels: NDArray[np.uint8]) -> bytes:
-    """Pixels (height, width, 3) as PNG: one filter byte, none, before each row."""
+    """Pixels (height, width, 3) as PNG: a filter byte of 0 (no filter) stands before each row."""
     height, width, _ = pixels.shape
     rows = np.concatenate([np.zeros((height, 1), np.uint8), pixels.reshape(height, -1)], axis=1)
     header = struct.pack(">IIBBBBB", width, height, 8, 2, 0, 0, 0)

@@ -1,4 +1,6 @@
-"""What is drawn: every piece of a scene as triangles with a colour, those in collision marked."""
+"""What a picture shows: every piece of a scene as triangles with a colour; bodies in collision have a colour
+of their own.
+"""
 
 import math
 from collections.abc import Collection
@@ -13,21 +15,24 @@ from engine.stages.geometry.shapes.primitives import length_of, primitive_frame
 from engine.stages.geometry.world.model import World
 from kb.model.cell import BodyKind
 
-SIDES = 16  # of a circle
+SIDES = 16  # sides of the polygon that stands for a circle
 Colour = tuple[float, float, float]
 COLOURS: dict[object, Colour] = {
     BodyKind.FIXTURE: (0.72, 0.74, 0.77),
     BodyKind.PART: (0.30, 0.55, 0.80),
     BodyKind.TOOL: (0.36, 0.62, 0.45),
 }
-LINKS: tuple[Colour, Colour] = ((0.93, 0.66, 0.24), (0.85, 0.55, 0.16))  # one link after the other
+LINKS: tuple[Colour, Colour] = ((0.93, 0.66, 0.24), (0.85, 0.55, 0.16))  # colours of an arm's links in turn
 REGION: Colour = (0.80, 0.78, 0.70)
 MARKED: Colour = (0.86, 0.16, 0.16)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Surface:
-    """Triangles (m, 3) of vertices (n, 3), which hang on a carrier; counter-clockwise seen from outside."""
+    """Triangles (m, 3) of vertices (n, 3), fixed to a carrier.
+
+    Their corners run counter-clockwise, seen from outside.
+    """
 
     body: str
     carrier: int
@@ -38,7 +43,7 @@ class Surface:
 
 
 def surfaces(world: World, scene: Scene, contacts: Collection[Contact] = ()) -> list[Surface]:
-    """Every piece of a scene; the bodies of the contacts are marked."""
+    """The surface of every piece of a scene. Bodies in contact have the colour for collisions."""
     marked = {name for contact in contacts for name in (contact.first, contact.second)}
     found = []
     for piece in scene.pieces:
@@ -59,7 +64,7 @@ def _colour(world: World, body: str) -> Colour:
 
 
 def mesh_of(piece: Piece) -> tuple[Floats, Longs]:
-    """Vertices (n, 3) in the carrier and triangles (m, 3): balls and tubes as grids, the rest as hulls."""
+    """Vertices (n, 3) in the carrier's frame and triangles (m, 3): grids for round pieces, else hulls."""
     if len(piece.vertices) > 2:
         return transforms.apply(piece.T_carrier_piece, piece.vertices), hull_triangles(piece.vertices)
     half = length_of(piece) / 2 if len(piece.vertices) == 2 else 0.0
@@ -68,7 +73,10 @@ def mesh_of(piece: Piece) -> tuple[Floats, Longs]:
 
 
 def _capsule(radius: float, half: float) -> tuple[Floats, Longs]:
-    """A tube along z with round ends: rings from pole to pole, the middle one twice, half a length away each."""
+    """A tube along z with round ends, as rings from pole to pole.
+
+    The middle ring is there twice: at each end of the cylinder.
+    """
     quarter = np.linspace(0.0, math.pi / 2, SIDES // 4 + 1)
     tilt = np.concatenate([-quarter[::-1], quarter])
     shift = np.where(np.arange(len(tilt)) < len(quarter), -half, half)

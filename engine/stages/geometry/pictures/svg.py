@@ -1,4 +1,7 @@
-"""A picture as SVG: triangles that face the viewer, the farthest first, large ones split so that the order holds."""
+"""A picture as SVG: the triangles that face the viewer, the farthest first.
+
+Large ones are split so that this order is right.
+"""
 
 from collections.abc import Sequence
 from xml.sax.saxutils import escape
@@ -8,12 +11,12 @@ import numpy as np
 from engine.model.geometry import Contact, Floats
 from engine.stages.geometry.pictures.camera import Camera
 
-LONGEST_PIXELS = 60.0  # edges beyond it are split
+LONGEST_PIXELS = 60.0  # longer edges are split
 SPLITS = 6
 
 
 def draw(camera: Camera, triangles: Floats, colours: Floats, contacts: Sequence[Contact] = ()) -> str:
-    """Triangles (m, 3, 3) with colours (m, 3); each contact is ringed and named."""
+    """The SVG of triangles (m, 3, 3) with colours (m, 3). Each contact has a ring and a name."""
     shown = (np.clip(colours * camera.shade(triangles)[:, None], 0, 1) * 255 + 0.5).astype(int)
     seen, fills = _facing(camera.project(triangles), shown)
     for _ in range(SPLITS):
@@ -29,14 +32,14 @@ def draw(camera: Camera, triangles: Floats, colours: Floats, contacts: Sequence[
 
 
 def _facing(seen: Floats, fills: Floats) -> tuple[Floats, Floats]:
-    """Those whose corners go round as they do from outside (pixels count downwards)."""
+    """The triangles that show their outside: the order of their corners tells it (pixels count downwards)."""
     a, b, c = (seen[:, k, :2] for k in range(3))
     ahead = (b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (c[:, 0] - a[:, 0]) * (b[:, 1] - a[:, 1]) < 0
     return seen[ahead], fills[ahead]
 
 
 def _split(seen: Floats, fills: Floats) -> tuple[Floats, Floats]:
-    """Halve each triangle with an edge that is too long, across its longest one."""
+    """The triangles, where each one with an edge that is too long is halved across its longest edge."""
     edges = np.linalg.norm(seen[:, [1, 2, 0], :2] - seen[:, :, :2], axis=2)
     longest = edges.argmax(axis=1)
     large = edges.max(axis=1) > LONGEST_PIXELS
@@ -52,7 +55,7 @@ def _split(seen: Floats, fills: Floats) -> tuple[Floats, Floats]:
 
 
 def _triangle(corners: Floats, fill: Floats) -> str:
-    """The edge has the colour of the face: it closes the seams between neighbours."""
+    """A triangle in SVG. Its outline has the colour of its face, to close the seams between neighbours."""
     points = " ".join(f"{x:.1f},{y:.1f}" for x, y in corners[:, :2])
     colour = "#{:02x}{:02x}{:02x}".format(*fill)
     return f'<polygon points="{points}" fill="{colour}" stroke="{colour}" stroke-width="0.6"/>'

@@ -1,4 +1,4 @@
-"""A cell with its arms at a configuration: what a picture shows, and what is said about it."""
+"""A cell with its arms at a configuration: what a picture shows, and what the text beside it says."""
 
 import math
 from collections.abc import Collection, Sequence
@@ -31,7 +31,9 @@ SIZE = (960, 720)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class View:
-    """A world, what touches in it, and the configurations (n, k) of all joints that it passes through, its own the last."""
+    """A world, the contacts in it, and the configurations (n, k) of all joints that the motion passes
+    through. The last configuration is that of the world.
+    """
 
     world: World
     contacts: tuple[Contact, ...]
@@ -54,9 +56,11 @@ def view_of(
     place: str = "",
     facts: Collection[Atom] = (),
 ) -> View:
-    """The cell with each arm at the last configuration given for it, or where it reaches a place, else at rest.
+    """The cell with each arm at the last configuration given for it, or where it reaches the given place,
+    else at rest.
 
-    Its bodies are where the facts put them, else where the file does. Raises `InvalidInput` for what cannot be read, or a place that is unknown or not reached.
+    Bodies are where the facts put them, else where the file puts them. Raises `InvalidInput` for a file that
+    cannot be read, and for a place that is unknown or not reached.
     """
     world = following(World.of(cell), facts)
     passed = [world.configuration]
@@ -72,7 +76,7 @@ def view_of(
 
 
 def _at(world: World, backend: GeometryBackend, name: str) -> World:
-    """The world with an arm at a place, the tool that it needs there in its hand."""
+    """The world with an arm at a place. The tool that it needs there is in its hand."""
     places = world.cell.places
     if name not in places:
         raise InvalidInput([unknown_name("place", name, places, Source("--place"))])
@@ -94,7 +98,7 @@ def as_png(view: View, azimuth_rad: float, elevation_rad: float) -> bytes:
 
 
 def as_svg(view: View, azimuth_rad: float, elevation_rad: float) -> str:
-    """The picture as SVG, each contact named."""
+    """The picture as SVG, with the name of each contact."""
     camera, triangles, shown = _seen(view, azimuth_rad, elevation_rad)
     return svg.draw(camera, triangles, colours_of(shown), view.contacts)
 
@@ -107,7 +111,7 @@ def _seen(view: View, azimuth_rad: float, elevation_rad: float) -> tuple[Camera,
 
 
 def as_gltf(view: View, step_s: float = 1.0) -> str:
-    """The scene as glTF, in motion from rest through every configuration given, one after each step."""
+    """The scene as glTF. It moves from rest through every given configuration, one after each time step."""
     world, passed = view.world, view.configurations
     passed = passed if len(passed) > 1 else passed[-1:]
     times: Floats = np.arange(len(passed), dtype=float) * step_s
@@ -116,7 +120,9 @@ def as_gltf(view: View, step_s: float = 1.0) -> str:
 
 
 def content(view: View) -> dict[str, Any]:
-    """What is said about it, for JSON: joint values in rad and m, poses as position and roll, pitch, yaw."""
+    """The arms, tools and contacts of a view, for JSON: joint values in rad and m, poses as position and
+    roll, pitch, yaw.
+    """
     return {
         "cell": view.world.cell.name,
         "arms": {name: _arm(view.world, name) for name in view.world.cell.arms},
@@ -144,7 +150,7 @@ def _arm(world: World, name: str) -> dict[str, Any]:
 
 
 def text(view: View) -> str:
-    """What is said about it, for people."""
+    """The arms, tools and contacts of a view, as text for people."""
     lines = []
     for name, each in content(view)["arms"].items():
         prismatic = view.world.models[name].joints.prismatic

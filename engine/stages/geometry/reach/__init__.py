@@ -1,1 +1,1 @@
-"""Which places an arm reaches, and why not the others."""
+"""Which places an arm reaches, and why it does not reach the others."""

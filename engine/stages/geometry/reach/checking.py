@@ -1,4 +1,4 @@
-"""What is wrong with a `cell.yaml`: its shapes, and the places that no configuration of an arm reaches."""
+"""Finds what is wrong with a `cell.yaml`: shapes, names, and places that no arm configuration reaches."""
 
 from collections.abc import Callable, Collection, Iterator
 from pathlib import Path
@@ -24,7 +24,8 @@ def check_cell(
 ) -> list[Diagnostic]:
     """Everything that is wrong with a cell file, in order of place.
 
-    `atoms` are those that can become true: the places that they speak of must have a pose. Without a backend nobody asks what the arms reach. What depends on a sound file is asked of sound files alone.
+    `atoms` are those that can become true: the places that they name must have a pose. Without a backend,
+    reach is not checked. Checks that need a correct file run only if the earlier checks found nothing.
     """
     findings = Findings()
     try:
@@ -48,7 +49,7 @@ def check_cell(
 
 
 def _strangers(cell: Cell, domain: Domain) -> Iterator[Diagnostic]:
-    """Places whose name no term of the domain can be."""
+    """Places whose name is not a possible term of the domain."""
     known = {*domain.functions, *domain.objects}
     for name, place in cell.places.items():
         functor = name.partition("(")[0]
@@ -59,7 +60,7 @@ def _strangers(cell: Cell, domain: Domain) -> Iterator[Diagnostic]:
 
 
 def _strange_facts(cell: Cell, domain: Domain) -> Iterator[Diagnostic]:
-    """Locations whose fact no atom of the domain can be."""
+    """Locations whose fact is not a possible atom of the domain."""
     for location in cell.locations:
         fact, signatures = location.fact, domain.predicates
         if fact.name not in signatures:
@@ -70,7 +71,9 @@ def _strange_facts(cell: Cell, domain: Domain) -> Iterator[Diagnostic]:
 
 
 def _placeless(cell: Cell, atoms: Collection[Atom]) -> Iterator[Diagnostic]:
-    """Terms such as slot(drawer, 5) that the cell has no pose for, though it has one for others of their kind."""
+    """Terms such as slot(drawer, 5) for which the cell has no pose, although it has one for another term of
+    the same name.
+    """
     kin = {name.partition("(")[0]: place for name, place in cell.places.items() if "(" in name}
     terms = {str(term): term.name for atom in atoms for term in _compound(atom) if term.name in kin}
     for name in sorted(terms.keys() - cell.places.keys()):
@@ -82,7 +85,7 @@ def _placeless(cell: Cell, atoms: Collection[Atom]) -> Iterator[Diagnostic]:
 
 
 def _compound(term: Term) -> Iterator[Function]:
-    """The compound terms within a term."""
+    """All compound terms that a term contains."""
     if isinstance(term, Function):
         for argument in term.arguments:
             if isinstance(argument, Function) and argument.arguments:

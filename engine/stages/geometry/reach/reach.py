@@ -1,8 +1,9 @@
-"""Which places of a cell an arm reaches, and why not the others.
+"""Which places of a cell an arm reaches, and why it does not reach the others.
 
-A place asks for a pose of the tool point (or of the tip of a tool in hand), and for a second one backed off along
-the tool's z. Every branch of the inverse kinematics is tried, and for tools that may turn about their own z a ring of
-poses; what remains must keep the joint limits and touch nothing but what the place allows.
+A place asks for a pose of the tool point (or of the tip of a tool in hand), and for a second pose backed off
+along the tool's z. Every branch of the inverse kinematics is tried. For tools that may turn about their own z
+a ring of poses is tried. A configuration counts if it is within the joint limits and touches only what the
+place allows.
 """
 
 import math
@@ -18,16 +19,16 @@ from engine.stages.geometry.world.model import World
 from engine.stages.geometry.world.scenes import scene_of
 from kb.model.cell import Place
 
-TURNS = 24  # poses tried of a tool that may turn about its own z
-ORIENTATIONS = 256  # tried to tell a wrong orientation from a position out of reach
+TURNS = 24  # poses tried for a tool that may turn about its own z
+ORIENTATIONS = 256  # orientations tried, to find out whether the position alone can be reached
 NEAR_MISSES = 3
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Reached:
-    """Configurations (m, k) of the place's arm that take the pose, keep the limits and touch nothing.
+    """Configurations (m, k) of the place's arm that reach the pose, within the limits and without collision.
 
-    Of those that differ by whole turns the one nearest to where the arm stands now.
+    Among those that differ only by whole turns, the one nearest to the arm's present configuration is kept.
     """
 
     q: Floats
@@ -35,14 +36,20 @@ class Reached:
 
 @dataclass(frozen=True, slots=True)
 class Unreached:
-    """`reason` is a sentence for people, without the place's name; `hint` says what to try."""
+    """The answer for a place that is not reached.
+
+    `reason` is a sentence for people, without the place's name; `hint` says what to try.
+    """
 
     reason: str
     hint: str
 
 
 class Reachability:
-    """Asks for the places of one world; inverse kinematics and scenes are kept from place to place."""
+    """Finds out which places are reached in one world.
+
+    Inverse kinematics and scenes are kept from place to place.
+    """
 
     def __init__(self, world: World, backend: GeometryBackend) -> None:
         self._world, self._backend = world, backend
@@ -50,7 +57,7 @@ class Reachability:
         self._checkers: dict[tuple[str, str, tuple[str, ...]], CollisionChecker] = {}
 
     def at(self, place: Place) -> Reached | Unreached:
-        """How an arm gets to a place, or why it does not."""
+        """The configurations in which the arm reaches a place, or why it does not reach it."""
         goal = self._answer(place, 0.0)
         if isinstance(goal, Unreached) or place.approach_m == 0.0:
             return goal
@@ -60,7 +67,9 @@ class Reachability:
         return goal
 
     def target(self, place: Place, back_m: float = 0.0) -> Floats:
-        """T_base_flange for a place, backed off along the tool's z: (n, 4, 4), one pose for each turn of the tool."""
+        """T_base_flange for a place, backed off along the tool's z: (n, 4, 4), one for each angle of the
+        tool.
+        """
         base = self._world.pose(f"{place.arm}.base", place.placement.parent)
         T_base_goal = base @ transforms.of_pose(place.placement.pose)
         angles = np.arange(TURNS if place.turns else 1) * 2 * math.pi / TURNS
@@ -93,7 +102,9 @@ class Reachability:
         return Reached(within[~hits])
 
     def _within_limits(self, arm: str, found: Branches) -> Floats:
-        """Of every branch of every pose the whole turns that keep the limits and are nearest to where the arm stands."""
+        """Every branch of every pose that can be within the limits, with the whole turns that bring it
+        nearest to the arm's present configuration.
+        """
         model, now = self._world.models[arm], self._world.configurations[arm]
         kept = []
         for q in found.q[found.valid]:
@@ -102,14 +113,17 @@ class Reachability:
         return np.array(kept).reshape(-1, len(now))
 
     def _whole(self, place: Place, q: Floats) -> Floats:
-        """Configurations of all arms, the others as they stand."""
+        """Configurations of all arms: those given for one arm, with the other arms as they stand."""
         first = self._world.first_carriers[place.arm]
         whole = np.repeat(self._world.configuration[None], len(q), axis=0)
         whole[:, first : first + q.shape[1]] = q
         return whole
 
     def _checker(self, place: Place) -> CollisionChecker:
-        """The scene with the place's tool in hand; what the place touches may touch the tool and what it is made of."""
+        """A checker of the scene with the place's tool in hand.
+
+        What the place lists in `touches` may touch the tool and its parts.
+        """
         key = (place.arm, place.tool, place.touches)
         if key not in self._checkers:
             world = self._world
@@ -141,7 +155,7 @@ class Reachability:
         )
 
     def _why_limited(self, place: Place, found: Branches) -> Unreached:
-        """The joint that is nearest to its limits in the best branch."""
+        """The joint that leaves its limits in the best branch, and by how much."""
         model = self._world.models[place.arm]
         q = found.q[found.valid][:, :, None] + np.where(model.joints.prismatic, 0.0, 2 * math.pi)[:, None] * [
             -1,
@@ -161,7 +175,7 @@ class Reachability:
 
 
 def _why_blocked(checker: CollisionChecker, whole: Floats) -> Unreached:
-    """What is in the way of the configurations that are nearest to free."""
+    """What collides in the configurations that are nearest to being free."""
     depth = checker.clearance(whole, 0.0)
     contacts = [contact for n in np.argsort(-depth)[:NEAR_MISSES] for contact in checker.contacts(whole[n])]
     told: dict[str, Contact] = {}
@@ -176,7 +190,7 @@ def _why_blocked(checker: CollisionChecker, whole: Floats) -> Unreached:
 
 
 def unreached(world: World, backend: GeometryBackend) -> dict[str, Unreached]:
-    """The places that no configuration reaches, with the reason."""
+    """The places that no configuration reaches, each with the reason."""
     ask = Reachability(world, backend)
     answers = {name: ask.at(place) for name, place in world.cell.places.items()}
     return {name: answer for name, answer in answers.items() if isinstance(answer, Unreached)}

@@ -1,4 +1,4 @@
-"""Region trees: the one that a cell declares, and boxes around the pieces of what stands in it."""
+"""Makes region trees: the one that a cell declares, and boxes around the pieces of standing bodies."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -14,13 +14,14 @@ from engine.stages.geometry.shapes.packing import block_between, extent
 from engine.stages.geometry.world.model import World
 from engine.stages.geometry.world.scenes import pieces_of_region, scene_of
 
-LEAVES = 8  # so many pieces need no further box
+LEAVES = 8  # a box with no more pieces than this is not divided
 
 
 def nested_boxes(name: str, pieces: Sequence[Piece], parents: tuple[str, ...] = ()) -> list[TreeRegion]:
-    """Pieces that stand in the world as solid regions, under boxes along the axes of the first piece.
+    """Pieces that stand in the world as solid regions, below boxes along the axes of the first piece.
 
-    One piece alone is a region of this name; else the outermost box is called so, and what lies in it `NAME#1.0`, ...
+    A single piece is a region with the given name. With several pieces the outermost box has this name, and
+    the regions in it are called `NAME#1.0`, ...
     """
     if len(pieces) == 1:
         return [TreeRegion(name, pieces[0], parents, solid=True)]
@@ -46,9 +47,10 @@ def nested_boxes(name: str, pieces: Sequence[Piece], parents: tuple[str, ...] = 
 
 
 def declared_tree(world: World) -> tuple[RegionTree, tuple[OutsideError, ...]]:
-    """The regions that a cell declares, those that an arm carries excepted, and which of them reach out of their parents.
+    """The tree of the regions that a cell declares, and the regions that reach out of their parents.
 
-    These become roots, so that the tree is right all the same. A region made of many pieces counts as the box around it.
+    Regions on an arm are left out. A region that reaches out of its parents becomes a root, so that the tree
+    is still right. A region made of many pieces counts as the box around it.
     """
     tree, outside = RegionTree.of([]), []
     for name in _parents_first(world):
@@ -76,7 +78,9 @@ def _parents_first(world: World) -> list[str]:
 
 
 def region_tree(world: World) -> RegionTree:
-    """All that stands in a world: the declared regions, and each standing body or link in the smallest one that holds it."""
+    """The tree of all that stands in a world: the declared regions, and each standing body or link in the
+    smallest region that holds it.
+    """
     tree, _ = declared_tree(world)
     bounds = sorted((each for each in tree.regions.values() if not each.solid), key=_size)
     by_body: dict[str, list[Piece]] = {}
@@ -92,5 +96,5 @@ def region_tree(world: World) -> RegionTree:
 
 
 def _size(region: TreeRegion) -> float:
-    """The radius of a ball around it."""
+    """The radius of a ball around the region."""
     return float(np.linalg.norm(np.ptp(region.piece.vertices, axis=0))) / 2 + region.piece.radius_m

@@ -6,7 +6,7 @@ from engine.model.geometry import Contact
 
 
 def nearest_of_bodies(contacts: Iterable[Contact]) -> tuple[Contact, ...]:
-    """Of contacts between the same two bodies the nearest, all in order of distance and name."""
+    """The nearest contact for each two bodies, in order of distance, then name."""
     best: dict[frozenset[str], Contact] = {}
     for contact in contacts:
         key = frozenset((contact.first, contact.second))

@@ -1,8 +1,8 @@
-"""Whether a convex piece lies within the union of others.
+"""Finds out whether a convex piece lies within the union of others.
 
-The block around the piece is halved along its axes again and again: a cell that lies within one of the others, or off
-the piece, needs no further look. What cannot be decided at the last level is bounded: no point there is farther than the
-slack from the others. All pieces stand in one frame.
+The block around the piece is halved along its axes again and again. A cell that lies within one of the
+others, or outside the piece, is not divided further. Cells that are undecided at the last level give a bound:
+no point in them is farther than the slack from the others. All pieces are in one frame.
 """
 
 from collections.abc import Sequence
@@ -17,12 +17,12 @@ from engine.stages.geometry.shapes.hull import hull_triangles, planes
 from engine.stages.geometry.shapes.packing import CORNERS
 
 LEVELS = 6
-CLOSE = 1e-9  # metres; what rounding may add
+CLOSE = 1e-9  # metres; allowance for rounding
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Covered:
-    """The piece lies within the others, but for `slack_m`."""
+    """The piece lies within the others, or outside them by at most `slack_m`."""
 
     slack_m: float
 
@@ -35,7 +35,7 @@ class Hole:
 
 
 def covering(piece: Piece, others: Sequence[Piece]) -> Covered | Hole:
-    """Whether the others together cover a piece."""
+    """Whether the others together cover a piece: `Covered`, or a `Hole`."""
     own, around = _Convex(piece), [_Convex(other) for other in others]
     if any(each.holds(own) for each in around):
         return Covered(CLOSE)
@@ -97,28 +97,35 @@ class _Convex:
         return planes(self.vertices, hull_triangles(self.vertices))
 
     def holds(self, other: "_Convex") -> bool:
-        """Whether it holds all of another one: a hull grown by r lies in one grown by s exactly if the first, grown by
-        r - s (the second shrunk by s - r), lies in the second (the cancellation law of convex sets)."""
+        """Whether this piece contains all of another one.
+
+        By the cancellation law of convex sets, a hull grown by r lies in a hull grown by s exactly if the
+        first hull, grown by r - s, lies in the second (or, if s > r, the first lies in the second shrunk by s
+        - r).
+        """
         return bool(
             (self._signed(other.vertices) + other.piece.radius_m - self.piece.radius_m).max() <= CLOSE
         )
 
     def contains(self, points: Floats, slack: float) -> Truths:
-        """Which points (n, 3) it holds, or misses by no more than `slack`."""
+        """Which points (n, 3) the piece contains, or misses by at most `slack`."""
         held: Truths = self._signed(points) <= self.piece.radius_m + slack
         return held
 
     def distances(self, points: Floats) -> Floats:
-        """How far points (n, 3) are from it; negative within."""
+        """How far points (n, 3) are from the piece; negative inside."""
         return self._measured(points) - self.piece.radius_m
 
     def surely_without(self, centres: Floats, half: Floats) -> Truths:
-        """Which cells are off it; a cell near it may be missed."""
+        """Which cells are surely outside the piece. A cell that is outside but near may be missed."""
         far: Truths = self._signed(centres) > self.piece.radius_m + float(np.linalg.norm(half)) + CLOSE
         return far
 
     def _signed(self, points: Floats) -> Floats:
-        """Signed distances (n,) from the core; outside of a polytope without radius, a value above zero not beyond it."""
+        """Signed distances (n,) from the core.
+
+        Outside a polytope without radius the value is above zero and at most the distance.
+        """
         if len(self.vertices) <= 2:
             return _from_segment(points, self.vertices)
         if self.piece.radius_m > 0.0:
@@ -128,7 +135,7 @@ class _Convex:
         return height
 
     def _measured(self, points: Floats) -> Floats:
-        """Signed distances (n,) from the core, by the kernels."""
+        """Signed distances (n,) from the core, computed by the kernels."""
         from engine.kernels.geometry.distance import Separations
 
         rows, found = np.vstack([np.zeros((1, 3)), self.vertices]), np.empty(len(points))

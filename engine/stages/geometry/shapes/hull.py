@@ -12,13 +12,14 @@ class FlatError(ValueError):
 def hull_triangles(points: Floats) -> Longs:
     """The hull of points (n, 3) as triangles (m, 3) of indices, counter-clockwise seen from outside.
 
-    Grown point by point, farthest first, each new point replacing the triangles that it sees (the idea of Barber,
-    Dobkin & Huhdanpaa 1996). Raises `FlatError` when all points lie within 1e-9 of their extent of one plane.
+    The hull grows point by point, the farthest first. Each new point replaces the triangles that it sees (the
+    idea of Barber, Dobkin & Huhdanpaa 1996). Raises `FlatError` when all points lie within 1e-9 of their
+    extent of one plane.
     """
     scale = float(np.ptp(points, axis=0).max()) if len(points) else 0.0
     tolerance = 1e-9 * scale
     triangles = _tetrahedron(points, tolerance)
-    for _ in range(4 * len(points)):  # each round adds a corner; the bound is for rounding alone
+    for _ in range(4 * len(points)):  # each round adds a corner; only rounding errors could make more rounds
         normals, offsets = planes(points, triangles)
         above = points @ normals.T - offsets
         highest = above.max(axis=0)
@@ -32,7 +33,10 @@ def hull_triangles(points: Floats) -> Longs:
 
 
 def planes(points: Floats, triangles: Longs) -> tuple[Floats, Floats]:
-    """Outward unit normals (m, 3) and offsets (m,) of triangles; a sliver has the normal zero and sees nothing."""
+    """Outward unit normals (m, 3) and offsets (m,) of triangles.
+
+    A triangle without area has the normal zero; no point sees it.
+    """
     a, b, c = points[triangles[:, 0]], points[triangles[:, 1]], points[triangles[:, 2]]
     normals = np.cross(b - a, c - a)
     length = np.linalg.norm(normals, axis=1, keepdims=True)
@@ -41,7 +45,7 @@ def planes(points: Floats, triangles: Longs) -> tuple[Floats, Floats]:
 
 
 def _tetrahedron(points: Floats, tolerance: float) -> Longs:
-    """Four points that span a volume, as outward triangles."""
+    """Four of the points that span a volume, as triangles that face outwards."""
     if len(points) < 4 or tolerance <= 0:
         raise FlatError("fewer than four different points")
     first = int(np.argmin(points[:, int(np.argmax(np.ptp(points, axis=0)))]))
@@ -63,12 +67,12 @@ def _tetrahedron(points: Floats, tolerance: float) -> Longs:
 
 
 def _cone(seen: Longs, point: int) -> Longs:
-    """Triangles from the rim of the seen ones to the point that sees them."""
+    """Triangles from the new point to the rim of the triangles that it sees."""
     edges = {(int(t[i]), int(t[(i + 1) % 3])) for t in seen for i in range(3)}
     return np.array([(a, b, point) for a, b in sorted(edges) if (b, a) not in edges]).reshape(-1, 3)
 
 
 def hull_vertices(points: Floats) -> Floats:
-    """The points (m, 3) that are corners of the hull of points (n, 3), in their order."""
+    """The points (m, 3) that are corners of the hull of points (n, 3), in the order given."""
     corners: Floats = points[np.unique(hull_triangles(points))]
     return corners

@@ -1,4 +1,6 @@
-"""STL and OBJ files as triangles, with diagnostics for what cannot be solid; their connected components."""
+"""Reads STL and OBJ files as triangles, with diagnostics for meshes that cannot be solid, and finds their
+connected components.
+"""
 
 import struct
 from dataclasses import dataclass
@@ -25,7 +27,10 @@ class TriangleMesh:
 
 
 def read_mesh(path: Path) -> TriangleMesh:
-    """The mesh in a file, equal vertices merged, triangles without area dropped. Raises `InvalidInput`."""
+    """The mesh in a file. Equal vertices are merged, and triangles without area are dropped.
+
+    Raises `InvalidInput`.
+    """
     try:
         data = _bytes(path)
         vertices, triangles = _obj(data) if path.suffix.lower() == ".obj" else _stl(data)
@@ -47,7 +52,7 @@ def _refused(path: Path, message: str, hint: str) -> InvalidInput:
 
 
 def _stl(data: bytes) -> tuple[Floats, Longs]:
-    """Binary when its length says so, else text."""
+    """The triangles of an STL file: it is binary if its length fits the binary format, else text."""
     if len(data) >= 84:
         (count,) = struct.unpack_from("<I", data, 80)
         if len(data) == 84 + 50 * count:
@@ -66,7 +71,10 @@ def _soup(corners: Floats) -> tuple[Floats, Longs]:
 
 
 def _obj(data: bytes) -> tuple[Floats, Longs]:
-    """Vertices and faces alone; a polygon becomes a fan; indices count from 1, or back from the last vertex."""
+    """The vertices and faces of an OBJ file; all else is skipped. A polygon becomes a fan of triangles.
+
+    Indices count from 1, or, if negative, back from the last vertex.
+    """
     vertices: list[list[float]] = []
     triangles: list[tuple[int, int, int]] = []
     for line in data.decode("utf-8", "replace").split("\n"):
@@ -98,7 +106,7 @@ def _cleaned(vertices: Floats, triangles: Longs) -> TriangleMesh:
 
 
 def components(mesh: TriangleMesh) -> list[Floats]:
-    """The vertices of each connected component, in the order of their first vertex."""
+    """The vertices of each connected component. Components are in the order of their first vertex."""
     graph: networkx.Graph[int] = networkx.Graph()
     graph.add_edges_from(map(tuple, mesh.triangles[:, :2]))
     graph.add_edges_from(map(tuple, mesh.triangles[:, 1:]))
@@ -123,7 +131,7 @@ def convex_pieces(mesh: TriangleMesh, where: Source) -> list[Floats]:
 
 
 def is_closed(mesh: TriangleMesh) -> bool:
-    """Whether every edge has one triangle on each side."""
+    """Whether every edge has exactly one triangle on each side."""
     t = mesh.triangles
     directed = np.concatenate([t[:, [0, 1]], t[:, [1, 2]], t[:, [2, 0]]])
     edges = {(int(a), int(b)) for a, b in directed}

@@ -16,11 +16,11 @@ from engine.kernels.geometry.layout import (
 from engine.model.geometry import Floats, Longs, Piece, Scene, Truths
 from engine.stages.geometry import transforms
 
-CORNERS = np.array(list(product((-0.5, 0.5), repeat=3)))  # of a block of unit size
+CORNERS = np.array(list(product((-0.5, 0.5), repeat=3)))  # corners of a block of size 1
 
 
 def pack(pieces: Sequence[Piece]) -> Pieces:
-    """The arrays of pieces, in their order."""
+    """The arrays of pieces, in the order given."""
     placed = [transforms.apply(piece.T_carrier_piece, piece.vertices) for piece in pieces]
     counts = np.array([len(vertices) for vertices in placed], dtype=np.int64)
     starts = np.concatenate([[0], np.cumsum(counts)[:-1]]) if len(counts) else counts
@@ -45,9 +45,10 @@ def joined(first: Pieces, second: Pieces) -> Pieces:
 
 
 def bounded(scene: Scene) -> tuple[Pieces, Longs]:
-    """The pieces of a scene with bounds added around those that move together, and the number of each one's bounds.
+    """The pieces of a scene, with bounds added around pieces that move together, and for each piece the
+    number of its bounds.
 
-    What stands is bounded body by body, what moves carrier by carrier.
+    Standing pieces have bounds for each body, moving pieces for each carrier.
     """
     pieces = list(scene.pieces)
     members: dict[tuple[str, int], list[int]] = {}
@@ -62,7 +63,9 @@ def bounded(scene: Scene) -> tuple[Pieces, Longs]:
 
 
 def grouped(pairs: Longs, bound_of: Longs, kept: Truths | None = None) -> Pairs:
-    """The pairs (m, 2) that are `kept` (all, when not given), in the order of their bounds, then of their first pieces."""
+    """The pairs (m, 2) that are `kept` (all of them if not given), in the order of their bounds, then of
+    their first pieces.
+    """
     numbers = np.arange(len(pairs)) if kept is None else np.nonzero(kept)[0]
     pairs = np.asarray(pairs, dtype=np.int64).reshape(-1, 2)[numbers]
     sides = bound_of[pairs]
@@ -77,7 +80,7 @@ def grouped(pairs: Longs, bound_of: Longs, kept: Truths | None = None) -> Pairs:
 
 
 def bound(pieces: Sequence[Piece]) -> Piece:
-    """A block around pieces that hang on one carrier, along the axes of the first of them."""
+    """A block around pieces on one carrier, along the axes of the first piece."""
     axes = pieces[0].T_carrier_piece[:3, :3]
     extents = np.array([extent(piece, axes) for piece in pieces])
     low, high = extents[:, 0].min(axis=0), extents[:, 1].max(axis=0)
@@ -91,7 +94,9 @@ def extent(piece: Piece, axes: Floats) -> tuple[Floats, Floats]:
 
 
 def block_between(like: Piece, axes: Floats, low: Floats, high: Floats) -> Piece:
-    """The block between two corners (3,) given along axes (3, 3: columns), with the body and the carrier of a piece."""
+    """The block between two corners (3,), whose coordinates are along axes (3, 3: columns), with the body and
+    the carrier of a piece.
+    """
     T = transforms.transform(axes, axes @ ((low + high) / 2))
     return Piece(like.body, like.carrier, T, CORNERS * (high - low), 0.0, box=True)
 

@@ -1,6 +1,7 @@
 """Parts three ways: convex pieces for collision, faces for distances, vertices for vision.
 
-The three views are those of THEMSE. Blocks and polyhedra have named faces, edges and vertices; round shapes have none.
+The three views are those of the THEMSE cell. Blocks and polyhedra have named faces, edges and vertices; round
+shapes have none.
 """
 
 import math
@@ -28,12 +29,15 @@ from kb.model.cell import (
     Tube,
 )
 
-SIDES = 16  # of the prism around a cylinder: at most 2 % more radius
+SIDES = 16  # sides of the prism around a cylinder: its corners lie at most 2 % outside
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Core:
-    """A convex piece: the hull of `vertices` (n, 3), grown by `radius_m`. `box`: a block along the axes about the origin."""
+    """A convex piece: the hull of `vertices` (n, 3), grown by `radius_m`.
+
+    With `box` it is a block along the axes, centred at the origin.
+    """
 
     vertices: Floats
     radius_m: float = 0.0
@@ -92,7 +96,7 @@ def _corners(box: Box) -> Floats:
 
 
 def _prism(cylinder: Cylinder) -> Floats:
-    """A prism whose sides touch the cylinder from outside."""
+    """A prism around a cylinder: its sides touch the cylinder from outside."""
     angles = (np.arange(SIDES) + 0.5) * 2 * math.pi / SIDES
     radius = cylinder.radius_m / math.cos(math.pi / SIDES)
     ring = np.stack([radius * np.cos(angles), radius * np.sin(angles)], axis=1)
@@ -131,7 +135,7 @@ def _columns(field: HeightField) -> list[Core]:
     return found
 
 
-BOX_FACES = {  # name: the axis and the side it looks to
+BOX_FACES = {  # name: the axis of its normal, and the sign
     "right": (0, 1),
     "left": (0, -1),
     "back": (1, 1),
@@ -142,7 +146,10 @@ BOX_FACES = {  # name: the axis and the side it looks to
 
 
 def features(placed: PlacedShape) -> Features:
-    """The named faces, edges and vertices of a placed shape; a block names its sides itself. None for round shapes."""
+    """The named faces, edges and vertices of a placed shape; None for round shapes.
+
+    The names of a block's features are fixed.
+    """
     T = transforms.of_pose(placed.pose)
     match placed.shape:
         case Box():
@@ -165,13 +172,19 @@ def _moved(
 
 
 def _face(name: str, corners: Floats) -> PatchFace:
-    """By Newell's formula, so that any three collinear corners do no harm."""
+    """A planar face of these corners.
+
+    Its normal is from Newell's formula, which works if some corners lie on one line.
+    """
     normal = np.cross(corners, np.roll(corners, -1, axis=0)).sum(axis=0)
     return PatchFace(name, corners, normal / np.linalg.norm(normal))
 
 
 def _box_features(box: Box) -> tuple[dict[str, Floats], dict[str, list[str]], dict[str, list[str]]]:
-    """Vertices are called by the three sides that meet there, edges by the two."""
+    """The features of a block.
+
+    A vertex has the names of the three sides that meet there, an edge those of two.
+    """
     half = np.array(box.size_m) / 2
     sides = [[("left", -1), ("right", 1)], [("front", -1), ("back", 1)], [("bottom", -1), ("top", 1)]]
     vertices = {f"{x}_{y}_{z}": half * (i, j, k) for (x, i), (y, j), (z, k) in product(*sides)}
@@ -207,7 +220,9 @@ def _polyhedron_features(
 
 
 def check_polyhedron(shape: Polyhedron) -> list[Diagnostic]:
-    """What is wrong with the named faces: fewer than three vertices, not planar, or turned inwards (convex ones alone)."""
+    """Errors in the named faces: fewer than three vertices, not planar, or (in a convex polyhedron) turned
+    inwards.
+    """
     found = []
     vertices = {name: np.array(point) for name, point in shape.vertices.items()}
     middle = np.mean(list(vertices.values()), axis=0)

@@ -1,4 +1,4 @@
-"""Pieces as other libraries' primitive shapes: spheres about their centre, capsules along z about their middle."""
+"""Pieces as primitive shapes of other libraries: spheres about the centre, capsules along z."""
 
 import numpy as np
 
@@ -6,7 +6,7 @@ from engine.model.geometry import Floats, Piece
 
 
 def primitive_frame(piece: Piece) -> Floats:
-    """T_carrier_primitive (4, 4); of a block or polytope the piece's own frame."""
+    """T_carrier_primitive (4, 4). For a block or polytope it is the piece's own frame."""
     T = piece.T_carrier_piece.copy()
     if len(piece.vertices) > 2:
         return T
@@ -25,11 +25,11 @@ def _onto(along: Floats) -> Floats:
 
 
 def length_of(piece: Piece) -> float:
-    """Between the centres of a capsule's ends."""
+    """The distance between the centres of a capsule's two ends."""
     return float(np.linalg.norm(piece.vertices[1] - piece.vertices[0]))
 
 
 def refuse_rounded(piece: Piece, library: str) -> None:
-    """Raise `ValueError` for a polytope with a radius, which no library but ours has."""
+    """Raises `ValueError` for a polytope with a radius, because other libraries do not have this shape."""
     if len(piece.vertices) > 2 and piece.radius_m:
         raise ValueError(f"{library} has no rounded polytopes: {piece.body}")

@@ -1,1 +1,1 @@
-"""Where everything is, and the scene that is made of it."""
+"""The world model, which says where everything is, and the collision scene made from it."""

@@ -1,4 +1,4 @@
-"""The geometric world after the symbolic one: facts of a state put bodies into places and hands, as the cell's `locations` say."""
+"""The geometric world for a symbolic state: `locations` of the cell put bodies into places and hands."""
 
 from collections.abc import Iterable
 
@@ -12,9 +12,10 @@ from kb.terms import Atom, Substitution, Variable, match, substitute
 
 
 def following(world: World, facts: Iterable[Atom]) -> World:
-    """The world with every body where the facts say; others, and those at places without a pose, stay as they are.
+    """The world with every body where the facts put it.
 
-    Of the locations that fit a fact, the first one in the file counts.
+    Other bodies, and those at places without a pose, stay where they are. If several locations fit a fact,
+    the first one in the file counts.
     """
     for fact in sorted(facts, key=str):
         world = _after(world, fact)
@@ -36,7 +37,7 @@ def _after(world: World, fact: Atom) -> World:
 
 
 def _grip_at(world: World, location: Location, bindings: Substitution) -> tuple[str, Floats] | None:
-    """The frame that the body then stands on, and the pose of its grip there; None for an unknown place."""
+    """The frame that the body stands on, and the pose of its grip in it; None for an unknown place."""
     if location.place is None:
         return _frame(location.frame, bindings), np.eye(4)
     place = world.cell.places.get(str(substitute(location.place, bindings)))

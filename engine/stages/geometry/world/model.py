@@ -1,7 +1,7 @@
-"""The world model: where every frame is, and what is affixed to what. A value: every change makes a new world.
+"""The world model: where every frame is, and what is affixed to what.
 
-Frames are called as in `cell.yaml`: `world`, a frame, a body, `body.feature`, and of an arm `arm.base`, `arm.flange`,
-`arm.tool` and `arm.link` for each link.
+It is a value: every change makes a new world. Frames have their names from `cell.yaml`: `world`, a frame, a
+body, `body.feature`; for an arm, `arm.base`, `arm.flange`, `arm.tool`, and `arm.LINK` for each link.
 """
 
 from collections.abc import Mapping
@@ -27,7 +27,7 @@ NO_JOINTS = Joints(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Located:
-    """A frame as it hangs on a carrier: T_carrier_frame (4, 4)."""
+    """A frame fixed to a carrier: T_carrier_frame (4, 4)."""
 
     carrier: int
     T_carrier_frame: Floats
@@ -35,7 +35,7 @@ class Located:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Fixed:
-    """A frame as it stands on another: T_parent_frame (4, 4)."""
+    """A frame fixed to another frame: T_parent_frame (4, 4)."""
 
     parent: str
     T_parent_frame: Floats
@@ -43,7 +43,9 @@ class Fixed:
 
 @dataclass(frozen=True, eq=False)
 class World:
-    """A cell at a moment: `placed` says where frames and bodies are, `configurations` how the arms stand."""
+    """A cell at one moment: `placed` says where frames and bodies are, `configurations` holds the joint
+    values of each arm.
+    """
 
     cell: Cell
     placed: Mapping[str, Fixed]
@@ -51,7 +53,7 @@ class World:
 
     @classmethod
     def of(cls, cell: Cell) -> "World":
-        """The cell as its file describes it, every arm at rest (at zero when no `home` is given)."""
+        """The cell as its file describes it, with every arm at its `home` (at zero if none is given)."""
         placements: dict[str, Placement] = {f"{name}.base": arm.base for name, arm in cell.arms.items()}
         placements |= cell.frames
         placements |= {name: body.placement for name, body in cell.bodies.items()}
@@ -69,7 +71,7 @@ class World:
 
     @cached_property
     def first_carriers(self) -> dict[str, int]:
-        """For each arm the number of carriers before its own."""
+        """For each arm, the number of carriers before its own carriers."""
         firsts, count = {}, 0
         for name, mounted in self.cell.arms.items():
             firsts[name] = count
@@ -77,7 +79,10 @@ class World:
         return firsts
 
     def locate(self, frame: str) -> Located:
-        """The carrier that a frame hangs on, and its pose there. Raises `KeyError` for an unknown frame."""
+        """The carrier that a frame is fixed to, and the pose of the frame in it.
+
+        Raises `KeyError` for an unknown frame.
+        """
         if frame == WORLD:
             return Located(0, np.eye(4))
         if frame in self.placed:
@@ -102,7 +107,10 @@ class World:
         raise KeyError(f"no frame '{arm}.{part}'")
 
     def locate_link(self, arm: str, link: Link) -> Located:
-        """The carrier of a link, and its pose there; whatever it is called (`base`, `flange` and `tool` are frames)."""
+        """The carrier of a link, and the pose of the link in it.
+
+        A link may have any name, even `base`, `flange` or `tool`, which name frames elsewhere.
+        """
         return self._on_arm(arm, link.carrier, transforms.of_offsets(link.offset))
 
     def _on_arm(self, arm: str, carrier: int, T: Floats) -> Located:
@@ -127,7 +135,7 @@ class World:
         )
 
     def _arm_joints(self, name: str) -> Joints:
-        """An arm's joints, the first one standing on whatever carries its base."""
+        """An arm's joints. The first joint stands on the carrier of the arm's base."""
         own, base = self.models[name].joints, self.locate(f"{name}.base")
         parent, origins = own.parent + self.first_carriers[name], own.T_parent_origin.copy()
         if own.count:
@@ -152,18 +160,18 @@ class World:
         return pose
 
     def moved(self, arm: str, q: Floats) -> "World":
-        """The world with one arm at a configuration (k,); what is affixed to it goes along."""
+        """The world with one arm at a configuration (k,). What is affixed to the arm moves with it."""
         return replace(self, configurations={**self.configurations, arm: np.asarray(q, dtype=float)})
 
     def affix(self, body: str, to: str) -> "World":
         """The world in which a body, wherever it is now, moves with a frame from now on.
 
-        Raises `KeyError` for an unknown name, `ValueError` when `to` hangs on the body itself.
+        Raises `KeyError` for an unknown name, `ValueError` if `to` stands on the body itself.
         """
         return self.put(body, to, self.pose(to, body))
 
     def unfix(self, body: str) -> "World":
-        """The world in which a body stays where it is."""
+        """The world in which a body is affixed to `world` where it is now."""
         return self.affix(body, WORLD)
 
     def put(self, body: str, on: str, T_on_body: Floats) -> "World":
@@ -176,16 +184,22 @@ class World:
         return replace(self, placed={**self.placed, body: Fixed(on, np.array(T_on_body, dtype=float))})
 
     def grip(self, body: str) -> Floats:
-        """T_body_grip (4, 4): where a hand takes a body; its own frame when it has no feature `grip`."""
+        """T_body_grip (4, 4): where a hand takes a body.
+
+        It is the body's own frame if there is no feature `grip`.
+        """
         features = self.cell.bodies[body].features
         return transforms.of_pose(features["grip"]) if "grip" in features else np.eye(4)
 
     def held(self, body: str, arm: str) -> "World":
-        """The world with a body in an arm's hand, its grip at the tool point. Raises as `affix` does."""
+        """The world with a body in an arm's hand: the body's grip is at the tool point.
+
+        Raises as `affix` does.
+        """
         return self.put(body, f"{arm}.tool", transforms.inverse(self.grip(body)))
 
     def supports(self, frame: str) -> tuple[str, ...]:
-        """The frame and what it stands on, one after the other, down to the world."""
+        """The frame, the frame that it stands on, and so on, down to the world."""
         chain = [frame]
         while chain[-1] != WORLD:
             at = chain[-1]

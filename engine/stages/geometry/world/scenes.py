@@ -1,4 +1,4 @@
-"""A world becomes a scene: convex pieces on carriers, and the pairs of them that must not touch."""
+"""Makes a collision scene from a world: convex pieces on carriers, and the pairs that must not touch."""
 
 from collections.abc import Collection, Iterator
 from itertools import combinations
@@ -15,9 +15,10 @@ Names = frozenset[frozenset[str]]
 
 
 def scene_of(world: World, leave_out: Collection[str] = (), allowed: Names = frozenset()) -> Scene:
-    """Everything in a world, bodies `leave_out` excepted; `allowed` pairs may touch beside those the cell allows.
+    """The scene of everything in a world except the bodies `leave_out`.
 
-    Pairs that move together, that the arm or the cell allows, or that stand still are not checked.
+    The `allowed` pairs may touch, too, beside those that the cell allows. Three kinds of pairs are not
+    checked: those that move together, those that both stand still, and those that the arm or the cell allows.
     """
     pieces = (*_link_pieces(world), *_body_pieces(world, leave_out), *_region_pieces(world, leave_out))
     return _scene(world.joints, pieces, _allowed(world) | allowed)
@@ -26,7 +27,9 @@ def scene_of(world: World, leave_out: Collection[str] = (), allowed: Names = fro
 def free_scene_of(
     world: World, body: str, leave_out: Collection[str] = (), allowed: Names = frozenset()
 ) -> Scene:
-    """A body flying free (a gripper alone) among all that the arms do not carry; its frame is the moving carrier."""
+    """The scene of one freely moving body (such as a gripper alone) among everything that the arms do not
+    carry. The body's frame is the moving carrier.
+    """
     moving = tuple(_placed(body, Located(1, np.eye(4)), world.cell.bodies[body].shapes))
     left = {body, *leave_out}
     others = (*_link_pieces(world), *_body_pieces(world, left), *_region_pieces(world, left))
@@ -77,7 +80,7 @@ def _body_pieces(world: World, leave_out: Collection[str]) -> Iterator[Piece]:
 
 
 def _region_pieces(world: World, leave_out: Collection[str]) -> Iterator[Piece]:
-    """Solid regions stand for real things that no body describes."""
+    """The pieces of solid regions. These stand for real things that no body describes."""
     for name, region in world.cell.regions.items():
         if region.solid and name not in leave_out:
             yield from pieces_of_region(world, name)
