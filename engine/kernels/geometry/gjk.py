@@ -5,7 +5,8 @@
 By the algorithm of Gilbert, Johnson & Keerthi (1988), with the simplex of the difference kept together with its points
 on both bodies (van den Bergen 2003); the nearest point of a triangle by its Voronoi regions (Ericson 2005, 5.1.5).
 
-A row of `corners` holds the difference (0:3), the points on both bodies (3:6, 6:9) and its weight (9). The simplex is the first `size` of them.
+A row of `corners` holds the difference (0:3), the points on both bodies (3:6, 6:9) and its weight (9). The simplex is
+the first `size` of them.
 """
 
 import math
@@ -64,8 +65,7 @@ def support(c: Cores, a: int, na: int, b: int, nb: int, direction: V, at: int) -
 def core_distance(c: Cores, a: int, na: int, b: int, nb: int, limit: float) -> float:
     """How far the hulls of two stretches of rows are apart; 0 if they meet.
 
-    As soon as it is sure to exceed `limit`, some value above `limit` comes back. The last simplex stays
-    in `c`.
+    As soon as it is sure to exceed `limit`, some value above `limit` comes back. The last simplex stays in `c`.
     """
     v = vectors.minus(row(c, a), row(c, b))
     size, vv, reach = 0, vectors.dot(v, v), 0.0

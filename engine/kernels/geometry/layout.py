@@ -88,8 +88,8 @@ class Tree:
         refuse_beyond("first children", first, len(children) + 1)
         refuse_beyond("children", children, self.count)
         refuse_beyond("roots", roots, self.count)
-        if len(roots) > self.count:
-            raise ValueError("there are more roots than regions")
+        if (np.diff(first) < 0).any() or len(roots) > self.count:
+            raise ValueError("first children must be in order, and no more roots than regions")
         self.first, self.children, self.roots = first, children, roots
         self.solid, self.grow = solid, grow
         self._first, self._children, self._roots = first, children, roots
