@@ -33,7 +33,9 @@ def test_a_tree_costs_under_other_beliefs_the_mean_of_its_cases(
     other = data.draw(priors(len(problem.causes)))
     costs = [cost_of_case(problem, tree, cause, random.Random(0)) for cause in range(len(other))]
     changed = Troubleshooting(problem.causes, other, problem.actions, problem.conclusions, problem.setup)
-    assert cost_under(changed, tree) == pytest.approx(math.fsum(p * c for p, c in zip(other, costs, strict=True)))
+    assert cost_under(changed, tree) == pytest.approx(
+        math.fsum(p * c for p, c in zip(other, costs, strict=True))
+    )
 
 
 @given(troubles(3), st.sampled_from(list(RULES)))
