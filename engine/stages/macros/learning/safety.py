@@ -38,7 +38,12 @@ class Safety:
             self.disequalities.clear()
             self.negated.clear()
             self.exclusions.clear()
-            for threat in [*self._threats(), *self._taken_back(), *self._contradictions(), *self._interference()]:
+            for threat in [
+                *self._threats(),
+                *self._taken_back(),
+                *self._contradictions(),
+                *self._interference(),
+            ]:
                 self._exclude(*threat)
             if known == (len(self.proof.equal.bindings), len(self.proof.needs)):
                 return
