@@ -291,6 +291,12 @@ def test_a_link_is_ended_by_what_deduction_denies() -> None:
     ]
 
 
+def test_a_step_with_deduced_denials_ends_only_what_they_match() -> None:
+    """Moving the nut denies other places of the nut, not of the bolt."""
+    links = (link(1, "at(bolt, bin)", -1), link(0, "at(nut, table)", 2))
+    assert wrong(TIDY, (BOLT_MOVES, NUT_MOVES), links) == []
+
+
 # Steps without an order.
 
 
