@@ -189,7 +189,7 @@ def test_a_belief_is_that_of_bayes_after_every_outcome(
         total = sum(alone.values())
         expected = {h: w / total for h, w in alone.items() if w > 0.0}
         assert dict(session.belief()) == pytest.approx(expected)
-        assert [p for _, p in session.belief()] == sorted(expected.values(), reverse=True)
+        assert [p for _, p in session.belief()] == pytest.approx(sorted(expected.values(), reverse=True))
 
 
 # Which actions a case has.

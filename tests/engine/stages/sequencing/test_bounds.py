@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 
 from engine.stages.sequencing.candidates import quadrant
 from engine.stages.sequencing.kernels import bounds
-from engine.stages.sequencing.kernels.bounds import GRAIN, ascend, excess, one_tree
+from engine.stages.sequencing.kernels.bounds import ascend, excess, one_tree
 
+GRAIN = 64.0  # penalties are whole parts of this, as in the kernel
 Ints = NDArray[np.int32]
 Floats = NDArray[np.float64]
 sizes, seeds = st.integers(4, 9), st.integers(0, 10**6)

@@ -35,7 +35,7 @@ def test_a_step_waits_only_for_steps_that_come_before_it_in_the_list() -> None:
 def test_numbers_of_steps_are_positive_and_used_once(number: int) -> None:
     posed = problem("lit", ())
     assert wrong(posed, (step(1, "light"), step(number, "light"))) == [
-        f"K505: step number {number} is used twice or not positive"
+        f"K507: step number {number} is used twice or not positive"
     ]
 
 
