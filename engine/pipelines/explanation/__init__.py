@@ -1,4 +1,7 @@
-"""Why there is no plan: which goals, what is missing, and the smallest change that helps, proved by planning with it."""
+"""Why there is no plan: the goals that have none, what is missing, and the smallest changes that help.
+
+Each change is proved by a plan for the changed problem.
+"""
 
 import re
 from collections.abc import Iterator
@@ -16,10 +19,10 @@ from kb.model.plan import GOAL, Plan, StepId
 from kb.model.problem import Problem
 from kb.terms import Atom, Function
 
-MAX_CHANGES = 5  # shown
-MAX_TRIALS = 60  # planned with
-MAX_SIZE = 3  # facts in one change
-MAX_MODELS = 400
+MAX_CHANGES = 5  # the most changes that are shown
+MAX_TRIALS = 60  # the most changes of one kind that are tried by planning
+MAX_SIZE = 3  # the most facts in one change
+MAX_MODELS = 400  # the most sets of assumptions of one size that are considered
 
 
 def explain(problem: Problem, limits: Limits = Limits()) -> Explanation:
@@ -60,11 +63,14 @@ class _Inquiry:
     problem: Problem
     limits: Limits
     initial: tuple[Atom, ...]
-    known: frozenset[Function]  # operator instances that could be reached as things are
+    known: frozenset[Function]  # operator instances that can be reached without a change
     trials: int = field(default=0)
 
     def minimal_goals(self) -> list[Goal]:
-        """A set of goals that has no plan while any part of it has one: a single goal, else by deletion filtering."""
+        """A smallest set of goals without a plan: when any goal is removed from it, the others have a plan.
+
+        If a single goal has no plan, it is that goal. Otherwise the set is found by deletion filtering.
+        """
         kept = [Goal(part, text=str(part)) for part in goal_parts(self.problem.goal)]
         kept += [
             Goal(None, c.name, len(c.stages), _chain_text(c.name, c.stages)) for c in self.problem.chains
@@ -79,7 +85,7 @@ class _Inquiry:
         return kept
 
     def _shortened(self, goal: Goal) -> Goal:
-        """A chain cut after the first stage that cannot be reached."""
+        """A goal that is a chain, cut after the first stage that cannot be reached; any other goal as it is."""
         chain = next((each for each in self.problem.chains if each.name == goal.chain), None)
         for length in range(1, goal.stages):
             assert chain is not None
@@ -89,7 +95,7 @@ class _Inquiry:
         return goal
 
     def _only(self, goals: list[Goal]) -> Problem:
-        """The problem with some of its goals alone."""
+        """The problem with only these goals."""
         lengths = {goal.chain: goal.stages for goal in goals if goal.chain}
         chains = [
             replace(
@@ -107,7 +113,7 @@ class _Inquiry:
         return isinstance(_planned(problem, self.limits), Infeasible)
 
     def exclusions(self, goals: list[Goal]) -> Iterator[str]:
-        """Which pairs of these goals are never true at once, by a mutex group."""
+        """The pairs of these goals that can never be true at once, because they belong to the same mutex group."""
         if len(goals) < 2:
             return
         task = ground(self._only(goals))
@@ -119,7 +125,7 @@ class _Inquiry:
                     yield f"{one} and {other} are never true at once"
 
     def changes(self, goals: list[Goal]) -> list[Amendment]:
-        """The smallest changes that give the whole problem a plan, at most `MAX_CHANGES` of one size."""
+        """The smallest changes with which the whole problem has a plan; at most `MAX_CHANGES`."""
         single = [*self._try(self._removals()), *self._try(self._abduced(1))]
         found = single or [each for size in range(2, MAX_SIZE + 1) for each in self._try(self._abduced(size))]
         if len(goals) > 1 or not found:
@@ -134,7 +140,7 @@ class _Inquiry:
         return (Amendment("drop goal", goal=str(goal)) for goal in goals)
 
     def _abduced(self, size: int) -> Iterator[Amendment]:
-        """Facts to add, first those that speak of what the goals speak of."""
+        """Changes that add facts. Facts that share most words with the goals come first."""
         if self.limits.interrupted():
             return
         if assumptions(self.problem, self.initial, 0, 1) and size > 1:
@@ -156,7 +162,7 @@ class _Inquiry:
                 yield Amendment(f"add {kinds.pop()}", facts)
 
     def _try(self, candidates: Iterator[Amendment]) -> Iterator[Amendment]:
-        """Those candidates with which there is a plan."""
+        """The candidates with which the problem has a plan."""
         found = 0
         self.trials = 0
         for change in candidates:
@@ -171,7 +177,11 @@ class _Inquiry:
                 )
 
     def _chain(self, plan: Plan, change: Amendment) -> Iterator[str]:
-        """From the goal down to the first step that was out of reach before, and what it needs."""
+        """Why the change is needed, line by line.
+
+        The lines lead from a goal along causal links to the first step that was out of reach before, and to the facts of
+        the change that this step needs.
+        """
         first = next((step.id for step in plan.steps if step.operator not in self.known), None)
         if first is None or not change.facts:
             return
@@ -190,7 +200,7 @@ class _Inquiry:
 
 
 def changed(problem: Problem, change: Amendment) -> Problem:
-    """The problem with a change made."""
+    """The problem after a change."""
     match change.kind:
         case "add static":
             return replace(problem, statics=(*problem.statics, *change.facts))

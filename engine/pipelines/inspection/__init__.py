@@ -25,7 +25,7 @@ NO_POSITION = "its position is not known"
 
 @dataclass(frozen=True, slots=True)
 class Partition:
-    """The measurements of a problem: those to be made, by tool; those done; and those that are impossible, with the reason."""
+    """The measurements of a problem: those to be made, by tool; those done; those impossible, with the reason."""
 
     groups: Mapping[str, tuple[str, ...]]
     done: tuple[str, ...]

@@ -36,10 +36,10 @@ class News:
 class Progress:
     """How a sequence goes on. `way`: `made`, `kept` (as it was) or `resequenced`.
 
-    `problem` and `tour` are those of the rest, and begin at the last visit done if there is one. The visits of the old rest
-    are sorted into four groups: `kept` are in the old order relative to each other, `reordered` are not, `moved` have another
-    tool (old, new), and `dropped` are left out, with the reason. `added` are new visits. `outdated` are visits done whose
-    position in the problem has changed or that the problem no longer has.
+    `problem` and `tour` are those of the rest, and begin at the last visit done if there is one. The visits of the old
+    rest fall into four groups: `kept` are in the old order relative to each other, `reordered` are not, `moved` have
+    another tool (old, new), and `dropped` are left out, with the reason. `added` are new visits. `outdated` are visits
+    done whose position in the problem has changed or that the problem no longer has.
     """
 
     plan: SequencePlan
@@ -115,7 +115,7 @@ def _kind(option: str) -> str:
 
 
 def _done(plan: SequencePlan, visits: Visits, parts: Partition, news: News) -> Visits:
-    """The visits done: those of the kept sequence, then those done by the problem, then those done by the news.
+    """The visits done: those of the kept sequence, then those that the problem says are done, then those in the news.
 
     Raises `InvalidInput` for a visit that is left out of the sequence.
     """

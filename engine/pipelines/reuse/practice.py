@@ -268,8 +268,8 @@ def _alone(part: Problem) -> Problem:
 def _pays(composed: Outcome, rival: Outcome) -> bool:
     """Whether a composed plan is worth while.
 
-    It may be only a little dearer and longer than the planner's plan, and must be cheaper or avoid a long search. The search
-    is measured by its expansions, not by the clock, so that the same input gives the same plan.
+    It may be only a little dearer and longer than the planner's plan, and must be cheaper or avoid a long search. A search
+    is long if it has many expansions. Its time does not count, so that the same input gives the same plan.
     """
     if not isinstance(rival, Found) or not isinstance(composed, Found):
         return True

@@ -1,9 +1,9 @@
 """Sub-sequences of a domain's plans as MACROPs inside planning: learned from plans, tried, offered, and dropped.
 
-A sub-sequence that recurs in a plan is generalised like any plan, by explanation. The plan's task is then solved again with
-it. If a kind of search needs less work with the sub-sequence, it is kept, and offered to that kind of search. Such trials are
-made for the first few tasks of a domain. After that only uses are counted. A sub-sequence that is offered often but seldom
-used is no longer offered.
+A sub-sequence that recurs in a plan is generalised like any plan, by explanation. The plan's task is then solved again
+with it. If a kind of search needs less work with the sub-sequence, it is kept, and offered to that kind of search. Such
+trials are made for the first few tasks of a domain. After that only uses are counted. A sub-sequence that is offered often
+but seldom used is no longer offered.
 """
 
 import hashlib

@@ -22,7 +22,7 @@ from kb.terms import Atom, Function
 
 @dataclass(frozen=True)
 class Course:
-    """A problem, the plan that is being executed, the ground task, the start situation, and the gate that checks repairs."""
+    """A problem, the plan that is being executed, the ground task, the start situation, and the gate for repairs."""
 
     problem: Problem
     plan: Plan
@@ -48,7 +48,7 @@ class Course:
         return instances(self.task)
 
     def bits(self, observed: Iterable[Atom], reached: Mapping[str, int]) -> Bits:
-        """A state of the task: the observed atoms, the stages reached, and complements. Atoms that the task lacks are left out."""
+        """A state of the task: the observed atoms that the task has, the stages reached, and complements."""
         found = sum({1 << self.index[atom] for atom in observed if atom in self.index})
         for chain in self.problem.chains:
             found |= 1 << self.index[stage_atom(chain, reached[chain.name])]
@@ -67,7 +67,7 @@ class Course:
         return replayed(self.instances, state, steps)
 
     def kernels(self, steps: Sequence[GroundOperator], goals: Bits) -> list[Bits]:
-        """For each position, the atoms that must hold so that the steps from there on reach the goals; the last are the goals."""
+        """For each position, the atoms that the steps from there on need to reach the goals; the last are the goals."""
         found = [goals]
         for operator in reversed(steps):
             found.append((found[-1] & ~operator.adds) | operator.preconditions)

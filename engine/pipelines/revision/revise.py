@@ -27,17 +27,15 @@ from kb.model.problem import Problem
 from kb.terms import Atom, Function, Number, Text
 
 GAPS = 3  # the most tails to which a gap is planned
-SLACK = (
-    5  # the additional cost that a repair may have, or a quarter of the cost that was left if that is more
-)
+SLACK = 5  # a repair may cost so much more than the steps left, or a quarter more if that is more
 
 
 @dataclass(frozen=True, slots=True)
 class Revision:
     """How the plan goes on. `way`: done, continued, repaired or replanned.
 
-    `problem` is the problem that was left, and `outcome` is the answer for it. `kept`, `dropped` and `added` compare its steps
-    with the steps that were left of the old plan. A cost is None if that way was not tried or gave no plan.
+    `problem` is the problem that was left, and `outcome` is the answer for it. `kept`, `dropped` and `added` compare the
+    new steps with the steps that were left of the old plan. A cost is None if that way was not tried or gave no plan.
     """
 
     problem: Problem
@@ -153,8 +151,8 @@ class _Repair:
     ) -> Plan | None:
         """A plan that leads to the kernel of a tail, followed by that tail.
 
-        Tails are tried in the order of the atoms that their kernels miss plus their cost. The first affordable plan is taken,
-        else the cheapest of a few.
+        Tails come first whose kernels miss few atoms and which cost little. The first affordable plan is taken, else the
+        cheapest of a few.
         """
 
         def promise(n: int) -> tuple[int, int]:
