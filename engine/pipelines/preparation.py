@@ -72,7 +72,7 @@ class Preparation:
 
 
 @dataclass(frozen=True, slots=True)
-class Job:
+class PreparationJob:
     """What one process needs to plan a problem: the problem's file, the store, and the limits of the search."""
 
     path: Path
@@ -98,7 +98,7 @@ def prepare(
     if the library cannot be used.
     """
     stale = _without_stale(paths, store)
-    jobs = [Job(path, store, limits.expansions, limits.seed) for path in paths]
+    jobs = [PreparationJob(path, store, limits.expansions, limits.seed) for path in paths]
     found: dict[Path, Prepared] = {}
     with contextlib.closing(_run(jobs, processes, limits.interrupted)) as answers:
         for job, prepared in answers:
@@ -128,8 +128,8 @@ def _domains(paths: Sequence[Path]) -> list[Domain]:
 
 
 def _run(
-    jobs: Sequence[Job], processes: int, interrupted: Callable[[], bool]
-) -> Generator[tuple[Job, Prepared], None, None]:
+    jobs: Sequence[PreparationJob], processes: int, interrupted: Callable[[], bool]
+) -> Generator[tuple[PreparationJob, Prepared], None, None]:
     """The jobs with their results, in the order in which they are finished.
 
     Processes are spawned, so that none inherits a connection or the lock of a thread.
@@ -141,7 +141,7 @@ def _run(
     stop = SPAWN.Event()
     with _pool(min(processes, len(jobs) or 1), stop) as pool:
         with _deaf():
-            waiting: dict[Future[Prepared], Job] = {pool.submit(work, job): job for job in jobs}
+            waiting: dict[Future[Prepared], PreparationJob] = {pool.submit(work, job): job for job in jobs}
         while waiting and not interrupted():
             done, _ = wait(waiting, timeout=0.2, return_when=FIRST_COMPLETED)
             for each in done:
@@ -191,7 +191,7 @@ def _stopped() -> bool:
     return any(each.is_set() for each in _STOPS)
 
 
-def work(job: Job, interrupted: Callable[[], bool] = _stopped) -> Prepared:
+def work(job: PreparationJob, interrupted: Callable[[], bool] = _stopped) -> Prepared:
     """Plan one problem with the library in the store, and bring its kept sequence up to date."""
     if interrupted():
         return Prepared(job.path.stem, "gave up", reason="interrupted")

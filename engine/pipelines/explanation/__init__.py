@@ -46,7 +46,7 @@ def explain(problem: Problem, limits: Limits = Limits()) -> Explanation:
 
 
 @dataclass(frozen=True, slots=True)
-class Goal:
+class GoalPart:
     """A conjunct of the goal, or a chain up to one of its stages."""
 
     condition: Condition | None = None
@@ -66,14 +66,14 @@ class _Inquiry:
     known: frozenset[Function]  # operator instances that can be reached without a change
     trials: int = field(default=0)
 
-    def minimal_goals(self) -> list[Goal]:
+    def minimal_goals(self) -> list[GoalPart]:
         """A smallest set of goals without a plan: when any goal is removed from it, the others have a plan.
 
         If a single goal has no plan, it is that goal. Otherwise the set is found by deletion filtering.
         """
-        kept = [Goal(part, text=str(part)) for part in goal_parts(self.problem.goal)]
+        kept = [GoalPart(part, text=str(part)) for part in goal_parts(self.problem.goal)]
         kept += [
-            Goal(None, c.name, len(c.stages), _chain_text(c.name, c.stages)) for c in self.problem.chains
+            GoalPart(None, c.name, len(c.stages), _chain_text(c.name, c.stages)) for c in self.problem.chains
         ]
         alone = next((goal for goal in kept if self._infeasible(self._only([goal]))), None)
         if alone is not None:
@@ -84,17 +84,17 @@ class _Inquiry:
                 kept = rest
         return kept
 
-    def _shortened(self, goal: Goal) -> Goal:
+    def _shortened(self, goal: GoalPart) -> GoalPart:
         """A goal that is a chain, cut after the first stage that cannot be reached; any other goal as it is."""
         chain = next((each for each in self.problem.chains if each.name == goal.chain), None)
         for length in range(1, goal.stages):
             assert chain is not None
-            cut = Goal(None, goal.chain, length, _chain_text(goal.chain, chain.stages[:length]))
+            cut = GoalPart(None, goal.chain, length, _chain_text(goal.chain, chain.stages[:length]))
             if self._infeasible(self._only([cut])):
                 return cut
         return goal
 
-    def _only(self, goals: list[Goal]) -> Problem:
+    def _only(self, goals: list[GoalPart]) -> Problem:
         """The problem with only these goals."""
         lengths = {goal.chain: goal.stages for goal in goals if goal.chain}
         chains = [
@@ -112,7 +112,7 @@ class _Inquiry:
     def _infeasible(self, problem: Problem) -> bool:
         return isinstance(_planned(problem, self.limits), Infeasible)
 
-    def exclusions(self, goals: list[Goal]) -> Iterator[str]:
+    def exclusions(self, goals: list[GoalPart]) -> Iterator[str]:
         """The pairs of these goals that can never be true at once, because they belong to the same mutex group."""
         if len(goals) < 2:
             return
@@ -124,7 +124,7 @@ class _Inquiry:
                 if any(group & bit and group & other_bit for group in task.mutex_groups):
                     yield f"{one} and {other} are never true at once"
 
-    def changes(self, goals: list[Goal]) -> list[Amendment]:
+    def changes(self, goals: list[GoalPart]) -> list[Amendment]:
         """The smallest changes with which the whole problem has a plan; at most `MAX_CHANGES`."""
         single = [*self._try(self._removals()), *self._try(self._abduced(1))]
         found = single or [each for size in range(2, MAX_SIZE + 1) for each in self._try(self._abduced(size))]
@@ -136,7 +136,7 @@ class _Inquiry:
     def _removals(self) -> Iterator[Amendment]:
         return (Amendment("remove initial", (fact,)) for fact in self.problem.initial)
 
-    def _drops(self, goals: list[Goal]) -> Iterator[Amendment]:
+    def _drops(self, goals: list[GoalPart]) -> Iterator[Amendment]:
         return (Amendment("drop goal", goal=str(goal)) for goal in goals)
 
     def _abduced(self, size: int) -> Iterator[Amendment]:

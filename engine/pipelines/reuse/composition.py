@@ -29,7 +29,7 @@ MISSES = 3  # the most parts that may need planning; with more, composing is giv
 
 
 @dataclass(frozen=True, slots=True)
-class Part:
+class PlanPart:
     """Steps of a plan that came from one MACROP: its number and name, the purpose of the steps, and the steps."""
 
     macrop: int | None
@@ -43,7 +43,7 @@ class Composed:
     """A plan, its parts in the order in which they were made, and the situation `after` the plan."""
 
     plan: Plan
-    parts: tuple[Part, ...]
+    parts: tuple[PlanPart, ...]
     after: Situation
 
 
@@ -172,7 +172,7 @@ def _slim(problem: Problem, asked: Query, made: Sequence[tuple[Problem, Served]]
         return None
     owners = [origin[position] for position in kept]
     parts = tuple(
-        Part(
+        PlanPart(
             served.macrop,
             served.name,
             _purpose(part),

@@ -8,7 +8,7 @@ from engine.model.forecast import makespan
 from engine.model.outcome import Found, Outcome, Statistics
 from engine.pipelines import planning
 from engine.pipelines.gate import PlanGate
-from engine.pipelines.reuse.composition import Part, Served, compose, kinds_of, worth_composing
+from engine.pipelines.reuse.composition import PlanPart, Served, compose, kinds_of, worth_composing
 from engine.pipelines.reuse.subsequences import Subsequences
 from engine.stages.grounding.initial import initial_state
 from engine.stages.grounding.limits import require_affordable_statics
@@ -51,7 +51,7 @@ class Answered:
     name: str = ""
     reason: str = ""
     after: Situation | None = None
-    parts: tuple[Part, ...] = ()
+    parts: tuple[PlanPart, ...] = ()
 
 
 class Practice:
@@ -210,7 +210,7 @@ class Practice:
         seconds = {"lookup": time.perf_counter() - started}
         outcome = Found(hit.plan, Statistics({}, seconds))
         assert isinstance(hit.key, int)
-        parts = tuple(Part(None, part.name, "", part.steps) for part in hit.macrop.parts)
+        parts = tuple(PlanPart(None, part.name, "", part.steps) for part in hit.macrop.parts)
         return Answered(outcome, "library", hit.key, str(hit.macrop.name), after=hit.after, parts=parts)
 
     def _approved(self, problem: Problem, here: Situation, plan: Plan) -> bool:

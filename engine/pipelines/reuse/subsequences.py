@@ -13,7 +13,7 @@ from functools import cached_property
 
 from engine.model.outcome import Statistics
 from engine.model.task import Task
-from engine.pipelines.reuse.composition import Part
+from engine.pipelines.reuse.composition import PlanPart
 from engine.stages.macros.learning.generalise import NotGeneral, generalise
 from engine.stages.macros.learning.subsequences import (
     LARGEST,
@@ -52,7 +52,7 @@ NO_UTILITY = Utility()
 
 
 @dataclass(frozen=True, slots=True)
-class Known:
+class KnownSubsequence:
     """A sub-sequence in the library, with its measured utility for each kind of search."""
 
     stored: Stored
@@ -83,12 +83,12 @@ class Subsequences:
         operators = "".join(self._digests.of(f"operator {name}") for name in names)
         return f"{SIGNATURE} {hashlib.sha256(operators.encode()).hexdigest()[:16]}"
 
-    def _fetched(self) -> list[Known]:
+    def _fetched(self) -> list[KnownSubsequence]:
         """The stored sub-sequences that are not stale."""
         stored = self._library.serving(self.domain.name, SIGNATURE)
         figures = self._utilities.of(self.domain.name) if stored else {}
         return [
-            Known(each, {s: figures[each.id, s] for s in SEARCHES if (each.id, s) in figures})
+            KnownSubsequence(each, {s: figures[each.id, s] for s in SEARCHES if (each.id, s) in figures})
             for each in stored
             if self._digests.fresh(each.macrop.depends)
         ]
@@ -97,7 +97,7 @@ class Subsequences:
         """The sub-sequences that the searches may use as operators: the few that save the greatest share of work."""
         return Macros(*(tuple(each.pattern for each in self._paying(search)) for search in SEARCHES))
 
-    def _paying(self, search: str) -> list[Known]:
+    def _paying(self, search: str) -> list[KnownSubsequence]:
         found = [each for each in self._known if each.pays(search)]
         return sorted(found, key=lambda each: (each.utilities[search].share, each.stored.id))[:TOGETHER]
 
@@ -117,18 +117,18 @@ class Subsequences:
             self._utilities.note(more)
             self._known = self._fetched()
 
-    def folded(self, plan: Plan) -> tuple[Part, ...]:
+    def folded(self, plan: Plan) -> tuple[PlanPart, ...]:
         """The plan split into known sub-sequences and single steps. Of sub-sequences that overlap the longest is taken."""
-        parts: list[Part] = []
+        parts: list[PlanPart] = []
         taken: set[StepId] = set()
         order = Order(plan)
         for each in sorted(self._known, key=lambda known: (-len(known.pattern), known.stored.id)):
             for steps in occurring(order, each.pattern, taken):
                 purpose = ", ".join(str(step.operator) for step in steps)
-                parts.append(Part(each.stored.id, str(each.stored.macrop.name), purpose, _ids(steps)))
+                parts.append(PlanPart(each.stored.id, str(each.stored.macrop.name), purpose, _ids(steps)))
                 taken.update(parts[-1].steps)
         single = [
-            Part(None, str(each.operator), "", (each.id,)) for each in plan.steps if each.id not in taken
+            PlanPart(None, str(each.operator), "", (each.id,)) for each in plan.steps if each.id not in taken
         ]
         places = {step.id: place for place, step in enumerate(plan.steps)}
         return tuple(sorted([*parts, *single], key=lambda part: places[part.steps[0]]))
@@ -194,11 +194,11 @@ def _ids(steps: Sequence[Step]) -> tuple[StepId, ...]:
     return tuple(step.id for step in steps)
 
 
-def _is(known: Known, found: Recurring) -> bool:
+def _is(known: KnownSubsequence, found: Recurring) -> bool:
     return len(known.pattern) == len(found.operators) and fits(known.pattern, found.operators)
 
 
-def _times(order: Order, known: Known) -> int:
+def _times(order: Order, known: KnownSubsequence) -> int:
     return sum(1 for _ in occurring(order, known.pattern))
 
 

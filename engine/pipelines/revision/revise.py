@@ -31,7 +31,7 @@ SLACK = 5  # a repair may cost so much more than the steps left, or a quarter mo
 
 
 @dataclass(frozen=True, slots=True)
-class Revision:
+class PlanRevision:
     """How the plan goes on. `way`: done, continued, repaired or replanned.
 
     `problem` is the problem that was left, and `outcome` is the answer for it. `kept`, `dropped` and `added` compare the
@@ -54,7 +54,7 @@ def revise(
     observed: Sequence[Atom],
     limits: Limits = Limits(),
     both: bool = False,
-) -> Revision:
+) -> PlanRevision:
     """A plan for what is left, after the steps `done`, from the state `observed`.
 
     With `both`, repair is always compared with replanning. Raises `InvalidInput`.
@@ -63,7 +63,7 @@ def revise(
     left = [step for step in course.plan.steps if step.id not in set(done)]
     reached = stages_reached(course.problem.chains, changes_of(course.start, finished))
     problem = remaining(course.problem, reached, observed)
-    repair = _Repair(course, problem, reached, left, limits)
+    repair = _PlanRepair(course, problem, reached, left, limits)
     repaired, way = repair.plan()
     if repaired is not None and repaired.cost <= affordable(left) and not both:
         return _revision(problem, Found(repaired), way, left, repaired.cost, None)
@@ -87,11 +87,11 @@ def _revision(
     left: Sequence[Step],
     repair: int | None,
     replanning: int | None,
-) -> Revision:
+) -> PlanRevision:
     steps = outcome.plan.steps if isinstance(outcome, Found) else ()
     kept, added = _common(steps, left)
     _, dropped = _common(left, steps)
-    return Revision(problem, outcome, way, kept, dropped, added, repair, replanning)
+    return PlanRevision(problem, outcome, way, kept, dropped, added, repair, replanning)
 
 
 def _common(steps: Sequence[Step], others: Sequence[Step]) -> tuple[tuple[Step, ...], tuple[Step, ...]]:
@@ -108,7 +108,7 @@ def _common(steps: Sequence[Step], others: Sequence[Step]) -> tuple[tuple[Step, 
 
 
 @dataclass(frozen=True)
-class _Repair:
+class _PlanRepair:
     course: Course
     problem: Problem
     reached: dict[str, int]
