@@ -92,7 +92,7 @@ def timed(
 
 
 def _sound(gate: PlanGate, problem: Problem, plan: Plan) -> Plan:
-    """A plan from the user as it may be given out. Raises `InvalidInput` if the checker refuses it."""
+    """A plan as it may be given out. Raises `InvalidInput` if the checker refuses it."""
     settled, wrong = gate.settled(problem, plan)
     if wrong:
         raise InvalidInput(wrong)

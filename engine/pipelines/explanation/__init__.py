@@ -67,7 +67,7 @@ class _Inquiry:
     trials: int = field(default=0)
 
     def minimal_goals(self) -> list[GoalPart]:
-        """A smallest set of goals without a plan: when any goal is removed from it, the others have a plan.
+        """A minimal set of goals without a plan: when any goal is removed from it, the others have a plan.
 
         If a single goal has no plan, it is that goal. Otherwise the set is found by deletion filtering.
         """

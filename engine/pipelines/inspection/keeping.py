@@ -14,7 +14,7 @@ def carry_on(
 ) -> Progress:
     """Bring the kept sequence of a problem up to date, or make one; `anew` forgets the kept one. Raises `InvalidInput`.
 
-    If another process has written the sequence in the meantime, the news are applied to what it wrote, so that nothing is
+    If another process has written the sequence in the meantime, the news is applied to what it wrote, so that nothing is
     lost.
     """
     problem = with_places(problem)

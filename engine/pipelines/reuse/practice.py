@@ -30,10 +30,7 @@ from kb.terms import ordered
 
 LONG_SEARCH = 5_000  # a search of so many expansions is long: it is worth while to avoid it
 LARGEST = 100  # the most steps of a plan that is learned: the time of generalising grows with their square
-DEARER, LONGER = (
-    1.05,
-    1.1,
-)  # the most that a composed plan may cost and last, as a multiple of the planner's plan
+DEARER, LONGER = 1.05, 1.1  # the most that a composed plan may cost and last, relative to the planner's
 
 
 @dataclass(frozen=True, slots=True)
