@@ -5,7 +5,7 @@ from collections.abc import Iterable
 from kb.terms import Term, Variable, variables
 
 
-class Names:
+class FreshNames:
     """New names for variables, given in order of first use."""
 
     def __init__(self) -> None:

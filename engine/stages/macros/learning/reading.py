@@ -4,7 +4,7 @@ import dataclasses
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
-from engine.stages.macros.learning.naming import Names
+from engine.stages.macros.learning.naming import FreshNames
 from engine.stages.macros.learning.proof import Proof
 from engine.stages.macros.learning.safety import Safety
 from engine.stages.macros.learning.terms import apart, decided
@@ -40,7 +40,7 @@ class Reading:
         self, proof: Proof, safety: Safety, goals: tuple[Literal, ...], chains: tuple[MacroChain, ...]
     ) -> None:
         self.proof, self.safety, self.goals, self.chains = proof, safety, goals, chains
-        self.names = Names()
+        self.names = FreshNames()
         for step in proof.plan.steps:
             header = proof.header(step.id)
             self.names.number((v, proof.equal.resolved(own)) for v, own in header.items())
