@@ -22,7 +22,7 @@ MAX_DEPTH = 40
 
 
 @dataclass(frozen=True, slots=True)
-class Need:
+class SupportedLiteral:
     """A literal that must hold before `consumer`, and the step that makes it so."""
 
     atom: Atom
@@ -49,7 +49,7 @@ class Proof:
     equal: Equalities = field(default_factory=Equalities)
     origin: dict[Variable, Term] = field(default_factory=dict)
     schemas: dict[StepId, OperatorSchema] = field(default_factory=dict)
-    needs: dict[Need, None] = field(default_factory=dict)
+    needs: dict[SupportedLiteral, None] = field(default_factory=dict)
     constraints: dict[BodyPart, None] = field(default_factory=dict)
     states: dict[StepId, Facts] = field(default_factory=dict)
     changes: dict[StepId, StepChange] = field(default_factory=dict)
@@ -149,7 +149,7 @@ class Proof:
         """Let `consumer` rest on a fluent literal and explain how it comes to hold."""
         ground = substitute_atom(atom, self.origin)
         producer = self._producer(ground, positive, consumer)
-        self.needs[Need(atom, positive, producer, consumer)] = None
+        self.needs[SupportedLiteral(atom, positive, producer, consumer)] = None
         if producer != START:
             self.produce(producer, atom, ground, positive)
 

@@ -8,7 +8,7 @@ import itertools
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
-from engine.stages.macros.learning.proof import Need, Proof
+from engine.stages.macros.learning.proof import Proof, SupportedLiteral
 from engine.stages.macros.learning.terms import apart, equations, simplified
 from engine.stages.macros.lifted.bodies import satisfiable
 from engine.stages.macros.lifted.schema import Following, NotGeneral
@@ -73,7 +73,7 @@ class Safety:
                 found.setdefault(each.atom.name, []).append((step, each))
         return found
 
-    def _between(self, step: StepId, need: Need) -> bool:
+    def _between(self, step: StepId, need: SupportedLiteral) -> bool:
         if step in (need.producer, need.consumer):
             return False
         early = need.producer != START and step in self.proof.before[need.producer]
