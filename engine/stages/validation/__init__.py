@@ -56,9 +56,7 @@ class _Check:
         self.found.append(Diagnostic(self.where, code, message, hint))
 
     def _well_formed(self) -> bool:
-        """Whether step numbers are distinct and positive, and steps and links refer only to steps that are
-        known there.
-        """
+        """Whether step numbers are distinct and positive, and every step that is waited for or linked exists."""
         seen: set[StepId] = set()
         for step in self.plan.steps:
             for other in step.after:

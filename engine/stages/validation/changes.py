@@ -40,7 +40,7 @@ class Denial:
         if found is None:
             return False
         return (
-            typed(self.consequence, found, statics)
+            well_typed(self.consequence, found, statics)
             and next(solve(self.body, statics, found), None) is not None
         )
 
@@ -59,7 +59,7 @@ class Change:
     events: tuple[Atom, ...] = ()
 
 
-def typed(consequence: Consequence, bindings: Bindings, statics: Facts) -> bool:
+def well_typed(consequence: Consequence, bindings: Bindings, statics: Facts) -> bool:
     """Whether the values that the parameters of a consequence have are of their types."""
     return all(
         statics.has_type(bindings[parameter.variable], parameter.type)

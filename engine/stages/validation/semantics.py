@@ -1,5 +1,5 @@
-"""What a step does, taken directly from the domain: points 2 to 7 of "Meaning" in docs/language.md, on atom
-sets.
+"""What a step does, taken directly from the domain (docs/language.md, "Meaning", points 2 to 7), on sets of
+atoms.
 
 The code is plain on purpose. It deduces atom by atom, and it computes derived predicates as a fixpoint in
 every state.
@@ -11,7 +11,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
-from engine.stages.validation.changes import Change, Denial, State, typed
+from engine.stages.validation.changes import Change, Denial, State, well_typed
 from engine.stages.validation.datalog import Bindings, Facts, holds, solve
 from kb.asp import Grounder
 from kb.asp.vocabulary import guard, static_program
@@ -237,7 +237,7 @@ class Semantics:
                 body = self.body((*deductive.body, *consequence.body))
                 if consequence.implied:
                     found |= self._imply(consequence, body, bindings, waiting)
-                elif typed(consequence, bindings, self.statics):
+                elif well_typed(consequence, bindings, self.statics):
                     fresh.append(Denial(consequence.atom, body, tuple(bindings.items()), consequence))
                     found = True
         return found
@@ -250,7 +250,7 @@ class Semantics:
         )
         found = False
         for each in solve((*typed, *body), self.statics, bindings):
-            if typed(consequence, each, self.statics):
+            if well_typed(consequence, each, self.statics):
                 waiting.append(substitute_atom(consequence.atom, each))
                 found = True
         return found
