@@ -244,7 +244,7 @@ class Ring:
 
 
 def _check(tour: Ints, cost: NDArray[Any], near: Ints, toll: NDArray[Any]) -> None:
-    """Raises ValueError where arrays do not go together: compiled loops do not look."""
+    """Raises ValueError if arrays do not fit together: compiled loops do not check this."""
     n = len(tour)
     if n < 8 or cost.shape != (n, n) or near.shape[:1] != (n,) or toll.shape != near.shape:
         shapes = f"{tour.shape}, costs {cost.shape}, candidates {near.shape}, tolls {toll.shape}"
