@@ -41,9 +41,7 @@ def beliefs(problem: Troubleshooting) -> Beliefs:
 
 
 def partition(problem: Troubleshooting) -> Partition | None:
-    """The problem for the search over sets of causes; None if an outcome is uncertain or a conclusion loses
-    something.
-    """
+    """The problem for the search over sets of causes; None if an outcome is uncertain or a conclusion costs."""
     arrays = beliefs(problem)
     if (
         not all(action.certain for action in problem.actions)

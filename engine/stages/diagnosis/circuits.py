@@ -39,8 +39,7 @@ def top_level(circuit: Circuit) -> frozenset[str]:
     """The gates that no other gate dominates: no gate lies on all their ways to the outputs.
 
     One pass goes from the outputs to the inputs. The immediate dominator of a gate is the nearest common
-    dominator of its readers (Cooper, Harvey & Kennedy 2001). The root stands for the world behind all
-    outputs.
+    dominator of its readers (Cooper, Harvey & Kennedy 2001). The root is the world behind all outputs.
     """
     order = {name: place for place, name in enumerate(circuit.gates)}
     readers: dict[str, list[str]] = {}
@@ -78,9 +77,7 @@ def _common(
 def _program(
     circuit: Circuit, given: Mapping[str, bool], seen: Mapping[str, bool], candidates: frozenset[str]
 ) -> Iterator[str]:
-    """d(i) means that wire i differs from its nominal value; c(i) means that the inputs of its gate make it
-    differ.
-    """
+    """d(i): wire i differs from its nominal value. c(i): the inputs of its gate make it differ."""
     nominal = circuit.values(given)
     number = {name: place for place, name in enumerate(circuit.gates)}
     moving: set[str] = set()  # wires that some fault can make differ

@@ -47,9 +47,7 @@ class Searcher(Protocol):
         ...
 
     def value(self, weights: Floats, rest: int, limit: float, expansions: int) -> tuple[float, bool]:
-        """The value of a state if it is below `limit` and found within the budget; else a lower bound and
-        False.
-        """
+        """The value of a state if it is below `limit` and the budget suffices; else a lower bound and False."""
         ...
 
     def estimate(self, action: int, weights: Floats, rest: int) -> float:

@@ -1,6 +1,4 @@
-"""Fault knowledge as troubleshooting problems: which tests and repairs matter for an exception, under which
-hypotheses.
-"""
+"""Fault knowledge as troubleshooting problems: which tests and repairs matter for which hypotheses."""
 
 import itertools
 import math
@@ -85,8 +83,7 @@ def likelihood(test: FaultTest, outcome: str, hypothesis: Hypothesis) -> float:
 
     A test that lies gives each outcome with the same probability. If no cause disturbs a test, its outcome is
     the usual one. Causes disturb a test independently of each other. The other outcomes share the probability
-    of a disturbance in proportion to what the causes give them (the noisy-or of Pearl 1988, without its
-    leak).
+    of a disturbance in proportion to what the causes give them (noisy-or without a leak: Pearl 1988).
     """
     if test.name in hypothesis.lies:
         return 1.0 / len(test.outcomes)

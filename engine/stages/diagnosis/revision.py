@@ -1,6 +1,4 @@
-"""What a belief means for the world model: how certain assertions are during a case, and what changes at its
-end.
-"""
+"""What a belief means for the world model: how certain assertions are now, and what changes at the end."""
 
 from collections.abc import Iterable, Mapping, Sequence
 
@@ -12,9 +10,7 @@ Binding = Mapping[Variable, Term]
 
 
 def binding_of(model: FaultModel, exception: str, step: Function | None) -> Binding:
-    """The values that the interrupted step gives to the exception's variables; empty if its operator is
-    another one.
-    """
+    """The values that the interrupted step gives to the exception's variables; empty for another operator."""
     pattern = model.exceptions[exception].operator
     if pattern is None or step is None or pattern.name != step.name:
         return {}

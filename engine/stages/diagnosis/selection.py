@@ -64,9 +64,7 @@ class Selector:
         return Advice(action, conclusion, cost / total, floor / total, proved, others, spent)
 
     def compare(self, standing: Standing, actions: tuple[int, ...]) -> tuple[tuple[int, float, bool], ...]:
-        """For each action, the expected cost of beginning with it, and whether this is exact or a lower
-        bound.
-        """
+        """For each action, the expected cost of beginning with it, and whether it is exact or a lower bound."""
         weights, rest = self._state(standing)
         found = [(a, *begun(self.exact, a, weights, rest, math.inf, self.expansions)) for a in actions]
         return tuple((a, value / float(weights.sum()), exact) for a, value, exact in found)

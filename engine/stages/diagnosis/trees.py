@@ -1,6 +1,4 @@
-"""Uses of a decision tree: follow it for a hidden cause, or compute its cost under other beliefs or set-up
-costs.
-"""
+"""Uses of a decision tree: follow it for a hidden cause, or price it under other beliefs or set-up costs."""
 
 import random
 

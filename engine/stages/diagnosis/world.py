@@ -1,5 +1,6 @@
-"""A small simulated world with a hidden cause: it answers tests and repairs with the probabilities of the
-fault base.
+"""A small simulated world with a hidden cause.
+
+It answers tests and repairs with the fault base's probabilities.
 """
 
 import random

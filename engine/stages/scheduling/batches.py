@@ -1,5 +1,4 @@
-"""Processes that need the same setting of a device come in batches, because entering or leaving needs another
-setting.
+"""Processes that need the same device setting come in batches, because entering or leaving needs another one.
 
 While a freezer's lid is shut, nothing enters or leaves. So everything that is cooled in one such period is
 inside for the whole period, and at most as much is cooled at once as there are places.
@@ -16,8 +15,7 @@ from engine.stages.scheduling.lags import Lags, first_needs, last_needs
 
 @dataclass(frozen=True, slots=True)
 class Batches:
-    """Stages that need `device` at `setting`, each within a hold of the same resource, at most `most` at a
-    time.
+    """Stages that need `device` at `setting`, each within a hold of one resource, at most `most` at a time.
 
     `entries` are the stages that begin those holds. Between two periods at least `away` passes, and at least
     `entry` more if an object comes in. If several objects come in before the same period, each comes at least
@@ -34,12 +32,11 @@ class Batches:
     apart: int
 
     def least(self, durations: Sequence[int], inside: int = 0) -> int:
-        """The least time from the start of the first period to the end of the last, for stages of these
+        """The least time from the start of the first period to the end of the last, given the stages'
         durations.
 
         The objects of `inside` stages are inside already. If n stages share z periods, at least n - z objects
-        come in together with others. If some do so before the first period, this period starts later than it
-        could.
+        come in together with others. If some do so before the first period, it starts later than it could.
         """
         longest = sorted(durations, reverse=True)
         number, fewest = len(longest), -(-len(longest) // self.most)

@@ -75,9 +75,7 @@ def least_travel(lags: Lags, taken: Sequence[Occupation]) -> int:
 
 
 def _travel(lags: Lags, one: Stage, other: Stage) -> int:
-    """The least time in which a resource of both stages travels from the end of one to the start of the
-    other.
-    """
+    """The least time in which a resource of both stages goes from the end of one to the start of the other."""
     shared = set(one.resources) & set(other.resources)
     pair = one.destination, other.origin
     return max((lags.travel[name].get(pair, 0) for name in shared), default=0)
@@ -105,9 +103,7 @@ def occupations(lags: Lags, resource: Resource) -> Iterator[Occupation]:
 
 
 def widened(shop: Shop, hold: Hold) -> Hold:
-    """The hold from the start of its first stage to the end of its last one, if this means the same; else the
-    hold.
-    """
+    """The hold from the start of its first stage to the end of its last one, if this is equivalent."""
     if not _by_one_arm(shop, shop.resource[hold.resource]):
         return hold
     end = Moment(hold.end.stage, shop.stages[hold.end.stage].duration) if hold.end else None

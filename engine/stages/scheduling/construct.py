@@ -1,5 +1,5 @@
-"""A first schedule: stages are placed one after another, each as early as possible; a beam search finds their
-order.
+"""A first schedule: stages are placed one after another, each as early as possible, in an order found by a
+beam.
 
 This is a serial scheme: whatever a resource does comes after the work that it was given before. If a stage
 needs another setting of a device, the device is changed when the stage is placed; of several changes, the one
@@ -214,7 +214,7 @@ class Builder:
         return all(partial.starts[each] >= start + lag for each, lag in later if each in partial.starts)
 
     def _taken(self, partial: Partial, stage: Stage, start: int) -> dict[str, tuple[int, ...]]:
-        """The units after a stage: changed by its resources, and by the holds that begin or end with it."""
+        """When the units are free after a stage: it takes its resources, begins some holds, and ends others."""
         units = dict(partial.units)
         for name in stage.resources:
             units[name] = tuple(sorted((*units[name][1:], start + stage.duration)))

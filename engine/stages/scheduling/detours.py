@@ -1,5 +1,4 @@
-"""Removes detours from a plan: an object is put down and picked up again from there, with nothing done to it
-meanwhile.
+"""Removes detours from a plan: an object is put down and picked up again, with nothing done to it in between.
 
 The plan may park an object because its next place is not free yet, or without need. A schedule may reorder
 blocks, so it need not park the object. The two blocks become one, without the steps that undo each other.
@@ -29,7 +28,9 @@ def straightened(blocks: Sequence[Block], loose: Bits) -> list[Block]:
 def necessary(task: Task, blocks: Sequence[Block], goals: Bits) -> list[Block]:
     """The blocks without those that serve no object of the workflow and that no later block needs."""
     kept = list(blocks)
-    if not _executes(task, kept, goals):  # a process began within a block: the blocks overlap
+    if not _executes(
+        task, kept, goals
+    ):  # a process began during a block, so the blocks in a row are not the plan
         return kept
     for block in [each for each in blocks if not each.serves]:
         fewer = [each for each in kept if each is not block]
@@ -76,9 +77,7 @@ def _undone(first: Block, second: Block) -> bool:
 
 
 def _joined(blocks: Sequence[Block], first: int, second: int, minded: Bits) -> list[Block] | None:
-    """The blocks with two of them made one, at the first or the second place; None if neither place allows
-    it.
-    """
+    """The blocks with two of them made one, at the place of the first or the second; None if neither works."""
     one, other = blocks[first], blocks[second]
     between = list(blocks[first + 1 : second])
     changed = 0

@@ -1,5 +1,4 @@
-"""Devices in the constraint model: the time of each device is a row of periods, and it has one setting in
-each.
+"""Devices in the constraint model: the time of each device is a row of periods, each with one setting.
 
 Period 0 has the setting that the device has at the start. Each need falls into one period of its setting.
 Between two periods the operator changes the device. Periods after the last one that is needed are absent.

@@ -64,8 +64,8 @@ class Lags:
         return {resource.name: shortest(self.shop, resource) for resource in self.shop.resources}
 
     def setup(self, one: Stage | None, other: Stage) -> int:
-        """The least time between the starts of `one` (None: time 0) and `other` so that devices can be
-        changed.
+        """The least time from the start of `one` (None: time 0) to that of `other`, with devices changed
+        between.
         """
         needed: dict[str, list[tuple[Changeover, int, int]]] = {}
         for need in first_needs(other).values():

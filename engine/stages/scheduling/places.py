@@ -39,8 +39,7 @@ class Touch:
 
 
 def holds_of(resource: str, touches: Sequence[Touch], initially: bool) -> list[Hold] | None:
-    """The holds of a place, from the touches of the atom that says that it is free; None if the atom is about
-    no such place.
+    """The holds of a place, from what touches its atom `free`; None if the atom is about no such place.
 
     Each object must give back what it has taken before it takes it again. An object that gives a place back
     without having taken it was there from the start.
@@ -95,9 +94,7 @@ class Exchange:
         return {_key(each) for each in self.task.operators}
 
     def alike(self, atom: Function) -> tuple[Function, ...]:
-        """The atoms such as `free(place)` whose places can be exchanged with that of `atom`; `atom` comes
-        first.
-        """
+        """The atoms such as `free(place)` whose places can be exchanged with that of `atom`; `atom` is first."""
         number = self._index[atom]
         if len(atom.arguments) != 1 or not self.task.initial >> number & 1:
             return (atom,)
@@ -121,9 +118,7 @@ class Exchange:
         )
 
     def _swap(self, one: Term, other: Term) -> dict[int, int] | None:
-        """What each atom with one of the terms becomes when they are exchanged; None if such an atom is
-        missing.
-        """
+        """What each atom with one of the terms becomes when they are exchanged; None if one is missing."""
         found: dict[int, int] = {}
         for number, atom in enumerate(self.task.atoms):
             if mentions(atom, one) or mentions(atom, other):

@@ -1,6 +1,4 @@
-"""Turns a schedule back into steps: the place of each object, the steps that change each device, and all
-starts.
-"""
+"""Turns a schedule back into steps: where each object goes, which steps change devices, and when each starts."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -48,9 +46,7 @@ def timed_steps(task: Task, work: CellWork, schedule: Schedule) -> tuple[TimedSt
 def _variant(
     wanted: GroundOperator, variants: Mapping[Function, Sequence[GroundOperator]], state: Bits, stages: Bits
 ) -> GroundOperator:
-    """The operator that does the wanted step in a state: the step itself, or another one of the same
-    instance.
-    """
+    """The operator that does the wanted step in a state: the step itself, or one of the same instance."""
     fitting = [
         each
         for each in (wanted, *variants.get(wanted.instance, ()))

@@ -228,7 +228,7 @@ class _Assembly:
                 yield from (Hold(str(resource), touch.first, touch.last) for touch in touches)
 
     def _links(self) -> Iterator[Window]:
-        """Windows that keep the plan's order between objects that change the same atom, if it is about no
+        """Windows that keep the plan's order between objects that change the same atom, unless it is about a
         place.
         """
         for number, touches in self.touches.items():

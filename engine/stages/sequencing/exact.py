@@ -1,7 +1,7 @@
 """Proofs by CP-SAT: a circuit over the visits, with times for windows and ranks for precedence.
 
-The solver runs with one worker and a limit on its deterministic time, so the same problem always gives the
-same answer.
+The solver runs with one worker and a limit on its deterministic time, so the same problem gives the same
+answer.
 """
 
 from concurrent.futures import ThreadPoolExecutor, wait
@@ -21,9 +21,7 @@ PERIOD = 0.05  # seconds between two checks whether to stop
 
 @dataclass(frozen=True, slots=True)
 class Solved:
-    """The best order found (None: no order found), a lower bound, and whether it is proved that there is no
-    order.
-    """
+    """The best order found, if any; a lower bound; and whether it is proved that there is no order."""
 
     order: tuple[int, ...] | None
     lower_bound: int
@@ -66,9 +64,7 @@ def solve_ordered(problem: TourProblem, order: tuple[int, ...] | None, limits: L
 def _ends(
     model: cp_model.CpModel, problem: TourProblem, arcs: Arcs
 ) -> tuple[list[cp_model.IntVar], list[cp_model.IntVar]]:
-    """Literals for the first and the last visit: the arcs from and to one more node, n, that stands between
-    them.
-    """
+    """Literals for the first and the last visit: arcs from and to one more node, n, between the two."""
     n = len(problem.visits)
     first = [model.new_bool_var("") for _ in range(n)]
     last = [model.new_bool_var("") for _ in range(n)]

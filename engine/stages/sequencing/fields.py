@@ -1,8 +1,7 @@
 """Pose fields: one pose for each visit, chosen so that visits near each other have similar poses.
 
 A field begins with one pose of one visit and spreads along a shortest spanning tree of the positions. Each
-visit takes its pose that is nearest to the pose of its parent in the tree. In a field, only the order is
-still open.
+visit takes the pose that is nearest to its parent's pose. In a field, only the order is still open.
 """
 
 import numpy as np
@@ -34,8 +33,8 @@ def fields(table: Floats, offset: Ints, lines: Longs) -> list[Ints]:
 
 
 def _tree(lines: Longs) -> list[tuple[int, int]]:
-    """The visits of a shortest spanning tree, each with its parent; parents come first, and the last visit is
-    the root.
+    """The visits of a shortest spanning tree with their parents; parents come first, the root is the last
+    visit.
     """
     n = len(lines)
     near, parent = np.full(n, np.iinfo(np.int64).max), np.zeros(n, np.intp)

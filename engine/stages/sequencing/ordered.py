@@ -1,6 +1,4 @@
-"""Orders under windows, precedence, or costs that depend on the direction: annealing, and CP-SAT for the
-proof.
-"""
+"""Orders under windows, precedence or costs that depend on the direction: annealing, and CP-SAT for proofs."""
 
 import graphlib
 from heapq import heappop, heappush

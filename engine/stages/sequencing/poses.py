@@ -1,9 +1,8 @@
-"""Tours whose visits can be made in several poses: order and poses are chosen together, or one after the
-other.
+"""Tours of visits that have several poses: order and poses are chosen together, or one after the other.
 
 Costs are whole microseconds. `tour_then_poses` is RoboTSP (Suarez-Ruiz, Lembono & Pham 2018): a short tour of
-the positions, then the shortest path over the poses in that order. It is the baseline, and the search begins
-with it.
+the positions, then the shortest path over the poses in that order. It is the baseline, and the first tour of
+the search.
 """
 
 from dataclasses import dataclass
@@ -32,7 +31,7 @@ LEAST = 8  # ruin and recreate is left out if there are fewer visits
 @dataclass(frozen=True, slots=True, eq=False)
 class Ring:
     """A closed tour: the visits in order (n,), the row of each visit's pose in the table (n,), and the time
-    in seconds.
+    (s).
     """
 
     order: Ints
@@ -46,9 +45,7 @@ def tour_then_poses(problem: PoseProblem) -> Tour:
 
 
 def with_poses(problem: PoseProblem, limits: Limits = Limits()) -> Tour:
-    """Order and poses chosen together: tours of pose fields, then ruin and recreate on both, in `work`
-    rounds.
-    """
+    """Order and poses together: tours of pose fields, then ruin and recreate on both, in `work` rounds."""
     ring, work = _first(problem), 0
     if len(problem.visits) >= LEAST and not limits.interrupted():
         ring = min((ring, *_of_fields(problem, limits)), key=lambda each: each.time)

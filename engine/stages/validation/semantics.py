@@ -1,8 +1,7 @@
-"""What a step does, taken directly from the domain (docs/language.md, "Meaning", points 2 to 7), on sets of
-atoms.
+"""What a step does, taken directly from the domain (docs/language.md, "Meaning", points 2 to 7).
 
-The code is plain on purpose. It deduces atom by atom, and it computes derived predicates as a fixpoint in
-every state.
+The code works on sets of atoms and is plain on purpose. It deduces atom by atom, and it computes derived
+predicates as a fixpoint in every state.
 """
 
 import copy

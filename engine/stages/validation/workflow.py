@@ -58,8 +58,8 @@ class Stages:
         return [*found, *(f"{last} at the end" for last in wanted if last not in state)]
 
     def orders(self) -> Iterator[tuple[StepId, StepId, str]]:
-        """Pairs of steps that must be ordered, and why: stages of one chain, or a chain that comes after
-        another.
+        """Pairs of steps that must be ordered, and why: stages of one chain, or of chains that follow each
+        other.
         """
         trail = self.readings[max(self.readings, key=sum)]
         steps = dict(zip((chain.name for chain in self.chains), trail, strict=True))

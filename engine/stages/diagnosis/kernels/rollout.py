@@ -56,8 +56,7 @@ def uncertainty(trail: Trail, level: int, groups: Groups, rule: int) -> float:
 def _price(problem: Beliefs, action: int, rest: int, rule: int) -> float:
     """The cost of an action as a rule counts it.
 
-    The rule `MILD` gives costs less weight: it takes the square root of the cost or, with set-up, the cost
-    without it.
+    `MILD` gives costs less weight: it takes the square root of the cost or, with set-up, the cost without it.
     """
     cost = problem._costs[situation_of(problem, rest), action]
     if rule == MILD and problem.changes > 1:

@@ -121,9 +121,7 @@ def one_tree(cost: Costs, penalty: Floats, degree: Ints, parent: Ints) -> float:
 
 
 def _grow(cost: Costs, penalty: Floats, degree: Ints, parent: Ints, near: Floats, outside: Ints) -> float:
-    """The same as `one_tree`, with working space: `near` (n,), and `outside` (n,) for the cities outside the
-    tree, in order.
-    """
+    """The same as `one_tree`, with scratch space: `near` (n,), and the cities outside the tree in order (n,)."""
     n = cost.shape[0]
     for city in range(n):
         near[city], degree[city], outside[city] = INFINITE, 0, city + 2
@@ -182,8 +180,8 @@ def _cheapest(cost: Costs, penalty: Floats, rank: int) -> int:
 
 
 def excess(cost: Costs, penalty: Floats) -> Floats:
-    """How much the minimum 1-tree grows if it must contain an edge (n, n); 0 for its own edges (Helsgaun
-    2000: alpha).
+    """How much the minimum 1-tree grows if it must contain an edge (n, n); 0 for its own (Helsgaun 2000:
+    alpha).
     """
     n = cost.shape[0]
     _check(n, cost.shape[1], len(penalty))
@@ -206,9 +204,7 @@ def excess(cost: Costs, penalty: Floats) -> Floats:
 
 
 def _from_the_root(parent: Ints, order: Ints, trail: Ints) -> None:
-    """Write the n - 1 cities of the tree into `order` (n,), each after its parent; `trail` (n,) is working
-    space.
-    """
+    """Write the n - 1 cities of the tree into `order` (n,), each after its parent; `trail` (n,) is scratch."""
     n, size = parent.shape[0], 1
     placed = np.zeros(n, np.bool_)
     order[0] = 1
@@ -229,7 +225,7 @@ def _heaviest(start: int, parent: Ints, order: Ints, weights: Floats, heaviest: 
     """Write the weight of the heaviest edge on the tree's path from one city to each other; 0 for the city
     itself.
 
-    `weights` (n,) are those of the edges to the parents; `seen` (n,) is working space.
+    `weights` (n,) are those of the edges to the parents; `seen` (n,) is scratch.
     """
     at, value = start, -INFINITE
     heaviest[start], seen[start] = value, -start

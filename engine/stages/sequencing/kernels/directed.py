@@ -2,9 +2,8 @@
 # cython: cdivision=True
 """Annealing over orders whose costs depend on the direction, or on the visits before.
 
-A move puts a stretch of the order at another place, in the same direction or reversed. If there are no
-windows and no precedence and the stretch is not reversed, only the changed arcs are priced; else the whole
-order is.
+A move puts a stretch of the order at another place, in the same direction or reversed. Without windows,
+precedence and reversal, only the changed arcs are priced; else the whole order is priced.
 """
 
 import numpy as np

@@ -173,9 +173,7 @@ class Ring:
         self.kind, self.t2, self.t3, self.t4, self.t5, self.t6 = kind, t2, t3, t4, t5, t6
 
     def _second_turn(self, forward: bool, gain: int, best: int, t1: int, t2: int, t3: int, t4: int) -> int:
-        """The best gain so far, after trying a second two-edge exchange of the edges at t1: t2..t4 is
-        reversed first.
-        """
+        """The best gain so far, after a try of a second two-edge exchange at t1: first t2..t4 is reversed."""
         follower = self._step(not forward, t4)
         for rank in range(self.count):
             t5 = self.near[t4, rank]

@@ -118,10 +118,9 @@ class Layers:
         return best
 
     def _pass(self, fixed: int) -> float:
-        """One pass over the layers.
+        """One pass over the layers. Returns the time to the pose `last`.
 
-        If `fixed` is not -1, the path starts at this pose and returns to it. Returns the time to the pose
-        `last`.
+        If `fixed` is not -1, the path starts at this pose and returns to it.
         """
         home = self.poses.offset[self.order[0]]
         start, count = home, self.poses.width(self.order[0])
@@ -145,9 +144,7 @@ class Layers:
         return total
 
     def _from_before(self, start: int, count: int, row: int) -> float:
-        """The least time to a row from the `count` rows at `start`; `origin` becomes the row from which it
-        comes.
-        """
+        """The least time to a row from the `count` rows at `start`; `origin` becomes the row before it."""
         least, self.origin = BIG, 0
         for earlier in range(count):
             if self.value[earlier] < least:
@@ -254,9 +251,7 @@ class Ruins:
         return taken
 
     def _recreate(self, count: int) -> None:
-        """Insert the visits again in random order, then choose their poses and those of their neighbours
-        again.
-        """
+        """Insert the visits again in random order, then choose their poses and their neighbours' poses."""
         for last in range(count - 1, 0, -1):
             other = self.stream.below(last + 1)
             self.removed[last], self.removed[other] = self.removed[other], self.removed[last]
