@@ -1,4 +1,8 @@
-"""The task planner: search to a sequence, made cheaper, then freed of every order it does not need."""
+"""The task planner.
+
+It searches for a sequence of steps, makes the sequence cheaper, and then drops every order that the plan does
+not need.
+"""
 
 from engine.model.outcome import NO_OFFER, Found, GaveUp, Infeasible, Outcome, Statistics
 from engine.model.task import Task
@@ -11,13 +15,13 @@ from engine.stages.planning.variants import TooManyVariants
 
 __all__ = ["NO_MACROS", "RACE", "STRATEGIES", "Limits", "Macros", "plan"]
 
-RACE = "race"  # all strategies at once
+RACE = "race"  # all strategies at the same time
 
 
 def plan(task: Task, limits: Limits = Limits(), macros: Macros = NO_MACROS) -> Outcome:
-    """A partially ordered plan for a ground task, or why there is none.
+    """A partially ordered plan for a ground task, or the reason why there is none.
 
-    Instances of `macros` serve searches as operators, except in a race; a plan has the steps in their place.
+    Searches use instances of `macros` as operators, except in a race. The plan contains their steps.
     """
     if limits.strategy == RACE:
         from engine.stages.planning.race import race

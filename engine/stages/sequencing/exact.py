@@ -29,7 +29,7 @@ class Solved:
 
 
 def solve_circuit(cost: Longs, allowed: Truths, upper: int, order: tuple[int, ...], limits: Limits) -> Solved:
-    """A closed tour of least cost along the `allowed` arcs (n, n); `order` is a known tour of cost `upper`."""
+    """A closed tour of least cost along the `allowed` arcs (n, n), from a known `order` of cost `upper`."""
     model = cp_model.CpModel()
     arcs = {(int(a), int(b)): model.new_bool_var("") for a, b in np.argwhere(allowed) if a != b}
     model.add_circuit([(a, b, arc) for (a, b), arc in arcs.items()])

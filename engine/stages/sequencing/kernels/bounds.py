@@ -108,8 +108,7 @@ def _rounded(value: float) -> float:
 
 
 def one_tree(cost: Costs, penalty: Floats, degree: Ints, parent: Ints) -> float:
-    """The weight of a minimum 1-tree under cost + penalties, less twice the penalties: a lower bound on all
-    tours.
+    """The weight of a minimum 1-tree under cost + penalties, less twice the penalties: no tour costs less.
 
     The 1-tree is a minimum spanning tree of all cities but 0 (Prim 1957) with root 1, and the two cheapest
     edges of city 0; n >= 3. `degree` and `parent` (n,) are written.

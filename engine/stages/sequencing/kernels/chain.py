@@ -32,9 +32,9 @@ def _edge(cost: Costs, a: int, b: int) -> int:
 def insert_all(ring: Ints, cost: Costs) -> Ints:
     """A tour of all cities, made from a ring of some by inserting one city after another.
 
-    Each city has a cheapest place: the edge whose replacement costs least. The next city is the one whose
-    detour there is shortest in proportion to that edge (Golden, Bodin, Doyle & Stewart 1980, hull insertion).
-    `ring` (m,), m >= 2, `cost` (n, n).
+    Each city has a cheapest place: the edge whose replacement adds the least cost. The next city is the one
+    whose way through its place is shortest in proportion to that edge (Golden, Bodin, Doyle & Stewart 1980,
+    hull insertion). `ring` (m,), m >= 2, `cost` (n, n).
     """
     n, some = cost.shape[0], ring.shape[0]
     _check(ring, n, cost.shape[1], 2)
@@ -56,7 +56,7 @@ def insert_all(ring: Ints, cost: Costs) -> Ints:
 
 
 def _place(new: int, after: Ints, place: Ints, ratio: Floats, cost: Costs) -> None:
-    """Note for each city outside its cheapest place, and its detour in proportion to the edge there.
+    """Note each outside city's cheapest place, and the way through the city there in proportion to the edge.
 
     After `new` was inserted, all places are searched again only for cities whose cheapest place was cut.
     """
