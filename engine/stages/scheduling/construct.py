@@ -1,10 +1,10 @@
 """A first schedule: stages are placed one after another, each as early as possible, in an order found by a
 beam.
 
-This is a serial scheme: whatever a resource does comes after the work that it was given before. If a stage
-needs another setting of a device, the device is changed when the stage is placed; of several changes, the one
-that can begin first comes first. The beam keeps the partial schedules with the least estimate of the end. The
-estimate counts the stages that are placed, with their tails, and the work that each resource still has to do.
+Whatever a resource does comes after the work that it was given before (a serial scheme). If a stage needs
+another setting of a device, the device is changed when the stage is placed. The beam keeps the partial
+schedules with the least estimate of the end: it counts the placed stages with their tails, and the work that
+each resource still has to do.
 """
 
 from collections.abc import Mapping, Sequence
@@ -32,10 +32,7 @@ class Standing:
 
 @dataclass(frozen=True, slots=True)
 class Partial:
-    """A schedule of some of the stages.
-
-    `units` are the times from which each unit of a resource is free again.
-    """
+    """A schedule of some stages. `units` are the times from which each unit of a resource is free again."""
 
     starts: Mapping[str, int]
     units: Mapping[str, tuple[int, ...]]
@@ -107,10 +104,9 @@ class Builder:
         return Partial({}, units, places, devices)
 
     def _children(self, partial: Partial) -> list[Partial]:
-        """The partial schedules with one more stage.
+        """The partial schedules with one more stage, which starts before another one could have ended.
 
-        The stages that may come next are those that start before another one could have ended (Giffler &
-        Thompson 1960). Of jobs that are alike, only the first one not yet begun may begin.
+        Giffler & Thompson 1960. Of jobs that are alike, only the first one not yet begun may begin.
         """
         waiting = {each for queue in self.queue for each in [n for n in queue if n not in partial.starts][1:]}
         found = [
@@ -147,10 +143,7 @@ class Builder:
         return self._estimated(made, stage, start)
 
     def _changed(self, partial: Partial, stage: Stage) -> Partial | None:
-        """The partial schedule after the device changes that a stage needs; None if they are not possible.
-
-        The change that can begin first comes first.
-        """
+        """The partial schedule after a stage's device changes, in order of their begins; None if impossible."""
         for _ in stage.needs:
             wanted = [
                 (self._change_start(partial, change, need), need.device, change)
@@ -240,10 +233,7 @@ class Builder:
         return replace(partial, estimate=estimate, tardiness=partial.tardiness + late)
 
     def _remaining(self, partial: Partial, resource: str, served: Sequence[Occupation]) -> int:
-        """When a resource can have done all its work, with the tail of the last piece.
-
-        Work under way counts from its start.
-        """
+        """When a resource can have done all its work, tail included. Work under way counts from its start."""
         now = max(partial.units[resource], default=0)
         waiting = [each for each in served if each.first.name not in partial.starts]
         for each in served:
@@ -257,9 +247,9 @@ class Builder:
         return now + work + min(each.tail for each in waiting)
 
     def _batched(self, partial: Partial, served: Batches) -> int:
-        """When all batches can be done, with the tail of the last one.
+        """When all batches can be done, tail included.
 
-        An object that is inside may join a period under way.
+        Objects that are inside may join a period under way.
         """
         pairs = zip(served.stages, served.entries, strict=True)
         waiting = [
@@ -277,10 +267,7 @@ class Builder:
         return now + gap + served.least([stage.duration for stage, _ in left], come) + tail
 
     def _free(self, partial: Partial, stage: Stage) -> int:
-        """When the resources of a stage are free and at its origin.
-
-        A resource that is taken for an unknown time counts as 0.
-        """
+        """When a stage's resources are free and at its origin; 0 for one that is taken for an unknown time."""
         times = [
             partial.units[name][0] + self._travel(partial, name, stage.origin) if partial.units[name] else 0
             for name in stage.resources

@@ -89,10 +89,7 @@ class Poses:
 
 
 class Layers:
-    """Shortest paths over the poses of visits in a given order.
-
-    The rows of the best one are written into `pose` (n,), by visit.
-    """
+    """Shortest paths over the poses of visits in a given order; the best rows are written into `pose` (n,)."""
 
     def __init__(self, order: Ints, table: Floats, offset: Ints, pose: Ints) -> None:
         _check(order, table, offset, pose)
@@ -118,9 +115,8 @@ class Layers:
         return best
 
     def _pass(self, fixed: int) -> float:
-        """One pass over the layers. Returns the time to the pose `last`.
-
-        If `fixed` is not -1, the path starts at this pose and returns to it.
+        """The time to the pose `last` of the last layer, starting from and returning to `fixed` unless it is
+        -1.
         """
         home = self.poses.offset[self.order[0]]
         start, count = home, self.poses.width(self.order[0])
@@ -155,10 +151,7 @@ class Layers:
 
 
 class Ruins:
-    """A closed tour that is ruined and recreated.
-
-    The best tour so far is in `kept_after` and `kept_pose`, and `best` is its time.
-    """
+    """A closed tour that is ruined and recreated; `kept_after`, `kept_pose` and `best` are the best so far."""
 
     def __init__(self, order: Ints, pose: Ints, table: Floats, offset: Ints, near: Ints, seed: int) -> None:
         _check(order, table, offset, pose)
@@ -225,10 +218,7 @@ class Ruins:
             self.kept_after[visit], self.kept_pose[visit] = self.after[visit], self.pose[visit]
 
     def _ruin(self) -> int:
-        """Remove visits from the ring: some that are near each other, or a stretch of the tour.
-
-        Returns their number.
-        """
+        """Remove some neighbouring visits, or a stretch of the tour, from the ring. Returns their number."""
         count = min(1 + self.stream.below(MOST), self.n - 3)
         visit = seed = self.stream.below(self.n)
         along, taken = self.stream.random() < 0.5, 0
@@ -290,9 +280,8 @@ class Ruins:
         self.pose[visit] = row
 
     def _choose(self, visit: int, left: int, right: int, limit: float) -> float:
-        """The least time over a visit between two rows, at most `limit`.
-
-        `chosen` becomes the row of its pose; -1 if no pose takes less than `limit`.
+        """The least time over a visit between two rows, below `limit`; `chosen` is its row, -1 if there is
+        none.
         """
         self.chosen = -1
         for row in range(self.poses.offset[visit], self.poses.offset[visit + 1]):
