@@ -41,7 +41,9 @@ def beliefs(problem: Troubleshooting) -> Beliefs:
 
 
 def partition(problem: Troubleshooting) -> Partition | None:
-    """The problem for the search over sets of causes; None if an outcome is uncertain or a conclusion costs."""
+    """The problem for the search over sets of causes; None if outcomes are uncertain or conclusions have
+    losses.
+    """
     arrays = beliefs(problem)
     if (
         not all(action.certain for action in problem.actions)

@@ -115,8 +115,8 @@ class Layers:
         return best
 
     def _pass(self, fixed: int) -> float:
-        """The time to the pose `last` of the last layer, starting from and returning to `fixed` unless it is
-        -1.
+        """The time of a shortest path to its last pose `last`; with `fixed` >= 0, from this pose and back to
+        it.
         """
         home = self.poses.offset[self.order[0]]
         start, count = home, self.poses.width(self.order[0])
@@ -280,9 +280,7 @@ class Ruins:
         self.pose[visit] = row
 
     def _choose(self, visit: int, left: int, right: int, limit: float) -> float:
-        """The least time over a visit between two rows, below `limit`; `chosen` is its row, -1 if there is
-        none.
-        """
+        """The least time over a visit between two rows, below `limit`; `chosen` is its row, or -1 if none."""
         self.chosen = -1
         for row in range(self.poses.offset[visit], self.poses.offset[visit + 1]):
             time = self.poses.travel(left, row)
