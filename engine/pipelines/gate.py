@@ -5,7 +5,8 @@ milliseconds. It does not decide what happens to a plan that is refused: that is
 """
 
 from engine.stages.validation import findings
-from engine.stages.validation.semantics import Semantics, State
+from engine.stages.validation.changes import State
+from engine.stages.validation.semantics import Semantics
 from kb.diagnostics import Diagnostic
 from kb.model.plan import Plan, in_sequence
 from kb.model.problem import Problem

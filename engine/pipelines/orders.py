@@ -10,8 +10,9 @@ from collections.abc import Iterator
 
 from engine.model.order import Counterexample, Verdict
 from engine.stages.validation import validate
+from engine.stages.validation.changes import State
 from engine.stages.validation.datalog import holds
-from engine.stages.validation.semantics import Semantics, State
+from engine.stages.validation.semantics import Semantics
 from kb.model.plan import Plan, Step, StepId
 from kb.model.problem import Problem
 

@@ -5,7 +5,7 @@ from collections.abc import Iterable, Sequence
 from engine.pipelines.revision.course import Course
 from engine.stages.macros.lifted.execution import changes_of
 from engine.stages.macros.lifted.situation import Situation
-from engine.stages.validation.semantics import Denial
+from engine.stages.validation.changes import Denial
 from kb.asp import AspError, ground_term
 from kb.diagnostics import Diagnostic, InvalidInput, Source, nearest
 from kb.model.domain import Domain, Kind

@@ -1,4 +1,4 @@
-"""Lookup: the first MACROP of an index with an instance that serves a query and passes the check."""
+"""Lookup: finds the first MACROP of an index with an instance that serves a query and passes the check."""
 
 import itertools
 from collections.abc import Callable, Hashable, Mapping
@@ -16,12 +16,12 @@ from kb.model.macro import Macrop
 from kb.model.plan import Plan
 from kb.terms import Term, Variable, is_ground, substitute_atom
 
-INSTANCES = 8  # of one MACROP that are checked before the next is tried
+INSTANCES = 8  # instances of one MACROP that are checked before the next MACROP is tried
 
 
 @dataclass(frozen=True, slots=True)
 class Hit:
-    """A checked instance: the plan, the MACROP it is of, and the situation that the plan leads to."""
+    """A checked instance: the plan, its MACROP, and the situation after the plan."""
 
     key: Hashable
     macrop: Macrop
@@ -34,7 +34,7 @@ def look_up(
 ) -> Hit | None:
     """A checked plan for a query from an index; None if no MACROP serves it, or none is found within `work`.
 
-    `in_vain` hears of each MACROP that was tried and did not serve.
+    `in_vain` is called with each MACROP that was tried and did not serve.
     """
     work = work if work is not None else Work()
     for entry in index.candidates(asked):
@@ -69,9 +69,11 @@ def _instance(entry: Entry, asked: Query, work: Work) -> Hit | None:
 
 
 def gives_up(macrop: Macrop, bindings: Mapping[Variable, Term], asked: Query) -> bool:
-    """Whether an instance ends a goal that held, and does not achieve it again: seen from its last steps alone.
+    """Whether an instance ends a goal that held and does not achieve it again.
 
-    False where that takes more than the steps themselves to tell.
+    Only its last steps are examined.
+
+    False if the steps alone do not decide it.
     """
     open_ = {goal.atom for goal in asked.kept if goal.positive and is_ground(goal.atom)}
     statics = asked.world.statics
