@@ -33,7 +33,7 @@ class SupportedLiteral:
 
 
 @dataclass(frozen=True, slots=True)
-class Part:
+class Conjunct:
     """One literal that a consumer needs, with variables, and its ground atom in the plan."""
 
     literal: Literal
@@ -97,7 +97,7 @@ class Proof:
 
     def rest(
         self, body: Body, consumer: StepId, bindings: dict[Variable, Term], links: bool = True
-    ) -> list[Part] | None:
+    ) -> list[Conjunct] | None:
         """Prove a body for `consumer`, and add its needs to the proof.
 
         Returns the literals over fluents that the proof uses, or None if the body does not hold.
@@ -125,18 +125,18 @@ class Proof:
         self.origin.update(found)
         self.constraints.update(dict.fromkeys(body))
 
-    def _leaf(self, leaf: BodyPart, consumer: StepId) -> Iterator[Part]:
+    def _leaf(self, leaf: BodyPart, consumer: StepId) -> Iterator[Conjunct]:
         if not self.world.schemas.is_dynamic(leaf) or not isinstance(leaf, Literal):
             self.constraints[leaf] = None
             return
         ground = substitute_atom(leaf.atom, self.origin)
         if self.world.schemas.kinds.get(leaf.atom.name) is Kind.FLUENT:
             self.need(leaf.atom, leaf.positive, consumer)
-            yield Part(leaf, ground)
+            yield Conjunct(leaf, ground)
         else:
             yield from self._frozen(leaf, consumer)
 
-    def _frozen(self, leaf: Literal, consumer: StepId) -> Iterator[Part]:
+    def _frozen(self, leaf: Literal, consumer: StepId) -> Iterator[Conjunct]:
         """A negated derived literal stays as it was in the plan: with its constants.
 
         It is false because no rule supports it, so the consumer needs everything that its links provide.
@@ -148,7 +148,7 @@ class Proof:
             atom = condition.arguments[0] if negated else condition
             if isinstance(atom, Function) and not atom.name.startswith("_"):
                 self.need(atom, not negated, consumer)
-                yield Part(Literal(atom, not negated), atom)
+                yield Conjunct(Literal(atom, not negated), atom)
 
     # The following methods explain how a literal becomes true.
 

@@ -86,7 +86,7 @@ def type_guards(parameters: Iterable[Parameter]) -> Body:
     return tuple(type_literal(p) for p in parameters if p.type not in BUILT_IN_TYPES)
 
 
-class Deduction:
+class DeductiveOperators:
     """The deductive operators of a domain. `fresh` makes a variable that is used nowhere else."""
 
     def __init__(self, rules: Iterable[DeductiveOperator], fresh: Callable[[Variable], Variable]) -> None:

@@ -5,7 +5,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 
 from engine.stages.macros.lifted.deduction import (
-    Deduction,
+    DeductiveOperators,
     Following,
     NotGeneral,
     renamed_body,
@@ -66,7 +66,9 @@ class Schemas:
         self.rules = tuple(
             Rule(self._closed(each.head), tuple(map(self._named_apart, each.body))) for each in domain.rules
         )
-        self._deduction = Deduction(map(self._deductive_apart, domain.deductive_operators), self.fresh)
+        self._deduction = DeductiveOperators(
+            map(self._deductive_apart, domain.deductive_operators), self.fresh
+        )
 
     def is_dynamic(self, part: BodyPart) -> bool:
         """Whether a part of a body depends on the state."""

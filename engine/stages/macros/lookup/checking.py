@@ -23,7 +23,7 @@ from kb.terms import Atom, is_ground, match, substitute_atom
 
 
 @dataclass(frozen=True, slots=True)
-class Refused:
+class Refusal:
     """The reason why a plan does not serve a query.
 
     `lost` says that the plan ends a goal that held before. Other instances of the MACROP would end it, too.
@@ -33,7 +33,7 @@ class Refused:
     lost: bool = False
 
 
-def check(plan: Plan, asked: Query) -> Situation | Refused:
+def check(plan: Plan, asked: Query) -> Situation | Refusal:
     """The situation after a plan, if it serves the query in every order that it allows; else why not."""
     run = Execution(asked.world, asked.facts)
     try:
@@ -41,13 +41,13 @@ def check(plan: Plan, asked: Query) -> Situation | Refused:
     except NotGeneral as error:
         refusal = str(error)
     if refusal:
-        return Refused(refusal)
+        return Refusal(refusal)
     end = Situation(asked.world, run.facts)
     missed = next((goal for goal in (*asked.goals, *asked.kept) if not is_met(goal, end)), None)
     if missed is not None:
-        return Refused(f"{missed} does not hold at the end", missed in asked.kept)
+        return Refusal(f"{missed} does not hold at the end", missed in asked.kept)
     refusal = _unfinished(plan, asked, run, end) or _disturbed(plan, run)
-    return Refused(refusal) if refusal else end
+    return Refusal(refusal) if refusal else end
 
 
 def _unfinished(plan: Plan, asked: Query, run: Execution, end: Situation) -> str:

@@ -25,7 +25,7 @@ GOALS = 1 << 14  # goals whose features are remembered
 
 
 @dataclass(frozen=True, slots=True)
-class Feature:
+class LookupFeature:
     """The condition that `wanted` holds for a goal that fits `goal`.
 
     `wanted` is an atom of the state or of the statics. If it is None, the goal only has to fit. `shape` is
@@ -41,7 +41,7 @@ class Feature:
 
 
 @dataclass(frozen=True, slots=True)
-class _Part:
+class _Demand:
     """A literal that a MACROP demands of the state or of the statics, with its variables in order."""
 
     kind: str
@@ -72,12 +72,12 @@ def requirements(macrop: Macrop) -> tuple[Requirement, ...]:
     return tuple(found.items())
 
 
-def _parts(macrop: Macrop) -> Iterator[_Part]:
+def _parts(macrop: Macrop) -> Iterator[_Demand]:
     demanded = [("state", each.atom) for each in macrop.preconditions if each.positive]
     demanded += [("static", p.atom) for p in macrop.constraints if isinstance(p, Literal) and p.positive]
     demanded += [("static", Function(p.type, (p.variable,))) for p in macrop.types]
     for kind, atom in demanded:
-        yield _Part(kind, atom, tuple(dict.fromkeys(variables(atom))))
+        yield _Demand(kind, atom, tuple(dict.fromkeys(variables(atom))))
 
 
 def _said(term: Term, names: dict[Variable, str]) -> str:
@@ -89,7 +89,7 @@ def _said(term: Term, names: dict[Variable, str]) -> str:
     return str(term)
 
 
-def _feature(goal: str, part: _Part, own: dict[Variable, str], types: dict[Variable, list[str]]) -> str:
+def _feature(goal: str, part: _Demand, own: dict[Variable, str], types: dict[Variable, list[str]]) -> str:
     open_ = [variable for variable in part.variables if variable not in own]
     names = {**own, **{variable: f"W{number}" for number, variable in enumerate(open_)}}
     kept = [f"{names[v]} {type_}" for v in open_ for type_ in types.get(v, ())]
@@ -97,7 +97,7 @@ def _feature(goal: str, part: _Part, own: dict[Variable, str], types: dict[Varia
 
 
 @functools.lru_cache(maxsize=1 << 16)
-def feature(text: str) -> Feature:
+def feature(text: str) -> LookupFeature:
     """The feature that a text describes."""
     kind, shape, *more = text.split("\n")
     goal = read_literal(shape) if shape else None
@@ -106,7 +106,7 @@ def feature(text: str) -> Feature:
     types = tuple(Parameter(Variable(name), type_) for name, type_ in pairs)
     asked = set(variables(goal.atom)) if goal is not None else set()
     stands = dict.fromkeys(variables(wanted.atom)) if wanted is not None else {}
-    return Feature(kind, goal, wanted, types, shape, tuple(v for v in stands if v in asked))
+    return LookupFeature(kind, goal, wanted, types, shape, tuple(v for v in stands if v in asked))
 
 
 Bound = dict[Variable, Term]
@@ -124,7 +124,7 @@ class Profile:
     bindings: dict[str, Bound | None] = field(default_factory=dict)
     features: dict[str, bool] = field(default_factory=dict)
 
-    def fitting(self, known: Feature) -> Bound | None:
+    def fitting(self, known: LookupFeature) -> Bound | None:
         """The values that the goal gives to the variables of a feature's goal; None if it does not fit."""
         if known.shape not in self.bindings:
             self.bindings[known.shape] = self._fitting(known.goal)
@@ -168,7 +168,7 @@ class Observed:
             return int(self._found(known, {}))
         return self._in_state(known) if known.kind == "state" else self._in_statics(text, known)
 
-    def _in_statics(self, text: str, known: Feature) -> int:
+    def _in_statics(self, text: str, known: LookupFeature) -> int:
         count = 0
         for profile in self._pool:
             found = profile.features.get(text)
@@ -179,7 +179,7 @@ class Observed:
             count += found
         return count
 
-    def _in_state(self, known: Feature) -> int:
+    def _in_state(self, known: LookupFeature) -> int:
         """The number of goals that have a feature over the state.
 
         Goals with equal bindings are tested once.
@@ -196,7 +196,7 @@ class Observed:
                 count += found
         return count
 
-    def _found(self, known: Feature, bindings: Bound) -> bool:
+    def _found(self, known: LookupFeature, bindings: Bound) -> bool:
         if known.wanted is None:
             return True
         facts = self._asked.facts if known.kind == "state" else self._asked.world.statics

@@ -10,7 +10,7 @@ from engine.stages.macros.lifted.situation import Situation
 from engine.stages.macros.lookup.checking import check
 from engine.stages.macros.lookup.index import Entry, Index
 from engine.stages.macros.lookup.instantiate import instantiate
-from engine.stages.macros.lookup.matching import OutOfWork, Work, matches
+from engine.stages.macros.lookup.matching import MatchingBudget, OutOfWork, matches
 from engine.stages.macros.lookup.query import Query
 from kb.model.macro import Macrop
 from kb.model.plan import Plan
@@ -30,13 +30,16 @@ class Hit:
 
 
 def look_up(
-    index: Index, asked: Query, work: Work | None = None, in_vain: Callable[[Entry], None] = lambda _: None
+    index: Index,
+    asked: Query,
+    work: MatchingBudget | None = None,
+    in_vain: Callable[[Entry], None] = lambda _: None,
 ) -> Hit | None:
     """A checked plan for a query from an index; None if no MACROP serves it, or none is found within `work`.
 
     `in_vain` is called with each MACROP that was tried and did not serve.
     """
-    work = work if work is not None else Work()
+    work = work if work is not None else MatchingBudget()
     for entry in index.candidates(asked):
         try:
             hit = _instance(entry, asked, work)
@@ -49,7 +52,7 @@ def look_up(
     return None
 
 
-def _instance(entry: Entry, asked: Query, work: Work) -> Hit | None:
+def _instance(entry: Entry, asked: Query, work: MatchingBudget) -> Hit | None:
     program = entry.program
     if program is None:
         return None

@@ -27,7 +27,7 @@ class OutOfWork(Exception):
 
 
 @dataclass
-class Work:
+class MatchingBudget:
     """The number of matching steps that are left."""
 
     left: int = MAX_WORK
@@ -39,7 +39,7 @@ class Work:
             raise OutOfWork
 
 
-def matches(program: Program, asked: Query, work: Work) -> Iterator[dict[Variable, Term]]:
+def matches(program: Program, asked: Query, work: MatchingBudget) -> Iterator[dict[Variable, Term]]:
     """Every binding that satisfies the MACROP's goals, preconditions and constraints. Raises `OutOfWork`."""
     macrop = program.macrop
     if (len(macrop.goals), len(macrop.chains)) != (len(asked.goals), len(asked.chains)):
@@ -49,7 +49,7 @@ def matches(program: Program, asked: Query, work: Work) -> Iterator[dict[Variabl
             yield found
 
 
-def joined(program: Program, asked: Query, work: Work) -> Iterator[dict[Variable, Term]]:
+def joined(program: Program, asked: Query, work: MatchingBudget) -> Iterator[dict[Variable, Term]]:
     """The bindings before exclusions are tested. Goals are bound one by one, in the MACROP's own order.
 
     This way works for workflow chains and for goals with `_`, too.
@@ -57,7 +57,7 @@ def joined(program: Program, asked: Query, work: Work) -> Iterator[dict[Variable
     return _Matching(program.items, asked, work).solutions(0, {}, (), frozenset())
 
 
-def _solutions(program: Program, asked: Query, work: Work) -> Iterator[dict[Variable, Term]]:
+def _solutions(program: Program, asked: Query, work: MatchingBudget) -> Iterator[dict[Variable, Term]]:
     if asked.chains or not all(is_ground(goal.atom) for goal in asked.goals):
         yield from joined(program, asked, work)
         return
@@ -75,7 +75,7 @@ class _Assignment:
 
     program: Program
     asked: Query
-    work: Work
+    work: MatchingBudget
 
     def solutions(self) -> Iterator[Bindings]:
         """The bindings of the goals' variables under which all tests hold that they decide."""
@@ -153,7 +153,7 @@ def _extended(
 class _Matching:
     items: tuple[Item, ...]
     asked: Query
-    work: Work
+    work: MatchingBudget
 
     def solutions(
         self, place: int, bindings: Bindings, waiting: tuple[Item, ...], taken: frozenset[object]
