@@ -121,7 +121,7 @@ class BranchAndBound:
 
 
 @dataclass
-class Table:
+class ValueTable:
     """A table of the values of all states, computed at the first question."""
 
     beliefs: Beliefs
@@ -177,5 +177,5 @@ def searcher(problem: Troubleshooting, expansions: int, interrupted: Interrupted
     states = math.prod(len(action.outcomes) + 1 for action in problem.actions) * len(beliefs.costs)
     open_ended = 2 * sum(not action.certain for action in problem.actions) >= len(problem.actions)
     if sets is None and open_ended and states <= min(MOST_STATES, CHEAPER * expansions):
-        return Table(beliefs, problem)
+        return ValueTable(beliefs, problem)
     return BranchAndBound(beliefs, sets, interrupted)

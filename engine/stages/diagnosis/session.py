@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from engine.kernels.arrays import Floats
-from engine.model.cases import Case, Diagnosis, Hypothesis, Observation, Question, Stage
+from engine.model.cases import Case, CaseStep, Diagnosis, Hypothesis, Observation, Question
 from engine.model.troubleshooting import Action, Advice, Standing
 from engine.stages.diagnosis.exact import Interrupted, never
 from engine.stages.diagnosis.knowledge import Objective, PlanSetup, case_of, no_setup, open_case
@@ -35,7 +35,7 @@ class Session:
     setup: PlanSetup = no_setup
     expansions: int = EXPANSIONS
     interrupted: Interrupted = never
-    stages: list[Stage] = field(default_factory=list)
+    stages: list[CaseStep] = field(default_factory=list)
     cured: str | None = None
     ended: Floats | None = None
 
@@ -70,7 +70,7 @@ class Session:
         cost = float(self.selector.exact.beliefs.costs[self.standing.situation, action])
         before = tuple((str(h), p) for h, p in self.belief())
         observed = Observation(done.name, done.outcomes[outcome])
-        self.stages.append(Stage(before, advice, observed, cost))
+        self.stages.append(CaseStep(before, advice, observed, cost))
         if outcome in done.ends:
             self.cured = done.name
             self.ended = self.selector.weights(self.standing) * done.likelihoods[outcome]
@@ -100,7 +100,7 @@ class Session:
         before = tuple((str(h), p) for h, p in belief)
         cost = float(self.model.stop)
         advice = Advice(None, None, cost, cost, True)
-        self.stages.append(Stage(before, advice, Observation(QUESTION, answer), cost))
+        self.stages.append(CaseStep(before, advice, Observation(QUESTION, answer), cost))
         if answer == PUT_RIGHT:
             self.cured = A_PERSON
         named = np.array([str(hypothesis) == answer for hypothesis in self.case.hypotheses])
@@ -169,7 +169,7 @@ def _asked(session: Session, question: Question) -> Action:
     return Action(QUESTION, float(session.model.stop), question.answers, rows)
 
 
-def steps(session: Session, answer: Answer) -> Iterator[Stage]:
+def steps(session: Session, answer: Answer) -> Iterator[CaseStep]:
     """Ask and observe, one stage after the other."""
     while session.cured is None:
         advice = session.advice()

@@ -13,13 +13,13 @@ from engine.stages.scheduling.batches import batch_bound
 from engine.stages.scheduling.bounds import lower_bound
 from engine.stages.scheduling.checker import check_schedule
 from engine.stages.scheduling.construct import construct
-from engine.stages.scheduling.lags import Contradiction, Lags
+from engine.stages.scheduling.lags import CircularLags, Lags
 from engine.stages.scheduling.limits import ScheduleLimits
 
 __all__ = ["ScheduleLimits", "check_schedule", "schedule"]
 
 
-class Refused(Exception):
+class ScheduleRefused(Exception):
     """The scheduler made a schedule that the checker refuses.
 
     This is a bug; the message says what is wrong.
@@ -32,7 +32,7 @@ def schedule(shop: Shop, limits: ScheduleLimits = ScheduleLimits()) -> Timing:
     lags = Lags(shop)
     try:
         bound = max(lower_bound(lags), batch_bound(lags))
-    except Contradiction as error:
+    except CircularLags as error:
         return Infeasible(f"there is no schedule: the windows around {error} contradict each other")
     first = construct(lags, bound)
     if first is not None:
@@ -91,4 +91,4 @@ def _checked(shop: Shop, found: Schedule, statistics: Statistics) -> Scheduled:
 
 def _require_valid(shop: Shop, found: Schedule) -> None:
     if wrong := check_schedule(shop, found):
-        raise Refused("; ".join(wrong[:5]))
+        raise ScheduleRefused("; ".join(wrong[:5]))

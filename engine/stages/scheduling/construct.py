@@ -22,7 +22,7 @@ MOST = 8_000  # about how many partial schedules one beam may make
 
 
 @dataclass(frozen=True, slots=True)
-class Standing:
+class DeviceStanding:
     """How a device stands: its setting, since when it has it, and until when some placed stage needs it."""
 
     setting: str
@@ -37,7 +37,7 @@ class Partial:
     starts: Mapping[str, int]
     units: Mapping[str, tuple[int, ...]]
     places: Mapping[str, str]
-    devices: Mapping[str, Standing]
+    devices: Mapping[str, DeviceStanding]
     adjustments: tuple[Adjustment, ...] = ()
     estimate: int = 0
     tardiness: int = 0
@@ -100,7 +100,7 @@ class Builder:
             if hold.begin is None:
                 units[hold.resource] = units[hold.resource][1:]
         places = {resource.name: resource.home for resource in self.shop.resources if resource.travel}
-        devices = {device.name: Standing(device.initial) for device in self.shop.devices}
+        devices = {device.name: DeviceStanding(device.initial) for device in self.shop.devices}
         return Partial({}, units, places, devices)
 
     def _children(self, partial: Partial) -> list[Partial]:
@@ -181,7 +181,7 @@ class Builder:
             partial,
             units={**partial.units, operator: (end,)},
             places=places,
-            devices={**partial.devices, name: Standing(change.after, end, end)},
+            devices={**partial.devices, name: DeviceStanding(change.after, end, end)},
             adjustments=(*partial.adjustments, Adjustment(name, change, start)),
         )
 

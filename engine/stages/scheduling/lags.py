@@ -14,13 +14,13 @@ from engine.stages.scheduling.travel import Table, shortest
 NEVER = -(10**12)  # the lag between two stages that are not ordered
 
 
-class Contradiction(Exception):
+class CircularLags(Exception):
     """The lags form a cycle that no schedule can keep. Carries a stage of the cycle."""
 
 
 @dataclass(frozen=True)
 class Lags:
-    """The least times between the starts of the stages of a shop, over all paths. Raises `Contradiction`."""
+    """The least times between the starts of the stages of a shop, over all paths. Raises `CircularLags`."""
 
     shop: Shop
 
@@ -125,7 +125,7 @@ class Lags:
             if not moved:
                 return best
             changed = moved
-        raise Contradiction(min(changed))
+        raise CircularLags(min(changed))
 
 
 def _way(travel: Table, here: str | None, way: Sequence[Changeover], there: str | None) -> int:

@@ -7,7 +7,7 @@ from engine.model.schedule import Schedule
 from engine.model.shop import Hold, Moment
 from engine.model.stages import STAGE
 from engine.model.task import Bits, GroundOperator, Task, bitset, progress
-from engine.stages.scheduling.work import CellWork, Visit
+from engine.stages.scheduling.work import CellWork, PlaceVisit
 from kb.terms import Function, Term
 
 
@@ -105,8 +105,8 @@ def _renamed(work: CellWork, schedule: Schedule) -> dict[str, dict[Term, Term]]:
 
 
 def _assigned(
-    visits: Sequence[Visit], places: Sequence[Term], schedule: Schedule
-) -> Iterator[tuple[Visit, Term]]:
+    visits: Sequence[PlaceVisit], places: Sequence[Term], schedule: Schedule
+) -> Iterator[tuple[PlaceVisit, Term]]:
     """A place for each visit, first come, first served. A visit keeps its own place if that is free."""
     until = dict.fromkeys(places, 0)
     for visit in sorted(visits, key=lambda each: (_begin(each.hold, schedule), _end(each.hold, schedule))):

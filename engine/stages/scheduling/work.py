@@ -36,7 +36,7 @@ class Wishes:
 
 
 @dataclass(frozen=True)
-class Visit:
+class PlaceVisit:
     """An object takes `place`, by a hold of a resource that has several equal places."""
 
     hold: Hold
@@ -51,7 +51,7 @@ class CellWork:
     shop: Shop
     blocks: Mapping[str, Block]
     mechanisms: Mapping[str, Mechanism]
-    visits: Mapping[str, tuple[Visit, ...]]  # by resource
+    visits: Mapping[str, tuple[PlaceVisit, ...]]  # by resource
     places: Mapping[str, tuple[Term, ...]]  # the equal places of each of these resources
 
 
@@ -76,7 +76,7 @@ class _Assembly:
 
     def work(self) -> CellWork:
         holds: list[Hold] = []
-        visits: dict[str, tuple[Visit, ...]] = {}
+        visits: dict[str, tuple[PlaceVisit, ...]] = {}
         places: dict[str, tuple[Term, ...]] = {}
         windows = [window for job in self.jobs for window in in_order(job.stages)]
         for group, found in self._pools():
@@ -189,10 +189,10 @@ class _Assembly:
         moment = hold.begin or hold.end
         return self.named[moment.stage].subject if moment else None
 
-    def _visits(self, name: str, found: Sequence[tuple[Function, Hold]]) -> Iterator[Visit]:
+    def _visits(self, name: str, found: Sequence[tuple[Function, Hold]]) -> Iterator[PlaceVisit]:
         for atom, hold in found:
             if atom.arguments:
-                yield Visit(Hold(name, hold.begin, hold.end), atom.arguments[0], self._between(hold))
+                yield PlaceVisit(Hold(name, hold.begin, hold.end), atom.arguments[0], self._between(hold))
 
     def _between(self, hold: Hold) -> tuple[str, ...]:
         """The stages of the object from the one that takes the place to the one that leaves it."""

@@ -29,7 +29,7 @@ LEAST = 8  # ruin and recreate is left out if there are fewer visits
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Ring:
+class PoseRing:
     """A closed tour: the visits in order (n,), the row of each visit's pose in the table (n,), and the time
     (s).
     """
@@ -59,7 +59,7 @@ def poses_for(problem: PoseProblem, order: tuple[int, ...]) -> Tour:
     return _tour(problem, _chosen(np.array(order, np.int32), table, offset, problem), 0, "poses")
 
 
-def _first(problem: PoseProblem) -> Ring:
+def _first(problem: PoseProblem) -> PoseRing:
     from engine.stages.sequencing.kernels.chain import exchange_edges
 
     table, offset = _table(problem)
@@ -70,7 +70,7 @@ def _first(problem: PoseProblem) -> Ring:
     return _chosen(order, table, offset, problem)
 
 
-def _of_fields(problem: PoseProblem, limits: Limits) -> list[Ring]:
+def _of_fields(problem: PoseProblem, limits: Limits) -> list[PoseRing]:
     """A tour in each of the smoothest pose fields, with the poses chosen again for its order."""
     table, offset = _table(problem)
     n, start = len(problem.visits), nearest_first(_straight(problem))
@@ -83,7 +83,7 @@ def _of_fields(problem: PoseProblem, limits: Limits) -> list[Ring]:
     return [_chosen(tour.order, table, offset, problem) for tour in best]
 
 
-def _together(problem: PoseProblem, ring: Ring, limits: Limits) -> tuple[Ring, int]:
+def _together(problem: PoseProblem, ring: PoseRing, limits: Limits) -> tuple[PoseRing, int]:
     from engine.stages.sequencing.kernels.poses import search
 
     n = len(problem.visits)
@@ -102,14 +102,14 @@ def _together(problem: PoseProblem, ring: Ring, limits: Limits) -> tuple[Ring, i
     return best, done
 
 
-def _chosen(order: Ints, table: Floats, offset: Ints, problem: PoseProblem) -> Ring:
+def _chosen(order: Ints, table: Floats, offset: Ints, problem: PoseProblem) -> PoseRing:
     """The best poses for an order. The tour is cut at the visit with the fewest poses, which saves time."""
     from engine.stages.sequencing.kernels.poses import best_poses
 
     fewest = int(np.argmin([len(problem.poses[visit]) for visit in order]))
     turned, rows = np.roll(order, -fewest), np.zeros(len(order), np.int32)
     time = best_poses(turned, table, offset, len(order) > 1, rows)
-    return Ring(np.roll(order, -int(np.argmin(order))), rows, time)
+    return PoseRing(np.roll(order, -int(np.argmin(order))), rows, time)
 
 
 def _table(problem: PoseProblem) -> tuple[Floats, Ints]:
@@ -130,7 +130,7 @@ def _straight(problem: PoseProblem, nowhere_m: float = 0.0) -> Longs:
     return found
 
 
-def _tour(problem: PoseProblem, ring: Ring, work: int, method: str) -> Tour:
+def _tour(problem: PoseProblem, ring: PoseRing, work: int, method: str) -> Tour:
     _, offset = _table(problem)
     poses = tuple(int(ring.rows[visit] - offset[visit]) for visit in ring.order)
     order = tuple(int(visit) for visit in ring.order)

@@ -14,7 +14,7 @@ from engine.stages.validation.changes import Change
 from engine.stages.validation.datalog import Facts, holds
 from engine.stages.validation.interference import Executed, Interference, is_stage, signed
 from engine.stages.validation.semantics import Semantics
-from engine.stages.validation.workflow import Stages
+from engine.stages.validation.workflow import ChainProgress
 from kb.diagnostics import Diagnostic, Source
 from kb.model.conditions import And, Condition, Literal, literals
 from kb.model.plan import GOAL, START, CausalLink, Plan, Step, StepId
@@ -78,7 +78,7 @@ class _Check:
     def _executes(self) -> bool:
         self.start = self.semantics.initial()
         state = self.semantics.layer(self.start)
-        stages = Stages(self.problem.domain, self.problem.chains)
+        stages = ChainProgress(self.problem.domain, self.problem.chains)
         for step in self.plan.steps:
             change = self._execute(step, state)
             if change is None:

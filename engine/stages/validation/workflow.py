@@ -16,7 +16,7 @@ Counters = tuple[int, ...]
 Trail = tuple[tuple[StepId, ...], ...]  # for each chain, the steps that reached its stages
 
 
-class Stages:
+class ChainProgress:
     """How far each chain has come.
 
     An event may belong to several chains, so all possible readings are kept.
