@@ -10,7 +10,7 @@ from engine.pipelines import planning
 from engine.pipelines.revision.observing import read_steps
 from engine.pipelines.troubleshooting.recovery import rest_of
 from engine.stages.diagnosis.knowledge import CURED, NOT_CURED
-from engine.stages.diagnosis.session import QUESTION, Answer
+from engine.stages.diagnosis.session import QUESTION, Answerer
 from kb.asp import AspError, ground_term
 from kb.diagnostics import Diagnostic, InvalidInput, Source, unknown_name
 from kb.files import read_file
@@ -109,7 +109,7 @@ def _require_known(terms: Collection[Term], objects: Collection[str], functions:
             _require_known(term.arguments, objects, functions)
 
 
-def scripted(model: FaultModel, text: str) -> Answer:
+def scripted(model: FaultModel, text: str) -> Answerer:
     """An answer for each test in a list `test=outcome, ...`. The case ends at any other test. Raises `InvalidInput`."""
     known = {**model.tests, **model.repairs}
     given: dict[str, str] = {}

@@ -18,7 +18,7 @@ from engine.stages.diagnosis.multiple import explanations
 from engine.stages.diagnosis.selection import EXPANSIONS, Selector
 from kb.model.faults import FaultModel
 
-Answer = Callable[[Action, Advice], str | None]
+Answerer = Callable[[Action, Advice], str | None]
 """Gives the outcome of an action; None ends the session."""
 MOST_ANSWERS = 4
 QUESTION, PUT_RIGHT, A_PERSON = "question", "yes", "a person"
@@ -148,7 +148,7 @@ class Session:
         return Question(f"{said}: what is the matter?", (*likely, "something else"))
 
 
-def run(session: Session, answer: Answer) -> Diagnosis:
+def run(session: Session, answer: Answerer) -> Diagnosis:
     """Ask until the case is decided, nothing is left to ask, or there is no answer."""
     for _ in steps(session, answer):
         pass
@@ -169,7 +169,7 @@ def _asked(session: Session, question: Question) -> Action:
     return Action(QUESTION, float(session.model.stop), question.answers, rows)
 
 
-def steps(session: Session, answer: Answer) -> Iterator[CaseStep]:
+def steps(session: Session, answer: Answerer) -> Iterator[CaseStep]:
     """Ask and observe, one stage after the other."""
     while session.cured is None:
         advice = session.advice()
