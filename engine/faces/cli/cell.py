@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 app = typer.Typer(add_completion=False, no_args_is_help=True)
 
 
-class Picture(StrEnum):
+class PictureForm(StrEnum):
     """The forms in which a cell is shown."""
 
     TEXT = "text"
@@ -67,7 +67,7 @@ def show(
     configuration: Configurations = None,
     place: AtPlace = "",
     format: Annotated[
-        Picture | None, typer.Option("--format", help="how it is shown; else as the name of the output ends")
+        PictureForm | None, typer.Option("--format", help="how it is shown; else as the name of the output ends")
     ] = None,
     output: Output = None,
     azimuth: Azimuth = None,
@@ -75,27 +75,27 @@ def show(
 ) -> None:
     """Show the cell of TARGET at the start of its problem, with the arms in a configuration; mark collisions."""
     kind = format or _kind_of(output)
-    form = Form.JSON if kind is Picture.JSON else Form.TEXT
-    if kind in (Picture.JSON, Picture.TEXT):
+    form = Form.JSON if kind is PictureForm.JSON else Form.TEXT
+    if kind in (PictureForm.JSON, PictureForm.TEXT):
         refuse_idle({"--output": output}, "without a picture: let its name end in .png, .svg or .gltf")
-    if kind not in (Picture.PNG, Picture.SVG):
+    if kind not in (PictureForm.PNG, PictureForm.SVG):
         turned = {"--azimuth": azimuth is not None, "--elevation": elevation is not None}
         refuse_idle(turned, "without an image: give --format png or svg")
     seen = (AZIMUTH if azimuth is None else azimuth, ELEVATION if elevation is None else elevation)
     give(lambda: _show(target, configuration or [], place, kind, output, seen), form)
 
 
-def _kind_of(output: Path | None) -> Picture:
+def _kind_of(output: Path | None) -> PictureForm:
     """The kind of picture that the name of a file asks for."""
     ending = output.suffix.lower().removeprefix(".") if output else ""
-    return Picture(ending) if ending in ("png", "svg", "gltf") else Picture.TEXT
+    return PictureForm(ending) if ending in ("png", "svg", "gltf") else PictureForm.TEXT
 
 
 def _show(
     target: str,
     configurations: list[str],
     place: str,
-    kind: Picture,
+    kind: PictureForm,
     output: Path | None,
     seen: tuple[float, float],
 ) -> Answer:
@@ -117,18 +117,18 @@ def _show(
     return Answer("ok", content, lambda: Text(f"{said}\n{output}"))
 
 
-def _drawn(shown: "View", kind: Picture, seen: tuple[float, float]) -> str | bytes | None:
+def _drawn(shown: "View", kind: PictureForm, seen: tuple[float, float]) -> str | bytes | None:
     from math import radians
 
     from engine.stages.geometry.pictures import view
 
     azimuth, elevation = map(radians, seen)
     match kind:
-        case Picture.PNG:
+        case PictureForm.PNG:
             return view.as_png(shown, azimuth, elevation)
-        case Picture.SVG:
+        case PictureForm.SVG:
             return view.as_svg(shown, azimuth, elevation)
-        case Picture.GLTF:
+        case PictureForm.GLTF:
             return view.as_gltf(shown)
         case _:
             return None

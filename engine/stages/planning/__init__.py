@@ -7,7 +7,7 @@ not need.
 from engine.model.outcome import NO_OFFER, Found, GaveUp, Infeasible, Outcome, Statistics
 from engine.model.task import Task
 from engine.stages.planning.composites import NO_MACROS, Macros
-from engine.stages.planning.effort import Answer, Effort
+from engine.stages.planning.effort import Effort, SearchResult
 from engine.stages.planning.improvement.anytime import best_plan
 from engine.stages.planning.limits import Limits
 from engine.stages.planning.portfolio import STRATEGIES, Setting
@@ -50,6 +50,6 @@ def plan(task: Task, limits: Limits = Limits(), macros: Macros = NO_MACROS) -> O
     return Found(best, statistics, optimal=proved)
 
 
-def _statistics(effort: Effort, answer: Answer | None = None) -> Statistics:
+def _statistics(effort: Effort, answer: SearchResult | None = None) -> Statistics:
     counts = {"expanded": effort.expanded, "generated": effort.generated}
     return Statistics(counts, offer=answer.offer if answer else NO_OFFER)

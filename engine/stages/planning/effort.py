@@ -51,7 +51,7 @@ class Effort:
 
 
 @dataclass(frozen=True, slots=True)
-class Answer:
+class SearchResult:
     """The steps of a plan; `steps` is None if the whole space was searched and there is no plan.
 
     MACROPs are replaced by their steps.
@@ -61,4 +61,4 @@ class Answer:
     offer: Offer = NO_OFFER
 
 
-NO_PLAN = Answer(None)
+NO_PLAN = SearchResult(None)

@@ -9,7 +9,7 @@ from typing import NamedTuple, Protocol
 
 from engine.model.task import Task
 from engine.stages.planning.composites import NO_MACROS, Macros
-from engine.stages.planning.effort import NO_PLAN, Answer, Effort
+from engine.stages.planning.effort import NO_PLAN, Effort, SearchResult
 from engine.stages.planning.elimination import eliminate, reached
 from engine.stages.planning.regression.mutexes import mutexes
 from engine.stages.planning.regression.searches import BestFirst, Climb
@@ -47,7 +47,7 @@ RESTART = Turn(200)
 class Search(Protocol):
     """A search that can be resumed."""
 
-    def run(self, effort: Effort) -> Answer | None:
+    def run(self, effort: Effort) -> SearchResult | None:
         """Searches until there is an answer or the effort is spent.
 
         The answer is a plan, or `NO_PLAN` if there is provably none. None means that the effort is spent.
@@ -129,14 +129,14 @@ class Chaining:
         patterns = self._setting.macros.backward if self.roots else ()
         return BestFirst(self.space.offered(patterns, COMPOSITES), self.roots, GREED)
 
-    def climb(self, effort: Effort) -> Answer | None:
+    def climb(self, effort: Effort) -> SearchResult | None:
         """Hill climbing towards the nearest alternative of the goals.
 
         If it finds nothing, this proves that there is no plan only if there is just one alternative.
         """
         return self._sure(self._climb.run(effort)) if self._climb else NO_PLAN
 
-    def restart(self, effort: Effort) -> Answer | None:
+    def restart(self, effort: Effort) -> SearchResult | None:
         """Hill climbing from the start again, with ties broken differently, towards the next alternative."""
         if not self.roots:
             return NO_PLAN
@@ -144,20 +144,20 @@ class Chaining:
         root = self.roots[self._restarts % len(self.roots)]
         return self._sure(Climb(self.space, root, self._seed * 1_000_003 + self._restarts).run(effort))
 
-    def roundabout(self, answer: Answer) -> bool:
+    def roundabout(self, answer: SearchResult) -> bool:
         """Whether a plan costs so much more than the goals' relaxed plan that a better one is likely."""
         steps, charge = answer.steps or (), self.space.regression.relaxation.charge
         return bool(steps) and sum(map(charge, steps)) > DETOUR * self.space.estimate(self.roots[0].open)
 
-    def _sure(self, answer: Answer | None) -> Answer | None:
+    def _sure(self, answer: SearchResult | None) -> SearchResult | None:
         return None if answer is NO_PLAN and len(self.roots) > 1 else answer
 
-    def best_first(self, effort: Effort) -> Answer | None:
+    def best_first(self, effort: Effort) -> SearchResult | None:
         """Best-first search from all alternatives of the goals."""
         return self._best_first.run(effort)
 
 
-def backward(setting: Setting, effort: Effort) -> Answer | None:
+def backward(setting: Setting, effort: Effort) -> SearchResult | None:
     """Backward search: first a short hill climbing, then best-first search and new hill climbings in turns.
 
     Best-first search is complete.
@@ -168,27 +168,27 @@ def backward(setting: Setting, effort: Effort) -> Answer | None:
     )
 
 
-def forward(setting: Setting, effort: Effort) -> Answer | None:
+def forward(setting: Setting, effort: Effort) -> SearchResult | None:
     """Lazy greedy search from the initial state."""
     return setting.forward.run(effort)
 
 
-def landmarks(setting: Setting, effort: Effort) -> Answer | None:
+def landmarks(setting: Setting, effort: Effort) -> SearchResult | None:
     """The forward search with additional queues, which are ordered by landmarks."""
     return setting.landmarks.run(effort)
 
 
-def asp(setting: Setting, effort: Effort) -> Answer | None:
+def asp(setting: Setting, effort: Effort) -> SearchResult | None:
     """Stable models, horizon by horizon, with several operators in a step."""
     return setting.parallel().run(effort)
 
 
-def shortest(setting: Setting, effort: Effort) -> Answer | None:
+def shortest(setting: Setting, effort: Effort) -> SearchResult | None:
     """Stable models, horizon by horizon, with one operator in a step: the first plan has the fewest steps."""
     return setting.parallel(single=True).run(effort)
 
 
-def auto(setting: Setting, effort: Effort) -> Answer | None:
+def auto(setting: Setting, effort: Effort) -> SearchResult | None:
     """A short backward search first.
 
     Then landmarks, backward, forward and stable models take turns that double in length.
@@ -212,7 +212,7 @@ def auto(setting: Setting, effort: Effort) -> Answer | None:
     )
 
 
-def _second(setting: Setting, first: Answer, effort: Effort) -> Answer:
+def _second(setting: Setting, first: SearchResult, effort: Effort) -> SearchResult:
     """The cheaper one of two plans: the given one, and the one that the search by landmarks finds soon.
 
     Both are compared without needless steps.
@@ -225,13 +225,13 @@ def _second(setting: Setting, first: Answer, effort: Effort) -> Answer:
     return min(first, other, key=lambda each: _price(setting, each))
 
 
-def _price(setting: Setting, answer: Answer) -> tuple[int, int]:
+def _price(setting: Setting, answer: SearchResult) -> tuple[int, int]:
     steps = plainly(setting.task, answer.steps or ())
     kept = eliminate(setting.task.initial, steps, reached(setting.task, steps))
     return sum(step.cost for step in kept), len(kept)
 
 
-Strategy = Callable[[Setting, Effort], Answer | None]
+Strategy = Callable[[Setting, Effort], SearchResult | None]
 STRATEGIES: dict[str, Strategy] = {
     "auto": auto,
     "backward": backward,
@@ -242,11 +242,11 @@ STRATEGIES: dict[str, Strategy] = {
 }
 
 
-def _later(setting: Setting, strategy: Strategy) -> Callable[[Effort], Answer | None]:
+def _later(setting: Setting, strategy: Strategy) -> Callable[[Effort], SearchResult | None]:
     return lambda effort: strategy(setting, effort)
 
 
-def _bounded(run: Callable[[Effort], Answer | None], effort: Effort, most: int) -> Answer | None:
+def _bounded(run: Callable[[Effort], SearchResult | None], effort: Effort, most: int) -> SearchResult | None:
     """The answer of a search that may generate at most `most` nodes."""
     part = effort.part(most=most)
     answer = run(part)
@@ -255,8 +255,8 @@ def _bounded(run: Callable[[Effort], Answer | None], effort: Effort, most: int) 
 
 
 def _in_turns(
-    turns: Sequence[tuple[Callable[[Effort], Answer | None], Turn]], effort: Effort
-) -> Answer | None:
+    turns: Sequence[tuple[Callable[[Effort], SearchResult | None], Turn]], effort: Effort
+) -> SearchResult | None:
     """Runs searches in turn until one answers or the effort is spent.
 
     Each search is given with its first turn.

@@ -47,7 +47,7 @@ def _triangle(corners: Floats, fill: Longs) -> str:
     """A triangle in SVG. Its outline has the colour of its face, to close the seams between neighbours."""
     points = " ".join(f"{x:.1f},{y:.1f}" for x, y in corners[:, :2])
     colour = "#{:02x}{:02x}{:02x}".format(*fill)
-    return f'<polygon points="{points}" fill="{colour}" stroke="{colour}" stroke-width="0.6"/>'
+    return f'<polygon points="{points}" fill="{colour}" stroke="{colour}" stroke-width="1"/>'
 
 
 def _noted(notes: Notes) -> Iterator[str]:
@@ -74,7 +74,7 @@ def _label(label: Label) -> Iterator[str]:
         yield f'<line x1="{x:.1f}" y1="{y:.1f}" x2="{to_x:.1f}" y2="{to_y:.1f}" stroke="#555555"/>'
         yield f'<circle cx="{x:.1f}" cy="{y:.1f}" r="2" fill="#555555"/>'
     rim = _text(label.text, *label.at).replace(
-        'fill="#1a1a1a"', 'class="rim" stroke="white" stroke-width="4"'
+        'fill="#1a1a1a"', 'class="rim" stroke="white" stroke-width="4" stroke-linejoin="round"'
     )
     yield from (rim, _text(label.text, *label.at))
 

@@ -13,7 +13,7 @@ from typing import NamedTuple
 from engine.model.outcome import Offer
 from engine.model.task import Bits, GroundOperator, Task, progress
 from engine.stages.planning.composites import Pattern
-from engine.stages.planning.effort import NO_PLAN, Answer, Effort
+from engine.stages.planning.effort import NO_PLAN, Effort, SearchResult
 from engine.stages.planning.forward.evaluation import Evaluation
 from engine.stages.planning.forward.landmarks import Landmarks
 from engine.stages.planning.forward.suggestions import Suggestions
@@ -82,13 +82,13 @@ class Forward:
         self._closed: set[Bits] = set()
         self._best = [UNKNOWN, UNKNOWN]
 
-    def run(self, effort: Effort) -> Answer | None:
+    def run(self, effort: Effort) -> SearchResult | None:
         """Searches until there is an answer or the effort is spent.
 
         The answer is a plan, or `NO_PLAN` if there is provably none. None means that the effort is spent.
         """
         if not self._nodes and self._expand(self.initial, -1, -1, effort):
-            return Answer([])
+            return SearchResult([])
         while not effort.spent():
             entry = self._next()
             if entry is None:
@@ -156,7 +156,7 @@ class Forward:
         """The rank among equal keys: first in, first out; with a seed, by chance."""
         return self._random.getrandbits(30) if self._random else next(self._counter)
 
-    def _answer(self) -> Answer:
+    def _answer(self) -> SearchResult:
         """The operators that led to the last state. Composites are replaced by their parts."""
         path, node = [], self._nodes[-1]
         while node.parent >= 0:
@@ -164,11 +164,13 @@ class Forward:
             node = self._nodes[node.parent]
         path.reverse()
         if self._suggestions is None:
-            return Answer([self.operators[each] for each in path if self.operators[each].instance != _MEETS])
+            return SearchResult(
+                [self.operators[each] for each in path if self.operators[each].instance != _MEETS]
+            )
         steps = [step for each in path for step in self._suggestions.unfolded(each)]
         used = [pattern for each in path if (pattern := self._suggestions.pattern(each)) is not None]
         offer = Offer("forward", tuple(self._suggestions.patterns), tuple(dict.fromkeys(used)))
-        return Answer([step for step in steps if step.instance != _MEETS], offer)
+        return SearchResult([step for step in steps if step.instance != _MEETS], offer)
 
 
 def forward(task: Task, seed: int, *, landmarks: bool = False, patterns: Sequence[Pattern] = ()) -> Forward:

@@ -10,7 +10,7 @@ import random
 from collections.abc import Iterator, Sequence
 
 from engine.model.task import Bits
-from engine.stages.planning.effort import NO_PLAN, Answer, Effort
+from engine.stages.planning.effort import NO_PLAN, Effort, SearchResult
 from engine.stages.planning.regression.space import Backward, Node, Successor
 from engine.stages.planning.relaxed import FAR
 
@@ -27,13 +27,13 @@ class Climb:
         self._closed: set[Bits] = {root.open}
         self._stack: list[tuple[Node, Iterator[Successor]]] | None = None
 
-    def run(self, effort: Effort) -> Answer | None:
+    def run(self, effort: Effort) -> SearchResult | None:
         """Searches until there is an answer or the effort is spent.
 
         The answer is a plan, or `NO_PLAN` if there is provably none. None means that the effort is spent.
         """
         if self.root.open & ~self.space.initial == 0:
-            return Answer([])
+            return SearchResult([])
         if self._stack is None:
             if effort.spent():
                 return None
@@ -80,7 +80,7 @@ class BestFirst:
             key = greed * space.estimate(root.open)
             heapq.heappush(self._queue, (key, 0, next(self._counter), root, None))
 
-    def run(self, effort: Effort) -> Answer | None:
+    def run(self, effort: Effort) -> SearchResult | None:
         """Searches until there is an answer or the effort is spent.
 
         The answer is a plan, or `NO_PLAN` if there is provably none. None means that the effort is spent.

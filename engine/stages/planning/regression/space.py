@@ -17,7 +17,7 @@ from typing import NamedTuple
 from engine.model.outcome import Offer
 from engine.model.task import Bits, GroundOperator, indices
 from engine.stages.planning.composites import Composite, Pattern, composites
-from engine.stages.planning.effort import Answer
+from engine.stages.planning.effort import SearchResult
 from engine.stages.planning.relaxed import FAR, Relaxation
 
 
@@ -107,7 +107,7 @@ class Regression:
         """Whether no two of the conditions exclude each other."""
         return not any(self.excluded[atom] & conditions for atom in indices(conditions))
 
-    def plan(self, node: Node) -> Answer:
+    def plan(self, node: Node) -> SearchResult:
         """The steps from a node to the goals, in order of execution.
 
         Composites are replaced by their parts.
@@ -123,9 +123,9 @@ class Regression:
                 used[self.composites[place].pattern] = None
             node = node.next
         if not self.composites:
-            return Answer(steps)
+            return SearchResult(steps)
         offered = dict.fromkeys(each.pattern for each in self.composites)
-        return Answer(steps, Offer("backward", tuple(offered), tuple(used)))
+        return SearchResult(steps, Offer("backward", tuple(offered), tuple(used)))
 
 
 class Backward:

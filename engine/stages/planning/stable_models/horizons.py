@@ -8,7 +8,7 @@ the initial state visits only different states (Biere et al. 1999).
 from collections.abc import Sequence
 
 from engine.model.task import Bits, GroundOperator, Task, indices
-from engine.stages.planning.effort import NO_PLAN, Answer, Effort
+from engine.stages.planning.effort import NO_PLAN, Effort, SearchResult
 from engine.stages.planning.relaxed import levels
 from engine.stages.planning.stable_models.encoding import OPTIONS, PARALLEL, SINGLE, STEP, facts, sequence
 from kb.asp.steps import Shown, Solver
@@ -60,7 +60,7 @@ class Parallel:
         )
         self._grounded, self._paths, self._trial = -1, 0, TRIAL
 
-    def run(self, effort: Effort) -> Answer | None:
+    def run(self, effort: Effort) -> SearchResult | None:
         """Searches until there is an answer or the effort is spent.
 
         The answer is a plan, or `NO_PLAN` if there is provably none. None means that the effort is spent.
@@ -71,7 +71,7 @@ class Parallel:
         while not effort.over() and self._decided < self._longest:
             found = self._ask(horizon, effort)
             if isinstance(found, frozenset):
-                return Answer(sequence(self.operators, found))
+                return SearchResult(sequence(self.operators, found))
             if found is False and horizon == self._decided + 1:
                 self._decided = horizon
                 if self._exhausted(horizon, effort):
