@@ -67,7 +67,8 @@ def show(
     configuration: Configurations = None,
     place: AtPlace = "",
     format: Annotated[
-        PictureForm | None, typer.Option("--format", help="how it is shown; else as the name of the output ends")
+        PictureForm | None,
+        typer.Option("--format", help="how it is shown; else as the name of the output ends"),
     ] = None,
     output: Output = None,
     azimuth: Azimuth = None,
