@@ -14,6 +14,7 @@ from xml.sax.saxutils import escape
 from engine.formats.report.channels import GRID, Boxes, Net, width_for
 from engine.formats.report.dot import orders
 from engine.formats.report.layout import Edge, Layout, layout
+from engine.formats.report.palette import colours
 from engine.formats.report.routing import Point, Routing, route
 from engine.model.purposes import wording
 from kb.model.plan import GOAL, START, Plan, Step, StepId
@@ -23,7 +24,6 @@ from kb.terms import Atom
 CHARACTER, HEIGHT, GAP, MARGIN, BAR, ROUND = 7.3, 30, 44, 20, 6, 5
 WIDE_START = 24  # ports
 LONGEST = 44  # characters of a label; the whole condition is in the tooltip
-COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#b8860b", "#56b4e9", "#7f3c8d", "#666666")
 INK, PAPER, BOX, LINK, GIVEN = "#1b1b1b", "#ffffff", "#f3f5f8", "#1f6fb5", "#8a8f98"
 STYLE = """
   .link:hover { stroke-width: 3; }
@@ -106,12 +106,11 @@ def _shortened(text: str) -> str:
 
 def _lines(picture: _Picture) -> Iterator[str]:
     """The file line by line: paper, orders, links, labels, boxes, legend."""
-    names = dict.fromkeys(str(held) for step in picture.made.steps for held in step.resources)
-    colours = {name: COLOURS[index % len(COLOURS)] for index, name in enumerate(names)}
+    fill_of = colours(str(held) for step in picture.made.steps for held in step.resources)
     left, right, height = _extent(picture)
-    right = max(right, left + sum(len(name) * CHARACTER + 34 for name in colours))
+    right = max(right, left + sum(len(name) * CHARACTER + 34 for name in fill_of))
     x, y, width = left - MARGIN, -MARGIN, right - left + 2 * MARGIN
-    height += 2 * MARGIN + (30 if colours else 0)
+    height += 2 * MARGIN + (30 if fill_of else 0)
     yield (
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="{x:g} {y:g} {width:g} {height:g}"'
         f' width="{width:g}" height="{height:g}" font-family="DejaVu Sans Mono, Menlo, Consolas, monospace">'
@@ -124,8 +123,8 @@ def _lines(picture: _Picture) -> Iterator[str]:
     yield from _orders(picture)
     yield from _links(picture)
     yield from _labels(picture)
-    yield from _boxes(picture, colours)
-    yield from _legend(colours, left, height - 2 * MARGIN)
+    yield from _boxes(picture, fill_of)
+    yield from _legend(fill_of, left, height - 2 * MARGIN)
 
 
 def _extent(picture: _Picture) -> tuple[float, float, float]:
@@ -210,7 +209,7 @@ def _labels(picture: _Picture) -> Iterator[str]:
         )
 
 
-def _boxes(picture: _Picture, colours: Mapping[str, str]) -> Iterator[str]:
+def _boxes(picture: _Picture, fill_of: Mapping[str, str]) -> Iterator[str]:
     """The start, the steps and the goal."""
     steps: Mapping[StepId, Step] = {step.id: step for step in picture.made.steps}
     for step, text in picture.texts.items():
@@ -221,7 +220,7 @@ def _boxes(picture: _Picture, colours: Mapping[str, str]) -> Iterator[str]:
             f' rx="{6 if step in steps else HEIGHT // 2}" fill="{BOX}" stroke="{INK}"/>'
         )
         for index, held in enumerate(steps[step].resources if step in steps else ()):
-            at, fill = left + 5 + index * BAR, colours[str(held)]
+            at, fill = left + 5 + index * BAR, fill_of[str(held)]
             yield f'<rect class="bar" x="{at:g}" y="{y + 5:g}" width="4" height="{HEIGHT - 10}" fill="{fill}"/>'
         yield (
             f'<text class="text" x="{picture.boxes.centre[step]:g}" y="{y + HEIGHT / 2 + 4:g}" text-anchor="middle"'
@@ -229,9 +228,9 @@ def _boxes(picture: _Picture, colours: Mapping[str, str]) -> Iterator[str]:
         )
 
 
-def _legend(colours: Mapping[str, str], x: float, y: float) -> Iterator[str]:
+def _legend(fill_of: Mapping[str, str], x: float, y: float) -> Iterator[str]:
     """The legend of colours and resources."""
-    for name, fill in colours.items():
+    for name, fill in fill_of.items():
         yield f'<rect x="{x:g}" y="{y - 10:g}" width="12" height="12" fill="{fill}"/>'
         yield f'<text class="text" x="{x + 17:g}" y="{y:g}" font-size="12" fill="{INK}">{escape(name)}</text>'
         x += len(name) * CHARACTER + 34
