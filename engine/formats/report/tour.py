@@ -36,7 +36,8 @@ def text(tour: Tour, problem: TourProblem) -> RenderableType:
     """The tour as a list of runs with one tool each, and a summary line."""
     rows = []
     for tool, names in _runs(tour, problem):
-        shown = ", ".join(names[:SHOWN]) + (f", and {len(names) - SHOWN} more" if len(names) > SHOWN else "")
+        rest = f", and {len(names) - SHOWN} more (--format json has all)" if len(names) > SHOWN else ""
+        shown = ", ".join(names[:SHOWN]) + rest
         rows.append((tool or "-", str(len(names)), shown))
     return Group(TextTable(("tool", "visits", "in order"), rows), Text(summary(tour, problem)))
 
