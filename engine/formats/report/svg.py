@@ -122,7 +122,7 @@ def _lines(pictures: Sequence[_Picture], fill_of: Mapping[str, str]) -> Iterator
     yield from map(_head, ("head", "link-head", "given-head"), (INK, LINK, GIVEN))
     yield "</defs>"
     yield f'<rect class="paper" x="0" y="0" width="{width:g}" height="{height:g}" fill="{PAPER}"/>'
-    at = MARGIN
+    at = float(MARGIN)
     for picture, (left, right, _) in zip(pictures, extents, strict=True):
         yield f'<g class="column" transform="translate({at - left:g} {MARGIN})">'
         yield from (*_orders(picture), *_links(picture), *_labels(picture), *_boxes(picture, fill_of))

@@ -66,11 +66,11 @@ def _in_any_order(group: Painted) -> bool:
 def _parted(group: Painted, random: np.random.Generator) -> tuple[Painted, Painted, Painted]:
     """What lies behind the plane of one triangle, on it, and before it."""
     tried = random.choice(len(group.corners), min(CANDIDATES, len(group.corners)), replace=False)
-    away = _distances(group.corners, group.corners[tried])
-    behind, ahead = (away < -FLAT_PIXELS).any(axis=2), (away > FLAT_PIXELS).any(axis=2)
-    costs = CUT_COSTS * (behind & ahead).sum(axis=1) + np.abs(behind.sum(axis=1) - ahead.sum(axis=1))
+    tries = _distances(group.corners, group.corners[tried])
+    before, after = np.any(tries < -FLAT_PIXELS, axis=2), np.any(tries > FLAT_PIXELS, axis=2)
+    costs = CUT_COSTS * (before & after).sum(axis=1) + np.abs(before.sum(axis=1) - after.sum(axis=1))
     best = int(costs.argmin())
-    behind, ahead, away = behind[best], ahead[best], away[best]
+    behind, ahead, away = before[best], after[best], tries[best]
     cut = np.flatnonzero(behind & ahead)
     parts = [
         _joined(group.at(np.flatnonzero(side & ~other)), _cut(group.at(cut), sign * away[cut]))
@@ -83,8 +83,9 @@ def _distances(corners: Floats, planes: Floats) -> Floats:
     """How far corners (m, 3, 3) lie before the planes of triangles (k, 3, 3), seen by the viewer: (k, m, 3)."""
     normals = np.cross(planes[:, 1] - planes[:, 0], planes[:, 2] - planes[:, 0])
     normals *= np.sign(normals[:, 2:]) / np.linalg.norm(normals, axis=1, keepdims=True)
-    found: Floats = np.einsum("kc,mvc->kmv", normals, corners)
-    return found - np.einsum("kc,kc->k", normals, planes[:, 0])[:, None, None]
+    away = np.einsum("kc,mvc->kmv", normals, corners)
+    found: Floats = away - np.einsum("kc,kc->k", normals, planes[:, 0])[:, None, None]
+    return found
 
 
 def _joined(one: Painted, other: Painted) -> Painted:
