@@ -12,7 +12,18 @@ from dataclasses import dataclass
 from kb.arithmetic import compare
 from kb.model.conditions import And, Body, Comparison, Condition, Literal, Parameter
 from kb.model.domain import DeductiveOperator, Domain, Operator
-from kb.terms import ANYTHING, Atom, Function, Substitution, Term, Variable, is_ground, resolve, substitute, unify
+from kb.terms import (
+    ANYTHING,
+    Atom,
+    Function,
+    Substitution,
+    Term,
+    Variable,
+    is_ground,
+    resolve,
+    substitute,
+    unify,
+)
 
 MOST = 200  # consequences that are followed for one atom
 
@@ -42,8 +53,13 @@ class Exclusion:
     def apart(self, one: Literal, other: Literal) -> bool:
         """Whether the two cannot hold together."""
         if not one.positive or not other.positive:
-            return one.positive != other.positive and unify(self._open(one.atom), self._open(other.atom), {}) is not None
-        if other.atom.name not in self._near(one.atom.name) and one.atom.name not in self._near(other.atom.name):
+            return (
+                one.positive != other.positive
+                and unify(self._open(one.atom), self._open(other.atom), {}) is not None
+            )
+        if other.atom.name not in self._near(one.atom.name) and one.atom.name not in self._near(
+            other.atom.name
+        ):
             return False
         first, second = self._open(one.atom), self._open(other.atom)
         return self._undone(first, second) or self._undone(second, first)
@@ -56,7 +72,9 @@ class Exclusion:
                 last = waiting.pop()
                 following = [c.atom.name for d in self._triggered(last) for c in d.consequences]
                 if last == name:
-                    following += [e.atom.name for o in self.domain.operators for e in o.effects if _adds(o, name)]
+                    following += [
+                        e.atom.name for o in self.domain.operators for e in o.effects if _adds(o, name)
+                    ]
                 waiting += [each for each in dict.fromkeys(following) if each not in found]
                 found.update(following)
             self._reach[name] = frozenset(found)
@@ -85,7 +103,8 @@ class Exclusion:
                 adds = [e.atom for e in always if e.adds]
                 deletes = [e.atom for e in always if not e.adds and (e.atom in needed or not e.parameters)]
                 found = (
-                    [_Pattern(_atom(resolve(_renamed(a, rename), bindings))) for a in atoms] for atoms in (adds, deletes)
+                    [_Pattern(_atom(resolve(_renamed(a, rename), bindings))) for a in atoms]
+                    for atoms in (adds, deletes)
                 )
                 yield next(found), next(found)
 
@@ -115,7 +134,9 @@ class Exclusion:
             bindings = unify(_renamed(each.trigger.atom, rename), pattern.atom, {})
             if bindings is None or not pattern.allows(bindings):
                 continue
-            if not self._typed(each.parameters, rename, bindings) or not self._holds(each.body, rename, bindings):
+            if not self._typed(each.parameters, rename, bindings) or not self._holds(
+                each.body, rename, bindings
+            ):
                 continue
             for consequence in each.consequences:
                 if self._holds(consequence.body, rename, bindings):
@@ -191,7 +212,9 @@ def _compared(part: Comparison, rename: Substitution) -> Comparison:
     return Comparison(substitute(part.left, rename), part.relation, substitute(part.right, rename))
 
 
-def _comparisons(body: Body | Sequence[object], rename: Substitution, bindings: Substitution) -> tuple[Comparison, ...]:
+def _comparisons(
+    body: Body | Sequence[object], rename: Substitution, bindings: Substitution
+) -> tuple[Comparison, ...]:
     """The comparisons of a body that bindings leave open."""
     found = (_compared(part, rename) for part in body if isinstance(part, Comparison))
     resolved = (Comparison(resolve(e.left, bindings), e.relation, resolve(e.right, bindings)) for e in found)

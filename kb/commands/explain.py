@@ -12,8 +12,22 @@ from kb.commands.vocabulary import Vocabulary
 from kb.diagnostics import Diagnostic, Source
 from kb.model.domain import Domain
 
-KINDS = {A_NUMBER: "a number", A_TIME: "a time such as 15 min", A_NAME: "a name", ",": "','", ";": "';'", ".": "'.'"}
-SHOWN = ("and", "then", "all", "both", "it", "them")  # words of every language of phrases that are worth showing
+KINDS = {
+    A_NUMBER: "a number",
+    A_TIME: "a time such as 15 min",
+    A_NAME: "a name",
+    ",": "','",
+    ";": "';'",
+    ".": "'.'",
+}
+SHOWN = (
+    "and",
+    "then",
+    "all",
+    "both",
+    "it",
+    "them",
+)  # words of every language of phrases that are worth showing
 MOST = 12
 
 
@@ -22,14 +36,15 @@ def explain(
 ) -> Diagnostic:
     """The diagnostic for a sentence that is not understood."""
     said, index = error.said, error.index
-    if (found := refusal(said, index, _known(domain, vocabulary))) is not None:
+    example = readable(domain.phrases[0].say)
+    if (found := refusal(said, index, _known(domain, vocabulary), example)) is not None:
         return Diagnostic(place(found.offset), "K602", found.message, found.hint)
     near = ""
     if index < len(said):
         piece = said[index]
         message = f"'{piece.text}' is not understood here"
         offset = piece.offset
-        near = _similar(piece, error.expected, vocabulary)
+        near = _decimal(said, index) or _similar(piece, error.expected, domain, vocabulary)
     else:
         message = "the command ends too early" if said else "the command is empty"
         offset = len(text.rstrip())
@@ -39,20 +54,32 @@ def explain(
 
 def _known(domain: Domain, vocabulary: Vocabulary) -> frozenset[str]:
     """The words of the domain's phrases, nouns and objects."""
-    parts = (part for phrase in domain.phrases for each in expansions(read_pattern(phrase.say)) for part in each)
+    parts = (
+        part for phrase in domain.phrases for each in expansions(read_pattern(phrase.say)) for part in each
+    )
     found = {part.text for part in parts if isinstance(part, Word)}
     found |= {word for noun in vocabulary.things for word in noun}
     return frozenset(found | {word for type_ in domain.types for word in vocabulary.nouns(type_)})
 
 
-def _similar(piece: Piece, expected: frozenset[str], vocabulary: Vocabulary) -> str:
+def _decimal(said: Sequence[Piece], index: int) -> str:
+    """The hint for "1,5 hours"."""
+    parts = said[index : index + 4]
+    if [piece.kind for piece in parts[:3]] != [NUMBER, "mark", NUMBER] or parts[1].text != ",":
+        return ""
+    return f"did you mean '{parts[0].text}.{parts[2].text} {parts[-1].text}'? decimals have a point"
+
+
+def _similar(piece: Piece, expected: frozenset[str], domain: Domain, vocabulary: Vocabulary) -> str:
     if piece.kind == NUMBER and A_TIME in expected:
         return f"did you mean '{piece.text} min' or '{piece.text} s'?"
+    if piece.lower in {*SHOWN, *_known(domain, vocabulary)}:
+        return ""
     words = sorted(word for word in expected if word.isalpha() and word.islower())
     if A_NAME in expected:
         words += sorted(vocabulary.objects)
     near = difflib.get_close_matches(piece.lower, words, n=1, cutoff=0.7)
-    return f"did you mean '{near[0]}'?" if near and near[0] != piece.lower else ""
+    return f"did you mean '{near[0]}'?" if near else ""
 
 
 def _words(expected: frozenset[str], domain: Domain, vocabulary: Vocabulary) -> str:

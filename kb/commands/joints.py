@@ -16,7 +16,9 @@ THEN = _sayings(
     "then | afterwards | afterward | after that | after this | after which | thereafter | next | finally | lastly"
     " | subsequently | later on | later | at last | at the end | in the end | second | secondly | third | thirdly"
 )
-THEN_BEHIND = _sayings("afterwards | afterward | after that | after this | thereafter | next | last | later | at the end")
+THEN_BEHIND = _sayings(
+    "afterwards | afterward | after that | after this | thereafter | next | last | later | at the end"
+)
 POLITE = _sayings(
     "could you | can you | would you | will you | i want you to | i would like you to | i'd like you to | you should"
     " | you must | you have to | let us | let's | we want to | i want to | i would like to | we need to | kindly"
@@ -69,7 +71,11 @@ def before(said: Said, place: int) -> Iterator[tuple[int, bool]]:
 def behind(said: Said, place: int, is_first: bool) -> Iterator[tuple[int, bool]]:
     """Where a clause can end after words behind it, and whether they put it after the clauses before it."""
     yield place, False
-    yield from ((end, False) for end in _ends(said, place, BEHIND) if is_first or said.pieces[end - 1].lower != "first")
+    yield from (
+        (end, False)
+        for end in _ends(said, place, BEHIND)
+        if is_first or said.pieces[end - 1].lower != "first"
+    )
     if not is_first:
         yield from ((end, True) for end in _ends(said, place, THEN_BEHIND))
 

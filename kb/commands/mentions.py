@@ -9,7 +9,7 @@ from kb.commands.vocabulary import Nouns, Vocabulary
 
 PRONOUNS = ("it", "them", "they", "these", "those", "both", "each")
 POINTING = ("this", "that", "these", "those", "same")
-ALL = ("all", "each", "every")
+ALL = ("all", "each", "every", "everything")
 UNTIL = ("to", "through", *DASHES)
 OTHERS = ("other", "remaining")
 BUT = (("except",), ("but",), ("besides",), ("apart", "from"), ("other", "than"), ("except", "for"))
@@ -33,9 +33,9 @@ class Mention:
 
 @dataclass(frozen=True, slots=True)
 class Words:
-    """The content of a slot. `how` is `list`, `all`, `both`, `others`, `pronoun` or `value`.
+    """The content of a slot. `how` is `list`, `all`, `both`, `others`, `pronoun`, `omitted` or `value`.
 
-    `owner` is the type whose noun was said with it; `but` holds what "except" leaves out.
+    An `omitted` one was not said at all. `owner` is the type whose noun was said with it; `but` holds what "except" leaves out.
     """
 
     how: str
@@ -46,10 +46,13 @@ class Words:
 
 
 class Mentions:
-    """The readings of slots in one sentence: `at(type, place)` gives each place where a reading may end."""
+    """The readings of slots in one sentence: `at(type, place)` gives each place where a reading may end.
 
-    def __init__(self, said: Said, vocabulary: Vocabulary) -> None:
-        self.said, self.vocabulary = said, vocabulary
+    With `strict`, a name of an object of another type is no reading; otherwise it is one, and is reported later.
+    """
+
+    def __init__(self, said: Said, vocabulary: Vocabulary, strict: bool) -> None:
+        self.said, self.vocabulary, self.strict = said, vocabulary, strict
         self._known: dict[tuple[str, int], dict[int, Words]] = {}
 
     def at(self, type_: str, place: int) -> dict[int, Words]:
@@ -73,7 +76,9 @@ class Mentions:
 
     def _list(self, type_: str, place: int) -> Iterator[tuple[int, tuple[Mention, ...]]]:
         """Lists of mentions, the shortest first. After "and", each further mention makes a longer list."""
-        ends = [(end, (mention,)) for end, mention in self._items(type_, place)]
+        ends: list[tuple[int, tuple[Mention, ...]]] = [
+            (end, (each,)) for end, each in self._items(type_, place)
+        ]
         seen: set[int] = set()
         while ends:
             end, mentions = ends.pop(0)
@@ -95,14 +100,20 @@ class Mentions:
 
     def _items(self, type_: str, place: int) -> Iterator[tuple[int, Mention]]:
         """The mentions that begin at a place; the longest of a kind first."""
-        for end, name in self._said(self.vocabulary.called(type_), place):
+        called = list(self._said(self.vocabulary.called(type_), place))
+        for end, name in called:
             yield end, Mention("called", name, (), self._pieces(place, end))
         nouns = list(self._said(self.vocabulary.nouns(type_), place))
         for end, owner in (*nouns, (place, "")):
             numbered = next((e for each in NUMBERED if (e := self.said.words(end, each)) is not None), None)
-            yield from self._numbers(owner, place, end if numbered is None or end == place else numbered, nouns)
+            yield from self._numbers(
+                owner, place, end if numbered is None or end == place else numbered, nouns
+            )
             yield from self._names(type_, owner, place, end)
-        for end, owner in nouns:
+        longest = max((end for end, _ in called), default=place)
+        for end, owner in (
+            each for each in nouns if each[0] >= longest
+        ):  # "part A" is no part with an article behind it
             yield end, Mention("sole", owner, (), self._pieces(place, end))
         if (count := self.said.number(place)) is not None:
             for end, owner in self._said(self.vocabulary.nouns(type_), count):
@@ -127,22 +138,23 @@ class Mentions:
             yield from self._said(self.vocabulary.nouns(owner), place)
 
     def _names(self, type_: str, owner: str, place: int, begin: int) -> Iterator[tuple[int, Mention]]:
-        end = self._name(begin)
+        end = self._name(begin, type_)
         if end is None:
             return
         first = self._last(end)
         if (until := self.said.one_of(end, UNTIL)) is not None:
-            last = self._name(until)
+            last = self._name(until, type_)
             last = self.said.number(until) if last is None else last
             if last is not None:
                 yield last, Mention("names", owner, (first, self._last(last)), self._pieces(place, last))
         yield end, Mention("named", owner, (first,), self._pieces(place, end))
 
-    def _name(self, place: int) -> int | None:
-        """The place after the name of an object, of whatever type."""
+    def _name(self, place: int, type_: str) -> int | None:
+        """The place after the name of an object."""
         for begin in self.said.starts(place):
             piece = self.said.pieces[begin]
-            if piece.kind == WORD and self.vocabulary.name(piece.text):
+            name = self.vocabulary.name(piece.text) if piece.kind == WORD else None
+            if name is not None and (not self.strict or self.vocabulary.is_a(name, type_)):
                 return begin + 1
         self.said.note(place, A_NAME)
         return None
@@ -167,7 +179,7 @@ class Mentions:
         begin = begin if begin is not None else self.said.word(first, "of") or first
         counted = self.said.number(begin)
         ends = list(self._said(self.vocabulary.nouns(type_), begin if counted is None else counted))
-        if self.pieces_at(first).lower == "all":
+        if self.pieces_at(first).lower in ("all", "everything"):
             ends.append((first, ""))
         for end, owner in ends:
             number = (self._counted(owner, counted, end),) if counted is not None and owner else ()
@@ -200,18 +212,20 @@ class Mentions:
     def _pronoun(self, type_: str, place: int) -> Iterator[tuple[int, Words]]:
         for end in self._pronouns(place):
             yield end, Words("pronoun", self._pieces(place, end), owner=type_)
-        if (end := self.said.one_of(place, POINTING)) is not None:
-            for after, owner in self._said(self.vocabulary.nouns(type_), end):
+        if (behind := self.said.one_of(place, POINTING)) is not None:
+            for after, owner in self._said(self.vocabulary.nouns(type_), behind):
                 yield after, Words("pronoun", self._pieces(place, after), owner=owner)
 
     def _pronouns(self, place: int) -> Iterator[int]:
-        for whole in ("both", "all", "each"):
-            if (of := self.said.words(place, (whole, "of"))) is not None:
-                if (end := self.said.one_of(of, PRONOUNS)) is not None:
-                    yield end
+        wholes = (self.said.words(place, (whole, "of")) for whole in ("both", "all", "each"))
+        for of in (each for each in wholes if each is not None):
+            if (end := self.said.one_of(of, PRONOUNS)) is not None:
+                yield end
         if (end := self.said.one_of(place, PRONOUNS)) is not None:
             yield end
-            if (both := self.said.one_of(end, ("both", "all"))) is not None and self.pieces_at(end).lower != "it":
+            if (both := self.said.one_of(end, ("both", "all"))) is not None and self.pieces_at(
+                end
+            ).lower != "it":
                 yield both
 
     def _said(self, nouns: Nouns, place: int) -> Iterator[tuple[int, str]]:

@@ -55,17 +55,22 @@ def arrange(acts: Sequence[Act], apart: Apart) -> tuple[Condition, tuple[Chain, 
         barriers = {number for pair in undone for number in pair} | {n for n, a in enumerate(acts) if a.alone}
         order.follow(acts, barriers)
     placed = {number for number, act in enumerate(acts) if act.must or number in order.related}
+    placed -= {number for number in placed if _is_only_an_end(number, acts, order)}
     chains = _Chains(order)
     for number in sorted(placed):
         chains.add(number, acts[number])
-    lasting = {acts[number].subject: number for number in sorted(placed)}.values()  # the last act of each subject
+    lasting = {
+        acts[number].subject: number for number in sorted(placed)
+    }.values()  # the last act of each subject
     ending = (act for n, act in enumerate(acts) if n not in placed or (n in lasting and _is_open(act)))
     return And(tuple(dict.fromkeys(act.condition for act in ending))), chains.finished()
 
 
 def _undone(acts: Sequence[Act], apart: Apart) -> Iterator[tuple[int, int]]:
     """Pairs of acts of different clauses that cannot hold together: the later one undoes the earlier one."""
-    pairs = ((n, m) for n, m in itertools.combinations(range(len(acts)), 2) if acts[n].clause != acts[m].clause)
+    pairs = (
+        (n, m) for n, m in itertools.combinations(range(len(acts)), 2) if acts[n].clause != acts[m].clause
+    )
     for first, second in itertools.islice(pairs, MOST_COMPARED):
         if any(apart(one, other) for one in acts[first].literals for other in acts[second].literals):
             yield first, second
@@ -99,6 +104,13 @@ def _is_ordered(acts: Sequence[Act]) -> bool:
         if clauses.setdefault(act.subject, act.clause) != act.clause:
             return True
     return any(clauses.get(thing, act.clause) != act.clause for act in acts for thing in act.things)
+
+
+def _is_only_an_end(number: int, acts: Sequence[Act], order: "_Order") -> bool:
+    """Whether an act that cannot be a stage is the only one of its subject and waits for others: then it holds at the end."""
+    subject = acts[number].subject
+    alone = all(act.subject != subject for n, act in enumerate(acts) if n != number)
+    return acts[number].stages is None and number not in order.followed and alone
 
 
 def _is_open(act: Act) -> bool:
@@ -148,7 +160,7 @@ class _Order:
             implied |= self.behind[each]
             bits |= 1 << each
         self.behind.append(bits | implied)
-        self.direct[number] = [each for each in dict.fromkeys(waits) if not implied >> each & 1]
+        self.direct[number] = [each for each in sorted(set(waits)) if not implied >> each & 1]
         self.followed.update(self.direct[number])
 
 
@@ -203,7 +215,11 @@ class _Chains:
             self.ends[number] = [self._open(act.subject, (stage,), after) for stage in act.stages]
 
     def _goes_on(self, earlier: int, name: str, act: Act) -> bool:
-        return self.order.followed[earlier] == 1 and self.segments[name].subject == act.subject and (act.must or len(act.stages or ()) == 1)
+        return (
+            self.order.followed[earlier] == 1
+            and self.segments[name].subject == act.subject
+            and (act.must or len(act.stages or ()) == 1)
+        )
 
     def _open(self, subject: Term, stages: tuple[Atom, ...], after: tuple[str, ...]) -> str:
         earlier = sum(segment.subject == subject for segment in self.segments.values())

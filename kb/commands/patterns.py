@@ -162,9 +162,8 @@ def expansions(pattern: Pattern) -> list[tuple[Word | Slot, ...]]:
     return list(dict.fromkeys(found))
 
 
-PREPOSITIONS = frozenset(
-    "in into inside on onto to from for with using at by under over through between against".split()
-)
+_PREPOSITIONS = "in into inside on onto to from for with using at by under over through between against"
+PREPOSITIONS = frozenset(_PREPOSITIONS.split())
 MAX_MOVED = 3  # groups that may change places
 COMMA = Word(",")
 

@@ -80,5 +80,6 @@ def plurals(noun: str) -> tuple[str, ...]:
     """A noun and its plurals, as people may spell them."""
     if noun.endswith("y") and noun[-2:-1] not in tuple("aeiou"):
         return noun, f"{noun[:-1]}ies", f"{noun}s"
-    return (noun, f"{noun}es", f"{noun}s") if noun.endswith(("s", "x", "z", "ch", "sh")) else (noun, f"{noun}s")
-
+    return (
+        (noun, f"{noun}es", f"{noun}s") if noun.endswith(("s", "x", "z", "ch", "sh")) else (noun, f"{noun}s")
+    )

@@ -51,12 +51,17 @@ class Said:
         return None
 
     def words(self, place: int, words: Iterable[str]) -> int | None:
-        """The place after several words."""
-        end: int | None = place
-        for word in words:
-            end = self.word(end, word)
-            if end is None:
+        """The place after several words, of which only the first is noted."""
+        end = place
+        for number, word in enumerate(words):
+            found = self.at(end)
+            exact = self.pieces[end].lower == word if end < len(self.pieces) else False
+            if number and not exact and (found is None or found.lower != word):
                 return None
+            after = self.word(end, word)
+            if after is None:
+                return None
+            end = after
         return end
 
     def one_of(self, place: int, words: Iterable[str]) -> int | None:

@@ -36,7 +36,7 @@ class References:
             if not self._is(name, type_):
                 said = f"{name} is {self._article(self.objects[name])}, not {self._article(type_)}"
                 raise Unclear(words.pieces[0].offset, said)
-        if words.how != "pronoun":
+        if words.how not in ("pronoun", "omitted"):
             self.named.append(unique)
         return tuple(map(Function, unique))
 
@@ -45,6 +45,8 @@ class References:
         match words.how:
             case "pronoun":
                 return self._earlier(words, offset, words.owner or type_)
+            case "omitted":
+                return self._omitted(words, offset, type_)
             case "others":
                 return self._others(words, offset)
             case "all":
@@ -92,10 +94,14 @@ class References:
         found = [name for name in self._of(words.owner) if name not in named]
         said = " ".join(piece.text for piece in words.pieces)
         if not named:
-            message = f"'{said}' means those that were not named, but no {_plain(words.owner)} was named before"
+            message = (
+                f"'{said}' means those that were not named, but no {_plain(words.owner)} was named before"
+            )
             raise Unclear(offset, message, self._range(words.owner))
         if not found:
-            raise Unclear(offset, f"'{said}': there is no other {_plain(words.owner)}", self._range(words.owner))
+            raise Unclear(
+                offset, f"'{said}': there is no other {_plain(words.owner)}", self._range(words.owner)
+            )
         return found
 
     def _earlier(self, words: Words, offset: int, type_: str) -> Sequence[str]:
@@ -108,7 +114,9 @@ class References:
         last = fitting[-1]
         if said[0] in ("it", "this", "that"):
             if len(last) > 1:
-                message = f"'{' '.join(said)}' means one object, but the last ones named were {', '.join(last)}"
+                message = (
+                    f"'{' '.join(said)}' means one object, but the last ones named were {', '.join(last)}"
+                )
                 raise Unclear(offset, message, "did you mean 'them'?")
             return last
         if said[0] == "same":
@@ -122,18 +130,24 @@ class References:
             )
         return meant
 
-    def _mention(self, mention: Mention, type_: str) -> list[str]:
+    def _omitted(self, words: Words, offset: int, type_: str) -> Sequence[str]:
+        """The objects of the last act: "heat probe 1 for 15 min, cool for 5 min"."""
+        fitting = [names for names in self.named if all(self._is(name, type_) for name in names)]
+        if not fitting:
+            message = f"'{words.pieces[-1].text}' what? {self._article(type_)} is missing behind it"
+            raise Unclear(offset, message, self._range(type_))
+        return fitting[-1]
+
+    def _mention(self, mention: Mention, type_: str) -> Sequence[str]:
         match mention.how, mention.ends:
             case "called", _:
                 return [mention.owner]
-            case "sole", _:
-                return self._sole(mention, type_)
+            case "sole" | "counted", ends:
+                return self._sole(mention, type_) if not ends else self._counted(mention, ends[0], type_)
             case "numbered", (end,):
                 return [self._numbered(end, type_)]
             case "named", (end,):
                 return [self._named(end)]
-            case "counted", (end,):
-                return self._counted(mention, end, type_)
             case "numbers", (first, last):
                 return list(self._range_of(first, last, type_))
             case _, (first, last):

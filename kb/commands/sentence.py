@@ -6,9 +6,10 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from fractions import Fraction
 
-from kb.commands.clauses import Clause, Clauses, NotUnderstood
+from kb.commands.clauses import Clause, NotUnderstood, read_clauses
 from kb.commands.exclusion import Exclusion
 from kb.commands.explain import explain
+from kb.commands.matching import Book
 from kb.commands.mentions import Words
 from kb.commands.order import Act, NoOrder, arrange
 from kb.commands.patterns import PREPOSITIONS, Slot, Word
@@ -42,16 +43,16 @@ def read_sentence(
     vocabulary = Vocabulary(domain, {**domain.objects, **problem.objects})
     known = meanings(domain)
     try:
-        clauses = reader(known, vocabulary).read(text)
+        clauses = read_clauses(book_of(known, vocabulary), text)
     except NotUnderstood as error:
         raise InvalidInput([explain(error, text, domain, vocabulary, place)]) from None
     return _Sentence(problem, known, vocabulary, place).arranged(clauses)
 
 
-def reader(known: Sequence[Meaning], vocabulary: Vocabulary) -> Clauses:
-    """The reader of sentences with these phrases and nouns."""
+def book_of(known: Sequence[Meaning], vocabulary: Vocabulary) -> Book:
+    """The book of these phrases and nouns."""
     patterns = [meaning.pattern for meaning in known]
-    return Clauses(tree(patterns, False), tree(patterns, True), vocabulary)
+    return Book(tree(patterns, False), tree(patterns, True), vocabulary)
 
 
 class _Sentence:
@@ -77,7 +78,11 @@ class _Sentence:
             found = found if later else []
         if found:
             raise InvalidInput(found)
-        acts = [act for number, clause in enumerate(in_time) for act in self._acts(number, clause, values[clause.offset])]
+        acts = [
+            act
+            for number, clause in enumerate(in_time)
+            for act in self._acts(number, clause, values[clause.offset])
+        ]
         exclusion = Exclusion(self.domain, self.vocabulary.objects, self.facts)
         try:
             return arrange(acts, exclusion.apart)
@@ -86,24 +91,39 @@ class _Sentence:
             meaning = self.known[clause.form.phrase]
             message = f"this act is part of an order, but its goal cannot be a stage: {meaning.phrase.goal}"
             where = self.place(clause.offset)
-            hint = "give it as a separate command, without 'then'"
+            hint = "give it as a separate command, or let its phrase mean a fluent that is true then"
             raise InvalidInput([Diagnostic(where, "K604", message, hint)]) from None
 
-    def _resolved(self, clauses: Sequence[Clause]) -> tuple[dict[int, dict[str, Sequence[Term]]], list[Diagnostic]]:
+    def _resolved(
+        self, clauses: Sequence[Clause]
+    ) -> tuple[dict[int, dict[str, Sequence[Term]]], list[Diagnostic]]:
         """The objects, numbers and times that fill the slots of each clause; and what is unclear about them."""
         references = References(self.vocabulary)
         found: list[Diagnostic] = []
         values: dict[int, dict[str, Sequence[Term]]] = {}
-        for clause in clauses:
-            types = {slot.variable: slot.type for slot in self.known[clause.form.phrase].slots}
+        for clause, following in itertools.zip_longest(clauses, clauses[1:]):
+            types = self._types(clause)
             try:
                 values[clause.offset] = {
-                    variable: self._values(words, types[variable], references)
+                    variable: self._values(
+                        self._full(words, types[variable], references, following), types[variable], references
+                    )
                     for variable, words in clause.slots.items()
                 }
             except Unclear as error:
                 found.append(Diagnostic(self.place(error.offset), "K603", error.message, error.hint))
         return values, found
+
+    def _types(self, clause: Clause) -> dict[str, str]:
+        return {slot.variable: slot.type for slot in self.known[clause.form.phrase].slots}
+
+    def _full(self, words: Words, type_: str, references: References, following: Clause | None) -> Words:
+        """The words that fill a slot; for those left out before any object is named, those of the next clause: "wash and dry part 1"."""
+        if words.how != "omitted" or references.named or following is None or following.then:
+            return words
+        types = self._types(following)
+        same = (each for variable, each in following.slots.items() if types[variable] == type_)
+        return next((each for each in same if each.how not in ("omitted", "pronoun")), words)
 
     def _values(self, words: Words, type_: str, references: References) -> Sequence[Term]:
         if words.how != "value":
@@ -137,10 +157,17 @@ class _Sentence:
             yield self._act(number, clause, meaning, bindings, named)
 
     def _act(
-        self, number: int, clause: Clause, meaning: Meaning, bindings: Mapping[str, Term], named: Sequence[Term]
+        self,
+        number: int,
+        clause: Clause,
+        meaning: Meaning,
+        bindings: Mapping[str, Term],
+        named: Sequence[Term],
     ) -> Act:
         bound = {Variable(variable): value for variable, value in bindings.items()}
-        literals = tuple(Literal(substitute_atom(each.atom, bound), each.positive) for each in meaning.conditions)
+        literals = tuple(
+            Literal(substitute_atom(each.atom, bound), each.positive) for each in meaning.conditions
+        )
         stages = tuple(each.atom for each in literals) if all(map(self._can_be_stage, literals)) else None
         goal = [condition(each, self.domain) for each in literals]
         whole = goal[0] if len(goal) == 1 else And(tuple(goal))
@@ -169,7 +196,11 @@ def _common_noun(clause: Clause) -> list[Function]:
     """What a phrase without slots is about if its words name no object: the words behind the verb. "open the gate": gate."""
     words = [part.text for part in clause.form.parts if isinstance(part, Word)]
     noun = [word for word in words[1:] if word not in PARTICLES | PREPOSITIONS and word.isidentifier()]
-    return [Function("_".join(noun))] if noun and not any(isinstance(part, Slot) for part in clause.form.parts) else []
+    return (
+        [Function("_".join(noun))]
+        if noun and not any(isinstance(part, Slot) for part in clause.form.parts)
+        else []
+    )
 
 
 def _in_order_of_time(clauses: Sequence[Clause]) -> list[Clause]:

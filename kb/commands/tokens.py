@@ -11,11 +11,12 @@ from kb.syntax import unit_seconds
 NUMBER, WORD, MARK, OTHER = "number", "word", "mark", "other"
 DASHES = ("-", "–", "..", "...")
 
-_SMALL = (
+_ONES = (
     "zero one two three four five six seven eight nine ten eleven twelve thirteen fourteen fifteen sixteen "
     "seventeen eighteen nineteen"
-).split()
-_TENS = "twenty thirty forty fifty sixty seventy eighty ninety".split()
+)
+_DECADES = "twenty thirty forty fifty sixty seventy eighty ninety"
+_SMALL, _TENS = _ONES.split(), _DECADES.split()
 COUNTS = {word: value for value, word in enumerate(_SMALL)}
 COUNTS |= {word: 10 * value for value, word in enumerate(_TENS, 2)}
 COUNTS |= {f"{ten}-{one}": COUNTS[ten] + COUNTS[one] for ten in _TENS for one in _SMALL[1:10]}

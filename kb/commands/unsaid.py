@@ -16,13 +16,14 @@ class Refusal:
     hint: str
 
 
-NEGATIONS = frozenset("not never no without avoid neither nor nothing none cannot dont don't do-not".split())
+_NEGATIONS = "not never no without avoid neither nor nothing none cannot dont don't"
+NEGATIONS = frozenset(_NEGATIONS.split())
 NO_NEGATION = "is a negation, and a command can only say what is to be done"
 INSTEAD = "say what should be so instead, or write a goal such as `not p(X)` in a problem file"
 
 KINDS = {
     "is a condition, and a command is planned before anything is known": (
-        "if unless whenever when once until till while otherwise else provided depending case soon",
+        "if unless whenever when once until till otherwise else provided depending case soon",
         "say what is to be done; a plan for the other case is another command",
     ),
     "leaves a choice, and a command says which": (
@@ -30,7 +31,7 @@ KINDS = {
         "name the objects, or write a goal with `|` or `_` in a problem file",
     ),
     "asks for two acts at the same time, which a command cannot": (
-        "meanwhile simultaneously during concurrently",
+        "meanwhile while simultaneously during concurrently",
         "join them with 'and': acts of different objects overlap where they can",
     ),
     "says how often, and a command says each act": (
@@ -63,9 +64,17 @@ KINDS = {
         "o'clock today tomorrow tonight morning evening noon midnight now ago",
         "leave it out; `due` and `release` in a problem file give times of jobs",
     ),
-    "undoes what was said, and a command is only read, not talked about": (
-        "stop abort cancel undo wait pause continue start begin resume",
+    "is about a plan that runs, and a command only says what is to be done": (
+        "stop abort cancel undo continue resume",
         "say the state that is wanted",
+    ),
+    "asks for a pause, and a plan has none of its own": (
+        "wait pause sleep",
+        "say the act that takes this long",
+    ),
+    "repeats other acts, and a command names each": (
+        "do likewise ditto same",
+        "name the objects together: 'probes 1 and 2'",
     ),
 }
 REASONS = {word: (reason, hint) for reason, (words, hint) in KINDS.items() for word in words.split()}
@@ -84,19 +93,17 @@ LANGUAGES = {
 FOREIGN = {language: frozenset(words.split()) for language, words in LANGUAGES.items()}
 
 
-def refusal(said: Sequence[Piece], index: int, known: Collection[str]) -> Refusal | None:
+def refusal(said: Sequence[Piece], index: int, known: Collection[str], example: str) -> Refusal | None:
     """Why a sentence that is not understood from piece `index` on cannot be said; None if only its words are unknown.
 
-    `known` are the words of the domain, which are never taken for anything else.
+    `known` are the words of the domain, which are never taken for anything else. `example` is one of its phrases.
     """
     strange = [piece for piece in said if piece.lower not in known and piece.value is None]
-    return next(_reasons(said, index, strange, frozenset(known)), None)
+    return next(_reasons(said, index, strange, example), None)
 
 
-def _reasons(
-    said: Sequence[Piece], index: int, strange: Sequence[Piece], known: frozenset[str]
-) -> Iterator[Refusal]:
-    if (found := _language(said, strange, known)) is not None:
+def _reasons(said: Sequence[Piece], index: int, strange: Sequence[Piece], example: str) -> Iterator[Refusal]:
+    if (found := _language(said, strange, example)) is not None:
         yield found
     for piece in strange:
         if piece.lower in NEGATIONS or piece.lower.endswith("n't"):
@@ -105,32 +112,35 @@ def _reasons(
     before = said[index - 1] if 0 < index <= len(said) else None
     if before is not None and before.lower in ("after", "before"):
         message = f"'{before.text}' needs an act behind it, said with a verb in -ing"
-        yield Refusal(before.offset, message, f"such as '{before.lower} heating probe 1, store it'; or use 'then'")
-    for piece in (here, before):
-        if piece is not None and piece in strange and piece.lower in REASONS:
+        yield Refusal(
+            before.offset, message, f"such as '{before.lower} heating probe 1, store it'; or use 'then'"
+        )
+    near = [piece for piece in (here, before, *said[index + 1 : index + 3]) if piece is not None]
+    for piece in near:
+        if piece in strange and piece.lower in REASONS:
             reason, hint = REASONS[piece.lower]
             yield Refusal(piece.offset, f"'{piece.text}' {reason}", hint)
 
 
-def _language(said: Sequence[Piece], strange: Sequence[Piece], known: frozenset[str]) -> Refusal | None:
+def _language(said: Sequence[Piece], strange: Sequence[Piece], example: str) -> Refusal | None:
     """A refusal for a sentence in another language than the phrases of the domain."""
     words = [piece for piece in strange if piece.kind == WORD or piece.text[:1].isalpha()]
     for piece in words:
         script = unicodedata.name(piece.text[0], "LATIN").split()[0]
         if script != "LATIN":
-            return _foreign(piece, f"{script.capitalize()} letters", known)
+            return _foreign(piece, f"{script.capitalize()} letters", example)
     counts = {name: sum(piece.lower in foreign for piece in words) for name, foreign in FOREIGN.items()}
     language = max(counts, key=lambda name: counts[name])
     if counts[language] >= 2 and counts[language] > sum(piece.lower in ENGLISH for piece in said):
         first = next(piece for piece in words if piece.lower in FOREIGN[language])
-        return _foreign(first, language, known)
+        return _foreign(first, language, example)
     return None
 
 
-ENGLISH = frozenset("the and then for into with after before of it them all both please an".split())
+_ENGLISH = "the and then for into with after before of it them all both please an"
+ENGLISH = frozenset(_ENGLISH.split())
 
 
-def _foreign(piece: Piece, language: str, known: Collection[str]) -> Refusal:
+def _foreign(piece: Piece, language: str, example: str) -> Refusal:
     message = f"this looks like {language}; commands are understood in the words of the domain"
-    some = ", ".join(sorted(word for word in known if word.isalpha())[:8])
-    return Refusal(piece.offset, message, f"words of this domain: {some}, ..." if some else "")
+    return Refusal(piece.offset, message, f"a phrase of this domain is: {example}")

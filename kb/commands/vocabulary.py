@@ -34,7 +34,7 @@ class Vocabulary:
         self._nouns: dict[str, Nouns] = {}
         self._called: dict[str, Nouns] = {}
         self._numbers: dict[str, frozenset[Fraction]] = {}
-        self._folded = {name.lower(): name for name in reversed(objects)}
+        self._folded = {name.lower(): name for name in reversed(list(objects))}
 
     def nouns(self, type_: str) -> Nouns:
         """The nouns for objects of a type, each with the type that it belongs to (the type itself or one below it)."""
