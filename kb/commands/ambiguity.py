@@ -126,23 +126,30 @@ def _special(
 def _nouns(domain: Domain, known: Sequence[Meaning], vocabulary: Vocabulary) -> Iterator[Diagnostic]:
     """Warnings about a noun of two types or objects that one slot can contain."""
     told: set[str] = set()
-    for slot in (slot for meaning in known for slot in meaning.slots if slot.type not in NUMERIC_TYPES):
+    for meaning, slot in ((each, slot) for each in known for slot in each.slots):
+        if slot.type in NUMERIC_TYPES:
+            continue
         owners: dict[tuple[str, ...], str] = {}
-        for group in (vocabulary.called(slot.type), vocabulary.nouns(slot.type)):
-            for noun, owner in (each for found in group.values() for each in found):
-                first, said = owners.setdefault(noun, owner), " ".join(noun)
-                if first != owner and said not in told and not _only(vocabulary, first, owner):
-                    told.add(said)
-                    where = known[0].phrase.where if owner not in domain.types else domain.types[owner].where
-                    message = f"'{said}' means both {first} and {owner}; a sentence means {first}"
-                    hint = f"give one of them another word under `words`, or say {slot.type} with its name"
-                    yield Diagnostic(where, "K607", message, hint, warning=True)
+        for noun, owner in _owners(slot.type, vocabulary):
+            first, said = owners.setdefault(noun, owner), " ".join(noun)
+            if first != owner and said not in told and not _only(vocabulary, first, owner):
+                told.add(said)
+                where = domain.types[owner].where if owner in domain.types else meaning.phrase.where
+                message = f"'{said}' means both {first} and {owner}; a sentence means {first}"
+                yield Diagnostic(
+                    where, "K607", message, "give one of them another word under `words`", warning=True
+                )
+
+
+def _owners(type_: str, vocabulary: Vocabulary) -> Iterator[tuple[tuple[str, ...], str]]:
+    """The nouns that a slot of a type can contain, those of single objects first."""
+    for nouns in (vocabulary.called(type_), vocabulary.nouns(type_)):
+        for each in nouns.values():
+            yield from each
 
 
 def _only(vocabulary: Vocabulary, name: str, type_: str) -> bool:
     """Whether an object is the only one of a type, so that its noun is also that of the type."""
-    return (
-        [each for each in vocabulary.objects if vocabulary.is_a(each, type_)] == [name]
-        if type_ in vocabulary.domain.types
-        else False
-    )
+    if type_ not in vocabulary.domain.types:
+        return False
+    return [each for each in vocabulary.objects if vocabulary.is_a(each, type_)] == [name]
