@@ -285,7 +285,7 @@ def _case(found: "Desk", answer: "Answerer", recover: bool, store: str) -> Answe
     content: dict[str, Any] = report.case_entry(made, certain, change)
     shown = [report.case(found.model, made, certain, change)]
     if recover:
-        went_on = found.recover(change, store)
+        went_on = found.recover(made, store)
         content["recovery"] = recovery.entry(went_on)
         shown.append(recovery.text(went_on))
     return Answer(_status(made), content, lambda: Group(*shown), 0 if made.finished else GAVE_UP)

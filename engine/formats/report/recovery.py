@@ -21,6 +21,15 @@ WAYS = {
 }
 
 
+class GivenUp(Protocol):
+    """A goal that is not planned for, and why."""
+
+    @property
+    def goal(self) -> str: ...
+    @property
+    def why(self) -> str: ...
+
+
 class Recovery(Protocol):
     """A plan for the rest, how it was made, how it differs from the failed plan, and the changes of a kept sequence."""
 
@@ -37,6 +46,8 @@ class Recovery(Protocol):
     @property
     def added(self) -> Sequence[Step]: ...
     @property
+    def given_up(self) -> Sequence[GivenUp]: ...
+    @property
     def sequence(self) -> progress.Progress | None: ...
 
 
@@ -50,6 +61,8 @@ def entry(found: Recovery) -> dict[str, Any]:
     if found.way != "planned":
         parts = {"kept": found.kept, "dropped": found.dropped, "added": found.added}
         content["revision"] = {name: [str(step.operator) for step in steps] for name, steps in parts.items()}
+    if found.given_up:
+        content["given_up"] = given_up_entry(found.given_up)
     if found.sequence is not None:
         content["sequence"] = progress.entry(found.sequence)
     return content
@@ -61,6 +74,17 @@ def text(found: Recovery) -> RenderableType:
     if found.way != "planned":
         said += f": {len(found.kept)} steps kept, {len(found.dropped)} dropped, {len(found.added)} added"
     shown: list[RenderableType] = [Text(said), outcomes.outcome(found.outcome, found.problem)]
+    shown += [Text(line) for line in given_up_lines(found.given_up)]
     if found.sequence is not None:
         shown += [Text("the kept sequence was updated:"), progress.text(found.sequence)]
     return Group(*shown)
+
+
+def given_up_entry(found: Sequence[GivenUp]) -> dict[str, str]:
+    """The goals that are given up, each with the reason."""
+    return {each.goal: each.why for each in found}
+
+
+def given_up_lines(found: Sequence[GivenUp]) -> list[str]:
+    """The goals that are given up, for people."""
+    return [f"given up: {each.goal}: {each.why}" for each in found]

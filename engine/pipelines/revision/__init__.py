@@ -2,6 +2,6 @@
 
 from engine.pipelines.revision.course import Course
 from engine.pipelines.revision.remaining import remaining
-from engine.pipelines.revision.revise import Revision, revise
+from engine.pipelines.revision.revise import Revision, planned_anew, revise
 
-__all__ = ["Course", "Revision", "remaining", "revise"]
+__all__ = ["Course", "Revision", "planned_anew", "remaining", "revise"]

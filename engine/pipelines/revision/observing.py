@@ -9,7 +9,7 @@ from engine.stages.validation.semantics import Denial
 from kb.asp import AspError, ground_term
 from kb.diagnostics import Diagnostic, InvalidInput, Source, nearest
 from kb.model.domain import Domain, Kind
-from kb.model.plan import StepId
+from kb.model.plan import Plan, StepId
 from kb.terms import Atom, Function, ordered
 
 
@@ -75,6 +75,18 @@ def read_steps(text: str, known: Iterable[StepId]) -> list[StepId]:
             raise _refused("--done", "K410", f"the plan has no step {missing}", said)
         found += map(StepId, numbers)
     return found
+
+
+def read_done(text: str, plan: Plan) -> list[StepId]:
+    """The steps of a plan that are done, each with everything that must come before it. Raises `InvalidInput`."""
+    done = read_steps(text, [step.id for step in plan.steps])
+    before = plan.predecessors()
+    for step in done:
+        if missing := before[step] - set(done):
+            needed = ", ".join(map(str, sorted(missing)))
+            said = f"step {step} cannot be done before {'step' if len(missing) == 1 else 'steps'} {needed}"
+            raise _refused("--done", "K411", said, "name every step that is done")
+    return done
 
 
 def _refused(option: str, code: str, message: str, hint: str) -> InvalidInput:

@@ -1,14 +1,16 @@
 """What is given to a case in words: the interrupted step, scripted outcomes, hidden causes, counts to import."""
 
 import json
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from engine.model.cases import Hypothesis
 from engine.pipelines import planning
-from engine.pipelines.revision.observing import read_steps
-from engine.pipelines.troubleshooting.recovery import rest_of
+from engine.pipelines.revision.observing import read_done
+from engine.pipelines.revision.remaining import left_over, remaining
+from engine.pipelines.simulation import Achievement, Dynamics, WorldState
+from engine.pipelines.simulation.faulty import history
 from engine.stages.diagnosis.knowledge import CURED, NOT_CURED
 from engine.stages.diagnosis.session import QUESTION, Answer
 from kb.asp import AspError, ground_term
@@ -20,7 +22,7 @@ from kb.model.faults import FaultModel, Interruption
 from kb.model.plan import Plan, StepId
 from kb.model.problem import Problem
 from kb.store.cases import ClosedCase
-from kb.terms import Function, Term
+from kb.terms import Atom, Function, Term, ordered
 
 STEP = Source("--step")
 
@@ -37,8 +39,26 @@ class Failed:
     done: str = ""
 
 
-def left_of(loaded: Loaded, failed: Failed) -> tuple[Problem, Plan]:
-    """What was left of a problem when its plan failed, and the steps that were. Raises `InvalidInput`."""
+@dataclass(frozen=True, slots=True)
+class Moment:
+    """When an exception was noticed: the problem, the steps done, and the state in which the interrupted step began.
+
+    `rest` is what was left of the problem then, and `left` are the steps that were left of the plan, if one had been made.
+    `assumed` are facts that the step needs though nothing said that they held.
+    """
+
+    problem: Problem
+    rest: Problem
+    before: WorldState
+    done: tuple[Achievement, ...] = ()
+    left: Plan | None = None
+    assumed: tuple[tuple[Atom, str], ...] = ()
+
+
+def moment_of(loaded: Loaded, step: Function | None, failed: Failed | None) -> Moment | None:
+    """The moment of an exception; None for a domain alone. Raises `InvalidInput`."""
+    if failed is None:
+        return _moment(loaded.problem, step, None, ()) if loaded.problem else None
     problem, plan = load_plan(failed.file)
     where = Source(str(failed.file))
     if loaded.problem is None or (problem.domain.name, problem.name) != (
@@ -49,13 +69,21 @@ def left_of(loaded: Loaded, failed: Failed) -> tuple[Problem, Plan]:
         raise InvalidInput([Diagnostic(where, "K412", f"this is a plan for {problem.name}", hint)])
     if wrong := planning.check_plan(problem, plan):
         raise InvalidInput(wrong)
-    done = {*_done(plan, failed)}
-    return rest_of(problem, plan, done)
+    return _moment(problem, step, plan, _done(plan, failed))
+
+
+def _moment(problem: Problem, step: Function | None, plan: Plan | None, done: Sequence[StepId]) -> Moment:
+    dynamics = Dynamics(problem)
+    state, achieved = history(dynamics, plan or Plan(()), done)
+    before = dynamics.presupposed(step, state) if step is not None else state
+    assumed = tuple((atom, f"{step} was under way") for atom in ordered(before.facts - state.facts))
+    rest = remaining(problem, before.reached, before.facts)
+    return Moment(problem, rest, before, achieved, left_over(plan, done) if plan else None, assumed)
 
 
 def _done(plan: Plan, failed: Failed) -> list[StepId]:
     if failed.done:
-        return _whole(plan, read_steps(failed.done, [step.id for step in plan.steps]))
+        return read_done(failed.done, plan)
     try:
         wanted = str(ground_term(failed.step)) if failed.step else ""
     except AspError:
@@ -65,16 +93,6 @@ def _done(plan: Plan, failed: Failed) -> list[StepId]:
             return [each.id for each in plan.steps[:number]]
     hint = "name a step of the plan, or say with --done which are done"
     raise InvalidInput([Diagnostic(STEP, "K410", "which step of the plan was interrupted?", hint)])
-
-
-def _whole(plan: Plan, done: list[StepId]) -> list[StepId]:
-    """Steps with everything that must come before them."""
-    before = plan.predecessors()
-    for step in done:
-        if missing := before[step] - set(done):
-            said = f"step {step} cannot be done before step {min(missing)}"
-            raise InvalidInput([Diagnostic(Source("--done"), "K411", said, "name every step that is done")])
-    return done
 
 
 def read_step(text: str, loaded: Loaded, exception: Interruption) -> Function | None:
