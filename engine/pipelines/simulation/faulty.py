@@ -4,10 +4,12 @@ Everything is a function of a state and of the causes, so that a true world and 
 """
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
+from engine.pipelines.barring import barred
 from engine.pipelines.simulation.dynamics import Dynamics, WorldState, fits
 from engine.stages.diagnosis.revision import Binding, bound
+from engine.stages.validation.semantics import Semantics
 from kb.model.faults import FaultModel, FaultTest, Repair
 from kb.model.plan import Plan, StepId
 from kb.terms import ANYTHING, Atom, Function, Term, is_ground, substitute, substitute_atom, variables
@@ -38,6 +40,7 @@ class FaultyCell:
     binding: Binding
     interrupted: Function | None = None
     done: tuple[Achievement, ...] = ()
+    _limited: dict[frozenset[str], Semantics] = field(default_factory=dict, compare=False)
 
     def begun(self, before: WorldState, causes: Causes) -> WorldState:
         """The state when the exception is noticed: what the causes say of it, `before` being the state before the step."""
@@ -69,7 +72,9 @@ class FaultyCell:
         return self.dynamics.changed(state, self._bound(repair.denies), self._bound(repair.adds))
 
     def failing(self, causes: Causes, step: Function) -> str:
-        """The cause that makes a step fail; empty if none does."""
+        """The cause that makes a step fail which exists; empty if none does."""
+        if isinstance(self.dynamics.semantics.binding(step), str):
+            return ""
         return next((cause for cause in causes if self._fails(cause, step)), "")
 
     def blocked(self, cause: str) -> tuple[Function, ...]:
@@ -108,12 +113,18 @@ class FaultyCell:
         return substitute_atom(known, dict.fromkeys(variables(known), ANYTHING))
 
     def _fails(self, cause: str, step: Function) -> bool:
-        operator = self.dynamics.semantics.operators.get(step.name)
-        used: Iterable[Term] = ()
-        if operator is not None:
-            bindings = dict(zip(operator.variables, step.arguments, strict=True))
-            used = {substitute(each, bindings) for each in operator.resources}
-        return _any_fits(self.blocked(cause), step) or not set(self.lost(cause)).isdisjoint(used)
+        return _any_fits(self.blocked(cause), step) or isinstance(
+            self._without_lost(cause).binding(step), str
+        )
+
+    def _without_lost(self, cause: str) -> Semantics:
+        """What steps mean without the resources that are lost with a cause."""
+        lost = frozenset(map(str, self.lost(cause)))
+        if lost not in self._limited:
+            self._limited[lost] = (
+                Semantics(barred(self.dynamics.problem, lost)) if lost else self.dynamics.semantics
+            )
+        return self._limited[lost]
 
     def _reopened(self, state: WorldState, causes: Causes) -> WorldState:
         """The state without the work that the causes put in doubt."""
