@@ -12,7 +12,7 @@ from engine.stages.validation.semantics import Semantics
 from kb.model.conditions import And, Comparison, Condition, Or
 from kb.model.domain import Operator
 from kb.model.problem import Problem
-from kb.terms import Atom, Function, Term, Variable, variables
+from kb.terms import Function, Term, Variable
 
 
 def barred(problem: Problem, lost: Collection[str] = (), blocked: Collection[Function] = ()) -> Problem:
@@ -79,12 +79,10 @@ class _Losses:
         )
 
 
-def _about(atom: Atom, resource: Term) -> bool:
-    if isinstance(resource, Variable):
-        return resource in set(variables(atom))
-    return resource == atom or (
-        isinstance(atom, Function) and any(_about(each, resource) for each in atom.arguments)
-    )
+def _about(term: Term, resource: Term) -> bool:
+    """Whether a resource is named in a term."""
+    inner = term.arguments if isinstance(term, Function) else ()
+    return term == resource or any(_about(each, resource) for each in inner)
 
 
 def _is_whole(operator: Operator, pattern: Function) -> bool:

@@ -1,16 +1,18 @@
 """The state that is expected after some steps, corrected by what was observed."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 
 from engine.pipelines.revision.course import Course
 from engine.stages.macros.lifted.execution import changes_of
 from engine.stages.macros.lifted.situation import Situation
-from engine.stages.validation.semantics import Denial
+from engine.stages.validation.semantics import Change, Denial, Semantics
 from kb.asp import AspError, ground_term
 from kb.diagnostics import Diagnostic, InvalidInput, Source, nearest
 from kb.model.domain import Domain, Kind
 from kb.model.plan import Plan, StepId
 from kb.terms import Atom, Function, ordered
+
+SHOWN = 8  # names in a hint
 
 
 def expected(course: Course, done: Iterable[StepId]) -> Situation:
@@ -25,11 +27,52 @@ def expected(course: Course, done: Iterable[StepId]) -> Situation:
 def observed(
     course: Course, here: Situation, holds: Sequence[Atom], gone: Sequence[Atom]
 ) -> tuple[Atom, ...]:
-    """The state where some atoms hold and others do not, with everything that follows by deductive operators."""
+    """The state where some atoms hold and others do not, with everything that follows by deductive operators.
+
+    Raises `InvalidInput` for atoms that are not of this problem and for those that contradict each other.
+    """
+    semantics = course.gate.semantics(course.problem)
+    wrong = [
+        *(found for atom in holds for found in _mistyped(atom, semantics, "--holds")),
+        *(found for atom in gone for found in _mistyped(atom, semantics, "--gone")),
+    ]
+    if wrong:
+        raise InvalidInput(wrong)
     denials = tuple(Denial(atom, (), (), deduced=False) for atom in gone)
-    state = here.state
-    change = course.gate.semantics(course.problem).deduce(holds, denials, state)
-    return ordered((state - change.ends) | change.adds)
+    change = semantics.deduce(holds, denials, here.state)
+    _require_agreement(change, holds, gone)
+    return ordered((here.state - change.ends) | change.adds)
+
+
+def following(
+    before: Iterable[Atom], now: Iterable[Atom], said: Collection[Atom]
+) -> tuple[tuple[Atom, bool], ...]:
+    """The facts that nobody named and that changed nevertheless: those that hold now (True) and those that no longer do."""
+    old, new, named = set(before), set(now), set(said)
+    holds, gone = ordered(new - old - named), ordered(old - new - named)
+    return (*((atom, True) for atom in holds), *((atom, False) for atom in gone))
+
+
+def _mistyped(atom: Atom, semantics: Semantics, option: str) -> Iterator[Diagnostic]:
+    """What is wrong with the arguments of an observed atom."""
+    expected = semantics.problem.domain.predicates[atom.name].arguments
+    for argument, type_ in zip(atom.arguments, expected, strict=True):
+        if not semantics.statics.has_type(argument, type_):
+            known = sorted(str(each.arguments[0]) for each in semantics.statics.named(type_))
+            hint = nearest(str(argument), known) or (f"one of {', '.join(known[:SHOWN])}" if known else "")
+            said = f"{argument} is no {type_}, but {atom.name} takes one here: {atom}"
+            yield Diagnostic(Source(option), "K103", said, hint)
+
+
+def _require_agreement(change: Change, holds: Sequence[Atom], gone: Sequence[Atom]) -> None:
+    """Raises `InvalidInput` if observed facts exclude each other."""
+    if change.contradiction is not None:
+        said = f"{change.contradiction} is observed, but another observed fact denies it"
+        raise _refused("--holds", "K301", said, f"these cannot hold together: {', '.join(map(str, holds))}")
+    both = next((atom for atom in gone if atom in change.adds), None)
+    if both is not None:
+        said = f"{both} is said to be gone, but it follows from what is said to hold"
+        raise _refused("--gone", "K301", said, "leave out one of the two")
 
 
 def read_facts(text: str, domain: Domain, option: str) -> list[Atom]:

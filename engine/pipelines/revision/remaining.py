@@ -3,6 +3,8 @@
 import dataclasses
 from collections.abc import Collection, Iterable, Mapping, Sequence
 
+from engine.pipelines.simulation import Dynamics
+from engine.pipelines.simulation.faulty import history
 from engine.stages.macros.lifted.world import StepChange
 from kb.model.conditions import And, Condition, Literal, goal_parts
 from kb.model.plan import Plan, StepId
@@ -47,3 +49,9 @@ def left_over(plan: Plan, done: Collection[StepId]) -> Plan:
         if step.id not in done
     )
     return Plan(tuple(steps))
+
+
+def rest_of(problem: Problem, plan: Plan, done: Collection[StepId]) -> tuple[Problem, Plan]:
+    """What is left of a problem after some steps of a plan for it, had each done what it should, and the other steps."""
+    state, _ = history(Dynamics(problem), plan, tuple(done))
+    return remaining(problem, state.reached, state.facts), left_over(plan, done)

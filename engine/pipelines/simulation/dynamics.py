@@ -2,13 +2,16 @@
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 
-from engine.stages.validation.datalog import holds, solve
+from engine.stages.validation.datalog import Facts, holds, solve
 from engine.stages.validation.semantics import Denial, Semantics, State
 from kb.model.conditions import Literal, goal_parts
 from kb.model.problem import Problem
 from kb.model.workflow import advanced
 from kb.terms import Atom, Function, is_ground, match, substitute_atom
+
+KEPT = 256  # states whose derived facts are kept
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,10 +33,15 @@ class Dynamics:
     def __init__(self, problem: Problem) -> None:
         self.problem = problem
         self.semantics = Semantics(problem)
+        self._derived = lru_cache(KEPT)(self.semantics.facts)
 
     def start(self) -> WorldState:
         """The state in which the problem begins."""
         return WorldState(self.semantics.initial(), {chain.name: 0 for chain in self.problem.chains})
+
+    def facts(self, state: WorldState) -> Facts:
+        """The facts of a state with those that follow by rules."""
+        return self._derived(state.facts)
 
     def refusal(self, step: Function, state: WorldState) -> str:
         """Why a step cannot be taken in a state; nothing if it can."""
@@ -41,7 +49,7 @@ class Dynamics:
         if isinstance(found, str):
             return found
         operator, bindings = found
-        if not holds(operator.precondition, self.semantics.facts(state.facts), bindings):
+        if not holds(operator.precondition, self.facts(state), bindings):
             return f"its precondition does not hold: {operator.precondition}"
         return ""
 
@@ -59,7 +67,7 @@ class Dynamics:
         found = self.semantics.binding(step)
         if isinstance(found, str):
             raise ValueError(found)
-        change = self.semantics.change(*found, self.semantics.facts(state.facts), state.facts)
+        change = self.semantics.change(*found, self.facts(state), state.facts)
         moved, _ = advanced(self.problem.chains, state.reached, change.events, change.adds)
         reached = {name: number + (name in moved) for name, number in state.reached.items()}
         facts = (state.facts - change.ends) | change.adds

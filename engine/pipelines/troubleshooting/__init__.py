@@ -3,6 +3,7 @@
 Here the exception handler's questions ("what does it take to do this test now?", "how do we go on?") are put to the planner.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -29,7 +30,7 @@ from kb.model.faults import FaultModel
 from kb.store.cases import Cases, ClosedCase, counts
 from kb.terms import Atom, Function
 
-__all__ = ["Desk", "Preparations", "Recovery", "after", "desk", "fault_model", "recover"]
+__all__ = ["Desk", "Opened", "Preparations", "Recovery", "after", "desk", "fault_model", "opened", "recover"]
 
 
 @dataclass
@@ -112,26 +113,50 @@ def desk(
     if exception not in model.exceptions:
         raise InvalidInput([unknown_name("exception", exception, model.exceptions, Source("--exception"))])
     taken = read_step(step, loaded, model.exceptions[exception])
-    binding = binding_of(model, exception, taken)
     moment = moment_of(loaded, taken, failed)
     counted = model.exceptions[exception].counts
     if store:
         with Cases(store) as cases:
             counted = counts(counted, cases.history(model.domain, exception))
-    beliefs = _beliefs(moment, model, exception, binding, taken) if moment else None
-    setup = beliefs.preparations if beliefs else no_setup
+    case = Opened(model, exception, taken, Objective(objective), counted, expansions, interrupted)
+    return opened(case, loaded.domain, moment)
+
+
+@dataclass(frozen=True, slots=True)
+class Opened:
+    """A case as it is opened: what happened to which step, and how the search for its cause is limited."""
+
+    model: FaultModel
+    exception: str
+    step: Function | None = None
+    objective: Objective = Objective.ISOLATE
+    counts: Mapping[str, float] | None = None
+    expansions: int = EXPANSIONS
+    interrupted: Interrupted = never
+    setup: bool = True  # tests are chosen by what it costs to prepare them, too
+
+
+def opened(case: Opened, domain: Domain, moment: Moment | None) -> Desk:
+    """The desk of a case; with a moment, tests and repairs are carried out in its world."""
+    binding = binding_of(case.model, case.exception, case.step)
+    beliefs = _beliefs(moment, case, binding) if moment else None
     session = Session(
-        model, exception, Objective(objective), counted, setup, expansions, interrupted, beliefs
+        case.model,
+        case.exception,
+        case.objective,
+        case.counts,
+        beliefs.preparations if beliefs and case.setup else no_setup,
+        case.expansions,
+        case.interrupted,
+        beliefs,
     )
-    return Desk(model, session, binding, loaded.domain, moment, beliefs)
+    return Desk(case.model, session, binding, domain, moment, beliefs)
 
 
-def _beliefs(
-    moment: Moment, model: FaultModel, exception: str, binding: Binding, step: Function | None
-) -> Beliefs:
+def _beliefs(moment: Moment, case: Opened, binding: Binding) -> Beliefs:
     """The beliefs at the beginning. No preparation takes the step that has just failed."""
-    cell = FaultyCell(Dynamics(moment.problem), model, exception, binding, step, moment.done)
-    others = barred(moment.rest, blocked=[step] if step else [])
+    cell = FaultyCell(Dynamics(moment.problem), case.model, case.exception, binding, case.step, moment.done)
+    others = barred(moment.rest, blocked=[case.step] if case.step else [])
     return Beliefs(cell, moment.before, Preparations(others, binding))
 
 

@@ -58,7 +58,7 @@ class Moment:
 def moment_of(loaded: Loaded, step: Function | None, failed: Failed | None) -> Moment | None:
     """The moment of an exception; None for a domain alone. Raises `InvalidInput`."""
     if failed is None:
-        return _moment(loaded.problem, step, None, ()) if loaded.problem else None
+        return moment(loaded.problem, step) if loaded.problem else None
     problem, plan = load_plan(failed.file)
     where = Source(str(failed.file))
     if loaded.problem is None or (problem.domain.name, problem.name) != (
@@ -69,10 +69,13 @@ def moment_of(loaded: Loaded, step: Function | None, failed: Failed | None) -> M
         raise InvalidInput([Diagnostic(where, "K412", f"this is a plan for {problem.name}", hint)])
     if wrong := planning.check_plan(problem, plan):
         raise InvalidInput(wrong)
-    return _moment(problem, step, plan, _done(plan, failed))
+    return moment(problem, step, plan, _done(plan, failed))
 
 
-def _moment(problem: Problem, step: Function | None, plan: Plan | None, done: Sequence[StepId]) -> Moment:
+def moment(
+    problem: Problem, step: Function | None, plan: Plan | None = None, done: Sequence[StepId] = ()
+) -> Moment:
+    """The moment when a step was interrupted, after the steps of a plan that are done."""
     dynamics = Dynamics(problem)
     state, achieved = history(dynamics, plan or Plan(()), done)
     before = dynamics.presupposed(step, state) if step is not None else state

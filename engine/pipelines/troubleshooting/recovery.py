@@ -2,24 +2,25 @@
 passed on to the sequence that is kept.
 """
 
-from collections.abc import Collection, Iterator
+from collections.abc import Collection
 from dataclasses import dataclass, replace
 
 from engine.model.cases import Revision
 from engine.model.outcome import Outcome
-from engine.pipelines.attainment import GivenUp, Obstacle
-from engine.pipelines.barring import barred
+from engine.pipelines.attainment import GivenUp
 from engine.pipelines.inspection.keeping import told_of_losses
 from engine.pipelines.inspection.progress import Progress
 from engine.pipelines.revision import Course, planned_anew, revise
-from engine.pipelines.revision.remaining import left_over, remaining
-from engine.pipelines.simulation import Dynamics, WorldState
-from engine.pipelines.simulation.faulty import history
+from engine.pipelines.revision.changes import Changes
+from engine.pipelines.revision.remaining import rest_of
+from engine.pipelines.simulation import Dynamics
 from engine.stages.planning import Limits
 from engine.stages.validation.semantics import State
-from kb.model.plan import Plan, Step, StepId
+from kb.model.plan import Plan, Step
 from kb.model.problem import Problem
-from kb.terms import Atom, is_ground, ordered
+from kb.terms import ordered
+
+__all__ = ["Recovery", "recover", "rest_of", "told"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,7 +59,7 @@ def recover(
     `InvalidInput`.
     """
     dynamics = Dynamics(problem)
-    changes = _Changes(dynamics, change)
+    changes = Changes(dynamics, change)
     now = ordered(changes.state() if believed is None else believed)
     here, obstacles, free = changes.planned_in(now), changes.obstacles(now), changes.free(now)
     if left is None or not executable:
@@ -72,62 +73,6 @@ def recover(
     return Recovery(
         found.problem, found.outcome, found.way, found.kept, found.dropped, found.added, found.given_up
     )
-
-
-@dataclass(frozen=True)
-class _Changes:
-    """A revision, and what each part of it keeps from being planned."""
-
-    dynamics: Dynamics
-    change: Revision
-
-    def state(self) -> State:
-        """The initial state of the problem after the revision, with what follows."""
-        gone, new = ([atom for atom, _ in each] for each in (self.change.withdrawn, self.change.asserted))
-        return self.dynamics.changed(WorldState(self.dynamics.semantics.initial()), gone, new).facts
-
-    def planned_in(self, now: tuple[Atom, ...]) -> Problem:
-        """The problem from a state on, without the steps that are not to be taken."""
-        return self._problem(now, self.change.lost, [pattern for pattern, _ in self.change.blocked])
-
-    def free(self, now: tuple[Atom, ...]) -> Problem:
-        """The problem as if nothing had been lost, blocked or withdrawn."""
-        facts = [atom for atom, _ in self.change.withdrawn if is_ground(atom)]
-        return self._problem(ordered(self._with(now, *facts)), (), ())
-
-    def obstacles(self, now: tuple[Atom, ...]) -> list[Obstacle]:
-        """Everything that may keep a goal from being reached, each with the problem without it."""
-        return [*self._lost(now), *self._blocked(now), *self._withdrawn(now)]
-
-    def _lost(self, now: tuple[Atom, ...]) -> Iterator[Obstacle]:
-        blocked = [pattern for pattern, _ in self.change.blocked]
-        for name in self.change.lost:
-            others = [each for each in self.change.lost if each != name]
-            yield Obstacle(f"{name} is lost", self._problem(now, others, blocked))
-
-    def _blocked(self, now: tuple[Atom, ...]) -> Iterator[Obstacle]:
-        for why in dict.fromkeys(why for _, why in self.change.blocked):
-            others = [pattern for pattern, reason in self.change.blocked if reason != why]
-            yield Obstacle(why, self._problem(now, self.change.lost, others))
-
-    def _withdrawn(self, now: tuple[Atom, ...]) -> Iterator[Obstacle]:
-        blocked = [pattern for pattern, _ in self.change.blocked]
-        for atom, why in self.change.withdrawn:
-            if is_ground(atom) and atom.name in self.dynamics.problem.domain.predicates:
-                there = self._problem(ordered(self._with(now, atom)), self.change.lost, blocked)
-                yield Obstacle(f"{atom} does not hold any more ({why})", there)
-
-    def _with(self, now: tuple[Atom, ...], *facts: Atom) -> State:
-        return self.dynamics.changed(WorldState(frozenset(now)), (), facts).facts
-
-    def _problem(self, now: tuple[Atom, ...], lost: Collection[str], blocked: Collection[Atom]) -> Problem:
-        return barred(self.dynamics.problem.replace(now), lost, blocked)
-
-
-def rest_of(problem: Problem, plan: Plan, done: Collection[StepId]) -> tuple[Problem, Plan]:
-    """What is left of a problem after some steps of a plan for it, had each done what it should, and the other steps."""
-    state, _ = history(Dynamics(problem), plan, tuple(done))
-    return remaining(problem, state.reached, state.facts), left_over(plan, done)
 
 
 def told(found: Recovery, problem: Problem, lost: Collection[str], store: str) -> Recovery:
