@@ -9,7 +9,9 @@ from dataclasses import dataclass, replace
 
 from engine.model.outcome import Found, Infeasible, Outcome
 from engine.pipelines import planning
+from engine.stages.grounding import ground
 from engine.stages.planning import Limits
+from engine.stages.planning import plan as plan_task
 from kb.model.conditions import And, Condition, goal_parts
 from kb.model.problem import Chain, Problem
 
@@ -158,7 +160,7 @@ class _Search:
         return "; ".join(dict.fromkeys(reasons)) or IN_ANY_CASE
 
     def _infeasible(self, problem: Problem) -> bool:
-        return isinstance(planning.plan(problem, self.limits), Infeasible)
+        return isinstance(plan_task(ground(problem), replace(self.limits, improvement=0)), Infeasible)
 
 
 def _next(whole: Part, final: Part | None) -> Part:

@@ -4,7 +4,6 @@ import functools
 import random
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 from engine.model.cases import Diagnosis, Hypothesis
 from engine.model.outcome import Found
@@ -15,7 +14,7 @@ from engine.pipelines.troubleshooting import Desk, Opened, Recovery, opened
 from engine.pipelines.troubleshooting.beliefs import Beliefs
 from engine.pipelines.troubleshooting.findings import Findings
 from engine.pipelines.troubleshooting.given import moment
-from engine.stages.diagnosis.knowledge import Objective
+from engine.stages.diagnosis.knowledge import CURED, Objective
 from engine.stages.diagnosis.session import QUESTION, run
 from engine.stages.validation.datalog import holds
 from kb.asp import ground_term
@@ -26,6 +25,7 @@ from kb.model.plan import Plan, Step
 from kb.model.problem import Problem
 from kb.model.workflow import lasting
 from kb.terms import Function
+from tests.places import BUNDLED
 
 
 @dataclass(frozen=True)
@@ -62,7 +62,13 @@ def work(name: str) -> Work:
         problem = replace(problem, goal=And((Literal(closed),)))
     found = planning.plan(problem)
     assert isinstance(found, Found)
-    return Work(problem, found.plan, load_faults(Path(problem.domain.path))[0])
+    return Work(problem, found.plan, faults(name))
+
+
+@functools.cache
+def faults(name: str) -> FaultModel:
+    """The fault base of a bundled problem's domain."""
+    return load_faults(BUNDLED / name.split("/")[0] / "domain.yaml")[0]
 
 
 def interruptions(given: Work, exception: str) -> list[Step]:
@@ -96,6 +102,10 @@ def carried_out(ended: Ended, recovery: Recovery) -> str:
     """What goes wrong when the recovery is carried out in the true world; nothing if it reaches what it promises."""
     if not isinstance(recovery.outcome, Found):
         return ""
+    if recovery.repair is not None:
+        if wrong := ended.world.execute(step.operator for step in recovery.repair.prepared.steps):
+            return wrong
+        assert ended.world.carry_out(recovery.repair.name) == CURED
     wrong = ended.world.execute(step.operator for step in recovery.outcome.plan.steps)
     return wrong or "; ".join(missing(ended, recovery))
 

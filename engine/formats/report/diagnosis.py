@@ -11,7 +11,7 @@ from engine.formats.report.rows import TextTable
 from engine.model.cases import Diagnosis, Revision, Stage
 from engine.model.troubleshooting import Advice, Conclude, Tree, Troubleshooting
 from kb.model.faults import FaultModel
-from kb.terms import Atom
+from kb.terms import Atom, Variable
 
 SMALL = 0.001  # texts leave out smaller probabilities
 
@@ -156,7 +156,16 @@ def _changes(certain: Mapping[Atom, float], change: Revision) -> list[str]:
     lines += [f"follows: {atom}" if holds else f"follows: not {atom}" for atom, holds in change.follows]
     lines += [f"kept: {atom} ({why})" for atom, why in change.kept]
     lines += [f"lost: {name}" for name in change.lost]
-    return lines + [f"not tried again: {step} ({why})" for step, why in change.blocked]
+    return lines + _blocked(change)
+
+
+def _blocked(change: Revision) -> list[str]:
+    """The steps that are not tried, those with one reason together."""
+    steps: dict[str, list[str]] = {}
+    for step, why in change.blocked:
+        every = all(isinstance(each, Variable) for each in step.arguments)
+        steps.setdefault(why, []).append(step.name if every else str(step))
+    return [f"not tried again: {', '.join(names)} ({why})" for why, names in steps.items()]
 
 
 def case_entry(made: Diagnosis, certain: Mapping[Atom, float], change: Revision) -> dict[str, Any]:

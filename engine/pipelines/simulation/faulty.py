@@ -3,7 +3,7 @@
 Everything is a function of a state and of the causes, so that a true world and every belief about it follow the same rules.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
 from engine.pipelines.barring import barred
@@ -12,7 +12,17 @@ from engine.stages.diagnosis.revision import Binding, bound
 from engine.stages.validation.semantics import Semantics
 from kb.model.faults import FaultModel, FaultTest, Repair
 from kb.model.plan import Plan, StepId
-from kb.terms import ANYTHING, Atom, Function, Term, is_ground, substitute, substitute_atom, variables
+from kb.terms import (
+    ANYTHING,
+    Atom,
+    Function,
+    Term,
+    Variable,
+    is_ground,
+    substitute,
+    substitute_atom,
+    variables,
+)
 
 Causes = tuple[str, ...]
 
@@ -78,9 +88,15 @@ class FaultyCell:
         return next((cause for cause in causes if self._fails(cause, step)), "")
 
     def blocked(self, cause: str) -> tuple[Function, ...]:
-        """The steps that fail while a cause is there, as patterns; the interrupted step is one of them if there are any."""
-        patterns = tuple(self._step(each) for each in self.model.blocked(cause, self.exception))
-        return (*patterns, self.interrupted) if patterns and self.interrupted is not None else patterns
+        """The steps that fail while a cause is there, as patterns; the interrupted step is one of them if there are any.
+
+        So do those whose work would not count, because the cause puts it in doubt.
+        """
+        said = (*self.model.blocked(cause, self.exception), *self._vain(cause))
+        patterns = tuple(dict.fromkeys(self._step(each) for each in said))
+        step = self.interrupted
+        named = not patterns or step is None or _any_fits(patterns, step)
+        return patterns if named or step is None else (*patterns, step)
 
     def lost(self, cause: str) -> tuple[Term, ...]:
         """The resources that are lost with a cause."""
@@ -106,6 +122,16 @@ class FaultyCell:
         last = max((n for n, each in enumerate(self.done) if _any_fits(since, each.step)), default=-1)
         touched = [_like(each, patterns) for each in self.done]
         return tuple(a for a in touched[last + 1 :] if a), tuple(a for a in touched[: last + 1] if a)
+
+    def _vain(self, cause: str) -> Iterator[Function]:
+        for operator in self.dynamics.problem.domain.operators:
+            for effect in operator.effects:
+                for pattern in self.patterns(cause):
+                    found = _unified(effect.atom, pattern) if effect.adds else None
+                    if found is not None:
+                        yield Function(
+                            operator.name, tuple(found.get(v, ANYTHING) for v in operator.variables)
+                        )
 
     def _step(self, pattern: Function) -> Function:
         """A pattern of steps with the interrupted step's arguments; what it does not bind is anything."""
@@ -154,6 +180,22 @@ def history(
             achieved.append(Achievement(step.id, step.operator, new, chains))
             state = after
     return state, tuple(achieved)
+
+
+def _unified(effect: Term, pattern: Term) -> dict[Variable, Term] | None:
+    """What the variables of an effect must be so that it fits a pattern; None if it cannot."""
+    if isinstance(pattern, Variable):
+        return {}
+    if isinstance(effect, Variable):
+        return {effect: pattern}
+    if not isinstance(effect, Function) or not isinstance(pattern, Function):
+        return {} if effect == pattern else None
+    if (effect.name, len(effect.arguments)) != (pattern.name, len(pattern.arguments)):
+        return None
+    parts = [_unified(a, b) for a, b in zip(effect.arguments, pattern.arguments, strict=True)]
+    if any(part is None for part in parts):
+        return None
+    return {variable: term for part in parts if part for variable, term in part.items()}
 
 
 def _any_fits(patterns: Iterable[Function], step: Function) -> bool:

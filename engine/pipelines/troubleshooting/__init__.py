@@ -12,7 +12,7 @@ from engine.pipelines.barring import barred
 from engine.pipelines.revision.remaining import remaining
 from engine.pipelines.simulation import Dynamics, FaultyCell
 from engine.pipelines.troubleshooting.beliefs import Beliefs
-from engine.pipelines.troubleshooting.findings import Findings
+from engine.pipelines.troubleshooting.findings import Findings, first_repair
 from engine.pipelines.troubleshooting.given import Failed, Moment, moment_of, read_step
 from engine.pipelines.troubleshooting.preparations import Preparations, after
 from engine.pipelines.troubleshooting.recovery import Recovery, recover, told
@@ -60,24 +60,35 @@ class Desk:
 
     def revision(self, made: Diagnosis) -> Revision:
         """What the case changes in the world model."""
+        if self.beliefs is not None:
+            return self._revised(self.beliefs, made)
         repaired = made.cured if made.cured in self.model.repairs else None
-        said = revision(self.model, made, self.binding, repaired)
-        if self.beliefs is None or self.moment is None:
-            known = self._known()
-            return replace(said, restored=tuple((atom, why) for atom, why in said.restored if atom in known))
-        return replace(Findings(self.beliefs, made).applied(said), assumed=self.moment.assumed)
+        said, known = revision(self.model, made, self.binding, repaired), self._known()
+        return replace(said, restored=tuple((atom, why) for atom, why in said.restored if atom in known))
 
     def recover(self, made: Diagnosis, store: str = "", limits: Limits = Limits()) -> Recovery:
-        """Plan on; a kept sequence of the problem is told what was lost. Raises `InvalidInput` without a problem."""
+        """Plan on; a kept sequence of the problem is told what was lost. Raises `InvalidInput` without a problem.
+
+        Where a cause is there still that hinders the plan, a sure repair that needs nobody comes first, if there is one.
+        """
         if self.moment is None or self.beliefs is None:
             hint = "give a problem as the target: its goals are planned for"
             raise InvalidInput([Diagnostic(Source("--recover"), "K404", "a domain has no goals", hint)])
-        change, now = self.revision(made), Findings(self.beliefs, made).believed
+        repaired = first_repair(self.beliefs, self.session, made)
+        first, beliefs, ended = repaired or (None, self.beliefs, made)
+        change, now = self._revised(beliefs, ended), Findings(beliefs, ended).believed
         moment = self.moment
         same = now.reached == moment.before.reached
         problem = moment.rest if same else remaining(moment.problem, now.reached, now.facts)
         found = recover(problem, change, limits, moment.left, now.facts, executable=same)
-        return told(found, problem, change.lost, store) if store else found
+        found = told(found, problem, change.lost, store) if store else found
+        return replace(found, repair=first)
+
+    def _revised(self, beliefs: Beliefs, made: Diagnosis) -> Revision:
+        repaired = made.cured if made.cured in self.model.repairs else None
+        said = revision(self.model, made, self.binding, repaired)
+        assumed = self.moment.assumed if self.moment else ()
+        return replace(Findings(beliefs, made).applied(said), assumed=assumed)
 
     def _known(self) -> frozenset[Atom]:
         """What held when the interrupted step began."""

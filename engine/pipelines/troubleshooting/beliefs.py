@@ -1,7 +1,7 @@
 """What the world is believed to be while a case is open: one state for each hypothesis, which all that is done moves on."""
 
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import reduce
 
 from engine.model.cases import Hypothesis, Prepared
@@ -55,6 +55,15 @@ class Beliefs:
         plans = (self.preparations.plan_from(start.facts, goal) for start in starts)
         plan = next((each for each in plans if each is not None), None)
         return None if plan is None else _prepared(plan)
+
+    def repaired(self, session: Session, repair: str) -> "tuple[Beliefs, Prepared] | None":
+        """What would be believed after a repair that helps, and the steps that prepare it; None if it cannot be prepared."""
+        prepared = self.prepare(session, repair)
+        if prepared is None:
+            return None
+        later = replace(self, deeds=list(self.deeds), _known=dict(self._known))
+        later.carried_out(repair, CURED, prepared)
+        return later, prepared
 
     def carried_out(self, action: str, outcome: str, prepared: Prepared) -> None:
         """Take in the steps that prepared an action, the step that did it, and the repair if it helped."""

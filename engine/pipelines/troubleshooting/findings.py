@@ -7,6 +7,9 @@ from engine.model.cases import Diagnosis, Revision
 from engine.pipelines.simulation import WorldState
 from engine.pipelines.simulation.dynamics import fits
 from engine.pipelines.troubleshooting.beliefs import NOTHING, Beliefs, Causes
+from engine.pipelines.troubleshooting.recovery import FirstRepair
+from engine.stages.diagnosis.knowledge import cure_chance
+from engine.stages.diagnosis.session import Session
 from kb.model.faults import FaultModel
 from kb.terms import Atom, ordered
 
@@ -113,9 +116,31 @@ class Findings:
         )
 
 
+def first_repair(
+    beliefs: Beliefs, session: Session, made: Diagnosis
+) -> tuple[FirstRepair, Beliefs, Diagnosis] | None:
+    """The repair with which a recovery begins, what is believed after it, and the case as it stands then.
+
+    None where the trouble is gone, where the cause is not known or hinders nothing, and where no repair is sure to help
+    without anybody's help.
+    """
+    model, found = beliefs.cell.model, Findings(beliefs, made)
+    hindered = any(beliefs.cell.blocked(cause) or beliefs.cell.lost(cause) for cause in found.suspects)
+    if not made.isolated or not hindered:
+        return None
+    for name in made.repairs:
+        repair = model.repairs[name]
+        sure = all(cure_chance(repair, hypothesis) == 1.0 for hypothesis, _ in made.hypotheses)
+        later = beliefs.repaired(session, name) if sure and not repair.asks else None
+        if later is not None:
+            after, prepared = later
+            return FirstRepair(name, repair.say, prepared), after, replace(made, cured=name)
+    return None
+
+
 def still_there(model: FaultModel, cause: str, certain: bool = True) -> str:
     """That a cause is there still, and what would put it right."""
-    said = f"{cause} is there still ({model.causes[cause].say})" if certain else f"{cause} may be there still"
+    said = f"{cause} is there still: {model.causes[cause].say}" if certain else f"{cause} may be there still"
     repairs = () if model.causes[cause].stops else model.repairs_of(cause)
     return f"{said}; {repairs[0].name} may put it right" if repairs else f"{said}; nobody has put it right"
 

@@ -5,7 +5,7 @@ passed on to the sequence that is kept.
 from collections.abc import Collection
 from dataclasses import dataclass, replace
 
-from engine.model.cases import Revision
+from engine.model.cases import Prepared, Revision
 from engine.model.outcome import Outcome
 from engine.pipelines.attainment import GivenUp
 from engine.pipelines.inspection.keeping import told_of_losses
@@ -20,7 +20,16 @@ from kb.model.plan import Plan, Step
 from kb.model.problem import Problem
 from kb.terms import ordered
 
-__all__ = ["Recovery", "recover", "rest_of", "told"]
+__all__ = ["FirstRepair", "Recovery", "recover", "rest_of", "told"]
+
+
+@dataclass(frozen=True, slots=True)
+class FirstRepair:
+    """A sure repair with which a recovery begins, and the steps that prepare it."""
+
+    name: str
+    say: str
+    prepared: Prepared
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,7 +38,7 @@ class Recovery:
 
     `way` is `planned` where no plan had failed, else what became of its remaining steps: done (nothing is left to do),
     continued, repaired, or replanned where no repair was found or a new plan is cheaper. `given_up` are the goals that
-    cannot be reached any more: the answer is for the others. `sequence` is the kept sequence
+    cannot be reached any more: the answer is for the others. `repair` comes before everything else. `sequence` is the kept sequence
     after it was told what was lost.
     """
 
@@ -40,6 +49,7 @@ class Recovery:
     dropped: tuple[Step, ...] = ()
     added: tuple[Step, ...] = ()
     given_up: tuple[GivenUp, ...] = ()
+    repair: FirstRepair | None = None
     sequence: Progress | None = None
 
 
