@@ -5,7 +5,7 @@ from collections.abc import Collection, Iterable, Iterator, Sequence
 from engine.pipelines.revision.course import Course
 from engine.stages.macros.lifted.execution import changes_of
 from engine.stages.macros.lifted.situation import Situation
-from engine.stages.validation.semantics import Change, Denial, Semantics
+from engine.stages.validation.semantics import Change, Denial, Semantics, State
 from kb.asp import AspError, ground_term
 from kb.diagnostics import Diagnostic, InvalidInput, Source, nearest
 from kb.model.domain import Domain, Kind
@@ -31,7 +31,13 @@ def observed(
 
     Raises `InvalidInput` for atoms that are not of this problem and for those that contradict each other.
     """
-    semantics = course.gate.semantics(course.problem)
+    return corrected(course.gate.semantics(course.problem), here.state, holds, gone)
+
+
+def corrected(
+    semantics: Semantics, state: State, holds: Sequence[Atom], gone: Sequence[Atom]
+) -> tuple[Atom, ...]:
+    """`observed` for a state and the semantics of a problem."""
     wrong = [
         *(found for atom in holds for found in _mistyped(atom, semantics, "--holds")),
         *(found for atom in gone for found in _mistyped(atom, semantics, "--gone")),
@@ -39,9 +45,9 @@ def observed(
     if wrong:
         raise InvalidInput(wrong)
     denials = tuple(Denial(atom, (), (), deduced=False) for atom in gone)
-    change = semantics.deduce(holds, denials, here.state)
+    change = semantics.deduce(holds, denials, state)
     _require_agreement(change, holds, gone)
-    return ordered((here.state - change.ends) | change.adds)
+    return ordered((state - change.ends) | change.adds)
 
 
 def following(

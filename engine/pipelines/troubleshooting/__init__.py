@@ -13,7 +13,7 @@ from engine.pipelines.revision.remaining import remaining
 from engine.pipelines.simulation import Dynamics, FaultyCell
 from engine.pipelines.troubleshooting.beliefs import Beliefs
 from engine.pipelines.troubleshooting.findings import Findings, first_repair
-from engine.pipelines.troubleshooting.given import Failed, Moment, moment_of, read_step
+from engine.pipelines.troubleshooting.given import Failed, Moment, Seen, moment_of, read_step
 from engine.pipelines.troubleshooting.preparations import Preparations, after
 from engine.pipelines.troubleshooting.recovery import Recovery, recover, told
 from engine.stages.diagnosis.exact import Interrupted, never
@@ -87,8 +87,10 @@ class Desk:
     def _revised(self, beliefs: Beliefs, made: Diagnosis) -> Revision:
         repaired = made.cured if made.cured in self.model.repairs else None
         said = revision(self.model, made, self.binding, repaired)
-        assumed = self.moment.assumed if self.moment else ()
-        return replace(Findings(beliefs, made).applied(said), assumed=assumed)
+        found = Findings(beliefs, made).applied(said)
+        if self.moment is None:
+            return found
+        return replace(found, assumed=self.moment.assumed, follows=(*self.moment.follows, *found.follows))
 
     def _known(self) -> frozenset[Atom]:
         """What held when the interrupted step began."""
@@ -114,17 +116,18 @@ def desk(
     expansions: int = EXPANSIONS,
     interrupted: Interrupted = never,
     failed: Failed | None = None,
+    seen: Seen = Seen(),
 ) -> Desk:
     """Open a case. With a problem as target, set-up is planned in it; a domain alone has none. Raises `InvalidInput`.
 
-    With the plan that failed, set-up and recovery begin where it was interrupted.
+    With the plan that failed, set-up and recovery begin where it was interrupted. `seen` corrects the state then.
     """
     loaded = load(find(target))
     model, _ = load_faults(Path(loaded.domain.path))
     if exception not in model.exceptions:
         raise InvalidInput([unknown_name("exception", exception, model.exceptions, Source("--exception"))])
     taken = read_step(step, loaded, model.exceptions[exception])
-    moment = moment_of(loaded, taken, failed)
+    moment = moment_of(loaded, taken, failed, seen)
     counted = model.exceptions[exception].counts
     if store:
         with Cases(store) as cases:

@@ -2,12 +2,12 @@
 
 import json
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from engine.model.cases import Hypothesis
 from engine.pipelines import planning
-from engine.pipelines.revision.observing import read_done
+from engine.pipelines.revision.observing import corrected, following, read_done, read_facts
 from engine.pipelines.revision.remaining import left_over, remaining
 from engine.pipelines.simulation import Achievement, Dynamics, WorldState
 from engine.pipelines.simulation.faulty import history
@@ -40,11 +40,20 @@ class Failed:
 
 
 @dataclass(frozen=True, slots=True)
+class Seen:
+    """What was observed of the world when the exception was noticed, as it is given: facts that hold, and facts that do not."""
+
+    holds: str = ""
+    gone: str = ""
+
+
+@dataclass(frozen=True, slots=True)
 class Moment:
     """When an exception was noticed: the problem, the steps done, and the state in which the interrupted step began.
 
     `rest` is what was left of the problem then, and `left` are the steps that were left of the plan, if one had been made.
-    `assumed` are facts that the step needs though nothing said that they held.
+    `assumed` are facts that the step needs though nothing said that they held; `follows` is what follows from the facts that
+    were observed.
     """
 
     problem: Problem
@@ -53,12 +62,18 @@ class Moment:
     done: tuple[Achievement, ...] = ()
     left: Plan | None = None
     assumed: tuple[tuple[Atom, str], ...] = ()
+    follows: tuple[tuple[Atom, bool], ...] = ()
 
 
-def moment_of(loaded: Loaded, step: Function | None, failed: Failed | None) -> Moment | None:
+def moment_of(
+    loaded: Loaded, step: Function | None, failed: Failed | None, seen: Seen = Seen()
+) -> Moment | None:
     """The moment of an exception; None for a domain alone. Raises `InvalidInput`."""
     if failed is None:
-        return moment(loaded.problem, step) if loaded.problem else None
+        if loaded.problem is None and seen != Seen():
+            hint = "give a problem as the target"
+            raise InvalidInput([Diagnostic(Source("--holds"), "K404", "a domain has no state", hint)])
+        return moment(loaded.problem, step, seen=seen) if loaded.problem else None
     problem, plan = load_plan(failed.file)
     where = Source(str(failed.file))
     if loaded.problem is None or (problem.domain.name, problem.name) != (
@@ -69,19 +84,33 @@ def moment_of(loaded: Loaded, step: Function | None, failed: Failed | None) -> M
         raise InvalidInput([Diagnostic(where, "K412", f"this is a plan for {problem.name}", hint)])
     if wrong := planning.check_plan(problem, plan):
         raise InvalidInput(wrong)
-    return moment(problem, step, plan, _done(plan, failed))
+    return moment(problem, step, plan, _done(plan, failed), seen)
 
 
 def moment(
-    problem: Problem, step: Function | None, plan: Plan | None = None, done: Sequence[StepId] = ()
+    problem: Problem,
+    step: Function | None,
+    plan: Plan | None = None,
+    done: Sequence[StepId] = (),
+    seen: Seen = Seen(),
 ) -> Moment:
-    """The moment when a step was interrupted, after the steps of a plan that are done."""
+    """The moment when a step was interrupted, after the steps of a plan that are done. Raises `InvalidInput`."""
     dynamics = Dynamics(problem)
-    state, achieved = history(dynamics, plan or Plan(()), done)
+    if step is not None and isinstance(why := dynamics.semantics.binding(step), str):
+        raise InvalidInput([Diagnostic(STEP, "K906", f"there is no step {step}: {why}", "")])
+    expected, achieved = history(dynamics, plan or Plan(()), done)
+    holds, gone = (
+        read_facts(text, problem.domain, option)
+        for text, option in ((seen.holds, "--holds"), (seen.gone, "--gone"))
+    )
+    facts = frozenset(corrected(dynamics.semantics, expected.facts, holds, gone))
+    state = replace(expected, facts=facts)
     before = dynamics.presupposed(step, state) if step is not None else state
-    assumed = tuple((atom, f"{step} was under way") for atom in ordered(before.facts - state.facts))
+    assumed = tuple((atom, f"{step} was under way") for atom in ordered(before.facts - facts))
     rest = remaining(problem, before.reached, before.facts)
-    return Moment(problem, rest, before, achieved, left_over(plan, done) if plan else None, assumed)
+    follows = following(expected.facts, facts, (*holds, *gone))
+    left = left_over(plan, done) if plan else None
+    return Moment(problem, rest, before, achieved, left, assumed, follows)
 
 
 def _done(plan: Plan, failed: Failed) -> list[StepId]:
