@@ -3,20 +3,23 @@
 import dataclasses
 from collections.abc import Iterable, Mapping, Sequence
 
+from engine.stages.macros.lifted.situation import Situation
 from engine.stages.macros.lifted.world import StepChange
 from kb.model.conditions import And, Condition, Literal, goal_parts
 from kb.model.problem import Chain, Problem
-from kb.model.workflow import advanced, finished, lasting
+from kb.model.workflow import advanced, begun, finished, holding, lasting
 from kb.terms import Atom, ordered
 
 
-def stages_reached(chains: Sequence[Chain], changes: Iterable[StepChange]) -> dict[str, int]:
-    """How many stages of each chain steps have reached, each as soon as possible."""
-    reached = dict.fromkeys((chain.name for chain in chains), 0)
+def stages_reached(
+    chains: Sequence[Chain], start: Situation, changes: Iterable[StepChange]
+) -> dict[str, int]:
+    """How many stages of each chain are reached by steps from a situation on, each as soon as possible."""
+    facts = start.facts
+    reached = begun(chains, holding(facts))
     for change in changes:
-        moved, _ = advanced(chains, reached, change.events, change.adds)
-        for name in moved:
-            reached[name] += 1
+        facts = change.applied(facts)
+        reached, _ = advanced(chains, reached, change.events, holding(facts))
     return reached
 
 

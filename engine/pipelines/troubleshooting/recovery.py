@@ -68,7 +68,7 @@ def rest_of(problem: Problem, plan: Plan, done: Collection[StepId]) -> tuple[Pro
     changes = changes_of(here, [step for step in plan.steps if step.id in done])
     for change in changes:
         facts = change.applied(facts)
-    reached = stages_reached(problem.chains, changes)
+    reached = stages_reached(problem.chains, here, changes)
     steps = (
         replace(step, after=tuple(each for each in step.after if each not in done))
         for step in plan.steps

@@ -40,7 +40,7 @@ def moment(course: Course, cut: int, acts: int, losses: int, draw: random.Random
     """After the first `cut` steps somebody takes a few steps of their own, and a few facts get lost."""
     steps = course.plan.steps[:cut]
     done = tuple(step.id for step in steps)
-    reached = stages_reached(course.problem.chains, changes_of(course.start, steps))
+    reached = stages_reached(course.problem.chains, course.start, changes_of(course.start, steps))
     state = course.bits(expected(course, done).facts, reached)
     for _ in range(acts):
         possible = [
