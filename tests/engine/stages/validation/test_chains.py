@@ -1,6 +1,7 @@
 """Workflows along sequences: the checker agrees with every reading of the steps, tried one after another."""
 
 import dataclasses
+import itertools
 from collections.abc import Iterator
 
 from hypothesis import HealthCheck, given, settings
@@ -62,12 +63,11 @@ def held(chains: Chains, done: Reading, up: frozenset[str]) -> Reading:
 
 
 def told(chains: Chains, events: tuple[str, ...], done: Reading) -> Iterator[Reading]:
-    if not events:
-        yield done
-        return
-    for i in range(len(chains)):
-        if waits(chains, done, i) == events[0]:
-            yield from told(chains, events[1:], tuple(n + (i == j) for j, n in enumerate(done)))
+    """How far the chains may have come after the events of one step, each moving another chain."""
+    waiting = [waits(chains, done, i) for i in range(len(chains))]
+    for own in itertools.permutations(range(len(chains)), len(events)):
+        if all(waiting[i] == event for i, event in zip(own, events, strict=True)):
+            yield tuple(n + (i in own) for i, n in enumerate(done))
 
 
 def waits(chains: Chains, done: Reading, i: int) -> str:
