@@ -4,6 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 from engine.stages.planning.effort import Effort, Interrupted
+from engine.stages.planning.improvement.exact import ROOM, Room
 from kb.model.plan import Plan
 
 
@@ -15,12 +16,17 @@ def _deaf(_: Plan) -> None:
 class Limits:
     """Work allowed: `expansions` while searching, `improvement` nodes generated once a plan is known.
 
+    In the `room` given the states of a small task are all looked at, for a cheapest plan; where it is too small,
+    `restarts` of hill climbing give other plans to choose from.
+
     `thorough` improves on until interrupted, in ever wider windows. `strategy` is one of `STRATEGIES`, or `RACE`; `seed` breaks ties where a search breaks them by chance. `interrupted` is asked
     now and then whether to stop, with the best plan so far; `improved` is called with the first plan and every better one.
     """
 
     expansions: int = 1_000_000
     improvement: int = 1_500
+    room: Room | None = ROOM
+    restarts: int = 4
     interrupted: Interrupted = field(default=lambda: False)
     thorough: bool = False
     strategy: str = "auto"

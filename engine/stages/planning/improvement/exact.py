@@ -1,0 +1,73 @@
+"""A cheapest plan of a small task, by looking at every state that can be reached more cheaply than the goal by a known plan."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+from engine.model.stages import REACHES
+from engine.model.task import Bits, GroundOperator
+from engine.stages.planning.improvement import cheapest
+from engine.stages.planning.improvement.cheapest import Cheapest, rows
+
+WORD = 32  # bits
+DEAREST = 1_000_000  # no search for a plan that may cost more
+STATES = 500_000
+CHECKS = 40_000_000  # questions whether an operator can be done in a state
+SLICE = 20_000  # expansions between questions whether to stop
+
+
+@dataclass(frozen=True, slots=True)
+class Optimum:
+    """Steps of a cheapest plan, without internal operators that reach stages; None if none is cheaper than the bound."""
+
+    steps: tuple[GroundOperator, ...] | None
+
+
+@dataclass(frozen=True, slots=True)
+class Room:
+    """How many states may be met, and how often it may be asked whether an operator can be done in one."""
+
+    states: int = STATES
+    checks: int = CHECKS
+
+
+ROOM = Room()
+
+
+def optimum(
+    operators: Sequence[GroundOperator],
+    size: int,
+    initial: Bits,
+    goals: Sequence[Bits],
+    bound: int,
+    interrupted: Callable[[], bool],
+    room: Room = ROOM,
+) -> Optimum | None:
+    """A cheapest of all plans that cost less than `bound`; None if that would take too long to find out.
+
+    `operators` have no conditional effects; `size` is the number of atoms, `goals` are alternatives. Stages are reached as
+    early as possible.
+    """
+    if bound <= 0:
+        return Optimum(None)
+    own = [each for each in operators if each.instance.name != REACHES]
+    eager = [each for each in operators if each.instance.name == REACHES]
+    most = min(room.states, room.checks // max(len(own), 1))
+    if bound > DEAREST or most < bound:
+        return None
+    words = (size + WORD - 1) // WORD
+    every = [*own, *eager]
+    sets = (
+        [each.preconditions for each in every],
+        [each.adds for each in every],
+        [each.deletes & ~each.adds for each in every],
+    )
+    needs, adds, drops = (rows(each, words) for each in sets)
+    costs = [each.cost for each in every]
+    search = Cheapest(words, costs, needs, adds, drops, len(eager), rows(goals, words), bound, most)
+    search.begin(rows([initial], words))
+    while (found := search.run(SLICE)) == cheapest.MORE:
+        if interrupted():
+            return None
+    if found == cheapest.HOPELESS:
+        return None
+    return Optimum(tuple(own[each] for each in search.path(found)) if found >= 0 else None)
