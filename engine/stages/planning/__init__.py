@@ -6,11 +6,12 @@ from engine.stages.planning.composites import NO_MACROS, Macros
 from engine.stages.planning.effort import Answer, Effort
 from engine.stages.planning.improvement.anytime import best_plan
 from engine.stages.planning.improvement.deorder import is_internal
-from engine.stages.planning.limits import Limits
+from engine.stages.planning.improvement.exact import LITTLE, ROOM
+from engine.stages.planning.limits import RESTARTS, Limits
 from engine.stages.planning.portfolio import STRATEGIES, Setting
 from engine.stages.planning.variants import TooManyVariants
 
-__all__ = ["NO_MACROS", "RACE", "STRATEGIES", "Limits", "Macros", "plan"]
+__all__ = ["LITTLE", "NO_MACROS", "RACE", "RESTARTS", "ROOM", "STRATEGIES", "Limits", "Macros", "plan"]
 
 RACE = "race"  # all strategies at once
 

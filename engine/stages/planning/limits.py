@@ -8,6 +8,9 @@ from engine.stages.planning.improvement.exact import ROOM, Room
 from kb.model.plan import Plan
 
 
+RESTARTS = 4
+
+
 def _deaf(_: Plan) -> None:
     """Nobody wants to hear of better plans."""
 
@@ -26,7 +29,7 @@ class Limits:
     expansions: int = 1_000_000
     improvement: int = 1_500
     room: Room | None = ROOM
-    restarts: int = 4
+    restarts: int = RESTARTS
     interrupted: Interrupted = field(default=lambda: False)
     thorough: bool = False
     strategy: str = "auto"

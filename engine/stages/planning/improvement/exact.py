@@ -1,17 +1,18 @@
 """A cheapest plan of a small task, by looking at every state that can be reached more cheaply than the goal by a known plan."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 from engine.model.stages import REACHES
 from engine.model.task import Bits, GroundOperator
 from engine.stages.planning.improvement import cheapest
-from engine.stages.planning.improvement.cheapest import Cheapest, rows
+from engine.stages.planning.improvement.cheapest import Cheapest, Words, rows
 
 WORD = 32  # bits
 DEAREST = 1_000_000  # no search for a plan that may cost more
 STATES = 500_000
 CHECKS = 40_000_000  # questions whether an operator can be done in a state
+FIRST, GROWTH = 8_000, 8  # states for which room is made at first, and so many times more
 SLICE = 20_000  # expansions between questions whether to stop
 
 
@@ -31,6 +32,7 @@ class Room:
 
 
 ROOM = Room()
+LITTLE = Room(states=20_000, checks=2_000_000)  # a hundredth of a second
 
 
 def optimum(
@@ -63,11 +65,31 @@ def optimum(
     )
     needs, adds, drops = (rows(each, words) for each in sets)
     costs = [each.cost for each in every]
-    search = Cheapest(words, costs, needs, adds, drops, len(eager), rows(goals, words), bound, most)
-    search.begin(rows([initial], words))
-    while (found := search.run(SLICE)) == cheapest.MORE:
-        if interrupted():
+    for capacity in _capacities(most):
+        search = Cheapest(words, costs, needs, adds, drops, len(eager), rows(goals, words), bound, capacity)
+        found = _run(search, rows([initial], words), interrupted)
+        if found >= 0:
+            return Optimum(tuple(own[each] for each in search.path(found)))
+        if found == cheapest.NONE:
+            return Optimum(None)
+        if found == cheapest.MORE:
             return None
-    if found == cheapest.HOPELESS:
-        return None
-    return Optimum(tuple(own[each] for each in search.path(found)) if found >= 0 else None)
+    return None
+
+
+def _capacities(most: int) -> Iterator[int]:
+    """Numbers of states for which room is made: little at first, as most small tasks need no more."""
+    capacity = FIRST
+    while capacity < most:
+        yield capacity
+        capacity *= GROWTH
+    yield most
+
+
+def _run(search: Cheapest, initial: Words, interrupted: Callable[[], bool]) -> int:
+    """What the search answers; `MORE` if it was interrupted."""
+    search.begin(initial)
+    found = cheapest.MORE
+    while found == cheapest.MORE and not interrupted():
+        found = search.run(SLICE)
+    return found

@@ -23,7 +23,9 @@ operators:
   raise(T, M): {adds: "up(T, M)"}
   lower(T, M): {deletes: "up(T, M)"}
 """
-DOES: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {  # the events of some steps, and the fluents they add
+DOES: dict[
+    str, tuple[tuple[str, ...], tuple[str, ...]]
+] = {  # the events of some steps, and the fluents they add
     "ring(a)": (("rung(a)",), ()),
     "ring(b)": (("rung(b)",), ()),
     "ring_both": (("rung(a)", "rung(b)"), ()),
