@@ -7,7 +7,6 @@ from engine.stages.planning.effort import Effort, Interrupted
 from engine.stages.planning.improvement.exact import ROOM, Room
 from kb.model.plan import Plan
 
-
 RESTARTS = 4
 
 
