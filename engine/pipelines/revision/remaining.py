@@ -1,4 +1,4 @@
-"""What is left of a problem when some steps of a plan are done."""
+"""The problem that is left when some steps of a plan are done."""
 
 import dataclasses
 from collections.abc import Iterable, Mapping, Sequence
@@ -24,7 +24,10 @@ def stages_reached(
 
 
 def remaining(problem: Problem, reached: Mapping[str, int], observed: Iterable[Atom]) -> Problem:
-    """The problem of what is left: chains without the stages reached, goals for what finished chains must leave behind."""
+    """The problem of what is left, from the observed state on.
+
+    Chains lose the stages that are reached. What a finished chain must leave behind becomes a goal.
+    """
     done = finished(problem.chains, reached)
     wanted = lasting(problem.chains, problem.domain)
     lasts: list[Condition] = [Literal(stage) for name, stage in wanted.items() if name in done]

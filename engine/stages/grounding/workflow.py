@@ -1,4 +1,4 @@
-"""Workflows compiled into the task: one counter per chain, advanced by the operators that reach its stages.
+"""Workflows compiled into the task: each chain has a counter, advanced by operators that reach its stages.
 
 An event happens only as the next stage of some chain. A fluent stage is reached where the fluent holds: an internal
 operator without cost moves the counter then. To reach it as soon as possible is never worse, and plans do
@@ -18,7 +18,7 @@ from kb.terms import Atom, is_ground
 
 
 def _matching(stage: Atom, universe: Universe) -> list[int]:
-    """The atoms that reach a fluent stage; `_` in it stands for anything."""
+    """The atoms that reach a fluent stage; `_` in the stage matches everything."""
     if is_ground(stage):
         return [universe.index[stage]] if stage in universe.index else []
     return [number for atom, number in universe.index.items() if reaches(atom, stage)]
@@ -26,7 +26,7 @@ def _matching(stage: Atom, universe: Universe) -> list[int]:
 
 @dataclass(frozen=True, slots=True)
 class Advance:
-    """What an operator needs and changes, beyond its own, to reach some stages."""
+    """The conditions and effects that an operator gets in addition when it reaches certain stages."""
 
     conditions: Bits = 0
     adds: Bits = 0
@@ -39,7 +39,10 @@ class Advance:
 
 
 class Workflow:
-    """The chains of a problem over numbered atoms; the counters follow the universe's atoms, from `first` on."""
+    """The chains of a problem over numbered atoms.
+
+    The counters have numbers from `first` on, after the atoms of the universe.
+    """
 
     def __init__(
         self, problem: Problem, universe: Universe, first: int, events: set[str], start: Holds

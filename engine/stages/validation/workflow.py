@@ -1,4 +1,4 @@
-"""The stages of a workflow, followed along one order of the steps."""
+"""Follows the stages of a workflow along one order of the steps."""
 
 import itertools
 from collections.abc import Iterator, Mapping, Sequence
@@ -30,8 +30,11 @@ class Reached:
 Trail = tuple[tuple[Reached, ...], ...]  # for each chain the stages reached
 
 
-class Stages:
-    """How far each chain has come. An event may belong to several chains, so every possible reading is kept."""
+class ChainProgress:
+    """How far each chain has come.
+
+    An event may belong to several chains, so all possible readings are kept.
+    """
 
     def __init__(self, domain: Domain, chains: Sequence[Chain], state: Facts) -> None:
         self.domain, self.chains, self.state = domain, chains, state
@@ -121,7 +124,7 @@ class Stages:
 
 
 def _chains_of(events: Sequence[Atom], waiting: Mapping[int, Atom]) -> Iterator[frozenset[int]]:
-    """Every way to give each event a chain of its own that waits for it."""
+    """Every way to assign the events to chains that wait for them, at most one event to a chain."""
     if not events:
         yield frozenset()
         return

@@ -1,4 +1,4 @@
-"""A workflow with variables: which step reached which stage, and what that makes equal."""
+"""Workflow chains with variables: which step reached which stage, and which terms this makes equal."""
 
 from collections.abc import Sequence
 

@@ -10,18 +10,18 @@ from engine.stages.macros.lifted.situation import Situation
 from engine.stages.macros.lookup.checking import check
 from engine.stages.macros.lookup.index import Entry, Index
 from engine.stages.macros.lookup.instantiate import instantiate
-from engine.stages.macros.lookup.matching import OutOfWork, Work, matches
+from engine.stages.macros.lookup.matching import MatchingBudget, OutOfWork, matches
 from engine.stages.macros.lookup.query import Query
 from kb.model.macro import Macrop
 from kb.model.plan import Plan
 from kb.terms import Term, Variable, is_ground, substitute_atom
 
-INSTANCES = 8  # of one MACROP that are checked before the next is tried
+INSTANCES = 8  # instances of one MACROP that are checked before the next MACROP is tried
 
 
 @dataclass(frozen=True, slots=True)
 class Hit:
-    """A checked instance: the plan, the MACROP it is of, and the situation that the plan leads to."""
+    """A checked instance: the plan, its MACROP, and the situation after the plan."""
 
     key: Hashable
     macrop: Macrop
@@ -30,14 +30,17 @@ class Hit:
 
 
 def look_up(
-    index: Index, asked: Query, work: Work | None = None, in_vain: Callable[[Entry], None] = lambda _: None
+    index: Index,
+    asked: Query,
+    work: MatchingBudget | None = None,
+    in_vain: Callable[[Entry], None] = lambda _: None,
 ) -> Hit | None:
     """The cheapest checked plan for a query from an index; None if no MACROP serves it, or none is found within `work`.
 
     MACROPs come by their cost; those whose cost only a binding tells come last, and each of them is asked. `in_vain` hears
     of each MACROP that was tried and did not serve.
     """
-    work = work if work is not None else Work()
+    work = work if work is not None else MatchingBudget()
     best: Hit | None = None
     for entry in index.candidates(asked):
         if best is not None and entry.cost is not None and entry.cost >= best.plan.cost:
@@ -55,7 +58,7 @@ def look_up(
     return best
 
 
-def _cheapest(entry: Entry, asked: Query, work: Work) -> Hit | None:
+def _cheapest(entry: Entry, asked: Query, work: MatchingBudget) -> Hit | None:
     """The cheapest instance of a MACROP; the first, if all cost the same."""
     hits = _instances(entry, asked, work)
     if entry.cost is not None:
@@ -63,7 +66,7 @@ def _cheapest(entry: Entry, asked: Query, work: Work) -> Hit | None:
     return min(hits, key=lambda hit: hit.plan.cost, default=None)
 
 
-def _instances(entry: Entry, asked: Query, work: Work) -> Iterator[Hit]:
+def _instances(entry: Entry, asked: Query, work: MatchingBudget) -> Iterator[Hit]:
     program = entry.program
     if program is None:
         return
@@ -82,9 +85,11 @@ def _instances(entry: Entry, asked: Query, work: Work) -> Iterator[Hit]:
 
 
 def gives_up(macrop: Macrop, bindings: Mapping[Variable, Term], asked: Query) -> bool:
-    """Whether an instance ends a goal that held, and does not achieve it again: seen from its last steps alone.
+    """Whether an instance ends a goal that held and does not achieve it again.
 
-    False where that takes more than the steps themselves to tell.
+    Only its last steps are examined.
+
+    False if the steps alone do not decide it.
     """
     open_ = {goal.atom for goal in asked.kept if goal.positive and is_ground(goal.atom)}
     statics = asked.world.statics

@@ -1,4 +1,4 @@
-"""From a first plan to the best one that the work allows, each better than the one before."""
+"""Improvement of a first plan, as far as the work allows. Each plan is better than the one before."""
 
 from collections.abc import Iterator, Sequence
 
@@ -18,7 +18,7 @@ OTHERS = (
     ("asp", 20_000),
     ("landmarks", 10_000),
     ("forward", 10_000),
-)  # what each may expand for a plan of its own
+)  # (strategy, expansions that it may take to find a plan of its own)
 
 
 def best_plan(setting: Setting, steps: Sequence[GroundOperator], limits: Limits) -> tuple[Plan, bool]:
@@ -113,7 +113,7 @@ def _improved(
 
 
 def _other(setting: Setting, name: str, most: int, effort: Effort) -> Sequence[GroundOperator] | None:
-    """The plan of another strategy, if it finds one soon."""
+    """The steps that another strategy finds within `most` expansions; None if it finds none."""
     try:
         answer = None if effort.over() else STRATEGIES[name](setting, Effort(most, effort.interrupted))
     except TooManyVariants:
