@@ -43,8 +43,8 @@ def settled(task: Task, state: Bits) -> Bits:
     return state
 
 
-def early(task: Task, steps: Iterable[GroundOperator]) -> list[GroundOperator]:
-    """The same steps with every stage reached as early as possible."""
+def early(task: Task, steps: Sequence[GroundOperator]) -> list[GroundOperator]:
+    """The same steps with every stage reached as early as possible; as they are if the goals want some not yet reached."""
     reaching = reaching_operators(task)
     if not reaching:
         return list(steps)
@@ -57,7 +57,7 @@ def early(task: Task, steps: Iterable[GroundOperator]) -> list[GroundOperator]:
         for each in settling(state, reaching):
             state = progress(state, each)
             made.append(each)
-    return made
+    return made if reached_goals(task, state) is not None else list(steps)
 
 
 def joined(task: Task, steps: Sequence[GroundOperator], goals: Bits) -> tuple[list[GroundOperator], Bits]:
@@ -75,7 +75,7 @@ def joined(task: Task, steps: Sequence[GroundOperator], goals: Bits) -> tuple[li
         if step.instance.name != REACHES:
             made.append(step)
             before = state
-        elif place not in late:
+        elif made and place not in late:
             made[-1] = _with(made[-1], step, before)
         state = progress(state, step)
     return made, goals

@@ -18,7 +18,7 @@ SLICE = 20_000  # expansions between questions whether to stop
 
 @dataclass(frozen=True, slots=True)
 class Optimum:
-    """Steps of a cheapest plan, without internal operators that reach stages; None if none is cheaper than the bound."""
+    """Steps of a cheapest plan, internal operators that reach stages left out; None if none is cheaper than the bound."""
 
     steps: tuple[GroundOperator, ...] | None
 
@@ -47,12 +47,14 @@ def optimum(
     """A cheapest of all plans that cost less than `bound`; None if that would take too long to find out.
 
     `operators` have no conditional effects; `size` is the number of atoms, `goals` are alternatives. Stages are reached as
-    early as possible.
+    early as possible, unless a goal wants one that is not yet reached.
     """
     if bound <= 0:
         return Optimum(None)
-    own = [each for each in operators if each.instance.name != REACHES]
     eager = [each for each in operators if each.instance.name == REACHES]
+    if any(each.deletes & goal for each in eager for goal in goals):
+        eager = []  # the goals want a stage not yet reached
+    own = operators if not eager else [each for each in operators if each.instance.name != REACHES]
     most = min(room.states, room.checks // max(len(own), 1))
     if bound > DEAREST or most < bound:
         return None
