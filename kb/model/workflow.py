@@ -35,7 +35,7 @@ def may_advance(chain: Chain, reached: int, done: Container[str]) -> bool:
     finished before the step. The chain must have a next stage, and it must have begun already or wait for no
     unfinished chain.
 
-    A step moves a chain by one stage at most.
+    The events of one step move a chain by one stage at most.
     """
     return reached < len(chain.stages) and (reached > 0 or all(name in done for name in chain.after))
 
