@@ -7,6 +7,9 @@ from collections.abc import Iterator
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from engine.model.outcome import Found
+from engine.pipelines import planning
+from engine.stages.validation import validate
 from kb.model.plan import Step
 from kb.model.problem import Chain, Problem
 from tests.engine.stages.validation.plans import atom, problem, step, wrong
@@ -110,3 +113,36 @@ def lasts(steps: list[str]) -> bool:
     """Whether what the first thing is raised to still holds at the end."""
     found = [each for each in steps if each in ("raise(a, one)", "ring_up(a, one)", *ENDS)]
     return bool(found) and found[-1] not in ENDS
+
+
+@given(chains)
+@settings(max_examples=60, deadline=None, suppress_health_check=list(HealthCheck))
+def test_planned_chains_have_the_fewest_steps_that_any_reading_needs(chains: Chains) -> None:
+    """The planner, the checker and the readings tried one after another mean the same."""
+    made = planning.plan(posed(chains))
+    longest = len(made.plan.steps) - 1 if isinstance(made, Found) else 2
+    shorter = (list(steps) for n in range(min(longest, 3) + 1) for steps in itertools.product(DOES, repeat=n))
+    assert not any(wrong(posed(chains), sequence(*steps)) == [] for steps in shorter)
+    if isinstance(made, Found):
+        assert validate(posed(chains), made.plan) == []
+
+
+def test_a_stage_that_held_before_its_turn_holds_in_every_order() -> None:
+    """Nothing may end it between the step that made it true and the step after which its turn comes."""
+    told = posed(((("rung(a)", "up(a, one)", "rung(b)"), False),))
+    first = (step(1, "raise(a, one)"), step(2, "ring(a)", 1), step(3, "ring(b)", 2))
+    assert wrong(told, first) == []
+    assert wrong(told, (*first, step(4, "lower(a, one)", 2))) == []
+    found = wrong(told, (*first, step(4, "lower(a, one)", 1)))
+    assert found == [
+        "K506: up(a, one) of c0 is reached when step 2 has come, but it may not hold then in every order"
+    ]
+
+
+def test_a_stage_that_holds_to_the_end_needs_no_order() -> None:
+    told = posed(((("rung(a)",), False), (("up(a, one)",), True)))
+    assert wrong(told, (step(1, "raise(a, one)"), step(2, "ring(a)"))) == []
+    awaited = posed(((("rung(a)",), False), (("up(a, one)",), True), (("rung(b)",), True)))
+    unordered = (step(1, "raise(a, one)"), step(2, "ring(a)"), step(3, "ring(b)", 2))
+    assert wrong(awaited, unordered) != []
+    assert wrong(awaited, (step(1, "raise(a, one)"), step(2, "ring(a)", 1), step(3, "ring(b)", 2))) == []
