@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 from engine.model.forecast import earliest_starts
 from engine.model.stages import STAGE, stage_atom
-from kb.model.plan import Plan, StepId
-from kb.model.problem import Problem
+from kb.model.plan import START, Plan, StepId
+from kb.model.problem import Chain, Problem
 from kb.terms import Atom, Term, Text
 
 
@@ -35,19 +35,34 @@ class History:
 
 def histories(problem: Problem, plan: Plan) -> tuple[History, ...]:
     """One history per chain of the workflow, read from the causal links of its stages."""
-    producers = {link.condition: link.producer for link in plan.links if link.condition.name == STAGE}
     steps = {step.id: step for step in plan.steps}
     starts = earliest_starts(plan)
     found = []
     for chain in problem.chains:
-        reached = [(stage, producers.get(stage_atom(chain, n))) for n, stage in enumerate(chain.stages, 1)]
+        reached = reached_by(plan, chain)
         happenings = tuple(
             Happening(stage, step, starts[step], steps[step].duration)
-            for stage, step in reached
-            if step is not None and step in steps
+            for n, stage in enumerate(chain.stages, 1)
+            if (step := reached.get(n)) in steps
         )
         found.append(History(chain.subject, chain.name, _names(problem, chain.subject), happenings))
     return tuple(found)
+
+
+def reached_by(plan: Plan, chain: Chain) -> dict[int, StepId]:
+    """The steps that reach the stages of a chain, by the number of stages reached then, read from causal links.
+
+    A step that reaches several stages provides the last of them. What held from the start, or was left to the end, is
+    nobody's.
+    """
+    producers = {link.condition: link.producer for link in plan.links if link.condition.name == STAGE}
+    found: dict[int, StepId] = {}
+    step: StepId | None = None
+    for number in range(len(chain.stages), 0, -1):
+        step = producers.get(stage_atom(chain, number), step)
+        if step is not None and step != START:
+            found[number] = step
+    return found
 
 
 def _names(problem: Problem, subject: Term | None) -> dict[str, str]:

@@ -1,8 +1,14 @@
-"""Finds the ground operators of a task that belong to given instances of operators."""
+"""Steps of a plan as ground operators that reach every stage of the workflow as early as possible.
 
-from collections.abc import Iterable, Mapping
+Searches reach stages that are fluents by internal operators, where they please. To reach a stage early is never worse, so
+here each internal operator stands just behind the step that makes it possible, or is joined with it.
+"""
 
-from engine.model.task import Bits, GroundOperator, Task, progress
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
+
+from engine.model.stages import REACHES, STAGE
+from engine.model.task import Bits, GroundOperator, Task, bitset, progress
 from kb.terms import Function
 
 Instances = Mapping[Function, list[GroundOperator]]
@@ -16,14 +22,109 @@ def instances(task: Task) -> Instances:
     return found
 
 
-def replayed(known: Instances, state: Bits, steps: Iterable[Function]) -> list[GroundOperator] | None:
-    """The ground operators of instances that are applied one after another from a state; None if one cannot
-    be applied.
+def reaching_operators(task: Task) -> list[GroundOperator]:
+    """The internal operators that reach stages where a fluent holds."""
+    return [operator for operator in task.operators if operator.instance.name == REACHES]
 
-    If several ground operators fit an instance, the one that reaches most stages is taken, because reaching a
-    stage early is never worse.
+
+def settling(state: Bits, reaching: Sequence[GroundOperator]) -> Iterator[GroundOperator]:
+    """The internal operators that are taken at once in a state, one after another."""
+    while ready := [each for each in reaching if not each.preconditions & ~state]:
+        for each in ready:
+            if not each.preconditions & ~state:
+                yield each
+                state = progress(state, each)
+
+
+def settled(task: Task, state: Bits) -> Bits:
+    """A state in which every stage that may be reached, and holds, is reached."""
+    for each in settling(state, reaching_operators(task)):
+        state = progress(state, each)
+    return state
+
+
+def early(task: Task, steps: Sequence[GroundOperator]) -> list[GroundOperator]:
+    """The same steps with every stage reached as early as possible; as they are if the goals want some not yet reached."""
+    reaching = reaching_operators(task)
+    if not reaching:
+        return list(steps)
+    state, made = task.initial, list[GroundOperator]()
+    for step in steps:
+        if step.instance.name == REACHES:
+            continue
+        state = progress(state, step)
+        made.append(step)
+        for each in settling(state, reaching):
+            state = progress(state, each)
+            made.append(each)
+    return made if reached_goals(task, state) is not None else list(steps)
+
+
+def joined(task: Task, steps: Sequence[GroundOperator], goals: Bits) -> tuple[list[GroundOperator], Bits]:
+    """The steps, each with the stages that it reaches, and what must hold at the end for the goals.
+
+    A stage that held before its step reached it, that still holds at the end, and that nothing waits for, is left to the
+    end: nothing need be ordered for it.
     """
-    found = []
+    stages = bitset([number for number, atom in enumerate(task.atoms) if atom.name == STAGE])
+    steps = early(task, steps)
+    late, goals = _late(task, steps, goals, stages)
+    made: list[GroundOperator] = []
+    before = state = task.initial
+    for place, step in enumerate(steps):
+        if step.instance.name != REACHES:
+            made.append(step)
+            before = state
+        elif made and place not in late:
+            made[-1] = _with(made[-1], step, before)
+        state = progress(state, step)
+    return made, goals
+
+
+def _late(
+    task: Task, steps: Sequence[GroundOperator], goals: Bits, stages: Bits
+) -> tuple[frozenset[int], Bits]:
+    """The places of internal operators that may wait for the end, and what then must hold there."""
+    final = task.initial
+    for step in steps:
+        final = progress(final, step)
+    needed, late, trigger = 0, list[int](), 0
+    triggers = []
+    for place, step in enumerate(steps):
+        trigger = trigger if step.instance.name == REACHES else place
+        triggers.append(trigger)
+    for place in reversed(range(len(steps))):
+        step = steps[place]
+        held = step.preconditions & ~step.deletes
+        new = held & steps[triggers[place]].adds & ~stages
+        if step.instance.name == REACHES and not (step.adds & needed or held & ~final or new):
+            late.append(place)
+            goals = goals & ~step.adds | step.preconditions
+        else:
+            needed |= step.preconditions
+    return frozenset(late), goals
+
+
+def _with(step: GroundOperator, reaching: GroundOperator, before: Bits) -> GroundOperator:
+    """A step that reaches one more stage; what held `before` it and it does not add, it needs."""
+    held = reaching.preconditions & before & ~step.adds
+    return replace(
+        step,
+        preconditions=step.preconditions | held,
+        adds=step.adds & ~reaching.deletes | reaching.adds,
+        deletes=step.deletes | reaching.deletes,
+    )
+
+
+def replayed(
+    task: Task, known: Instances, state: Bits, steps: Iterable[Function]
+) -> list[GroundOperator] | None:
+    """The operators of the task for instances that are applied one after another from a state, with the internal ones that
+    reach stages between them; None if an instance cannot be applied.
+
+    If several ground operators fit an instance, the one that reaches most stages is taken.
+    """
+    reaching, found = reaching_operators(task), list[GroundOperator]()
     for instance in steps:
         fitting = [each for each in known.get(instance, ()) if not each.preconditions & ~state]
         if not fitting:
@@ -31,6 +132,9 @@ def replayed(known: Instances, state: Bits, steps: Iterable[Function]) -> list[G
         best = max(fitting, key=lambda each: (each.adds & ~state).bit_count())
         found.append(best)
         state = progress(state, best)
+        for each in settling(state, reaching):
+            found.append(each)
+            state = progress(state, each)
     return found
 
 

@@ -1,11 +1,20 @@
-"""The fluent for the number of stages of a chain that are reached. Ground tasks and causal links use it."""
+"""The fluent for the number of stages of a chain that are reached. Ground tasks and causal links use it.
+
+A stage that is a fluent is reached by an internal operator of the task, where the fluent holds.
+"""
 
 from kb.model.problem import Chain
 from kb.terms import Atom, Function, Number, Text
 
 STAGE = "_stage"
+REACHES = "_reaches"
 
 
 def stage_atom(chain: Chain, reached: int) -> Atom:
     """The fluent that says how many stages of a chain are reached."""
     return Function(STAGE, (Text(chain.name), Number(reached)))
+
+
+def reaching(chain: Chain, count: int) -> Function:
+    """The internal operator that moves a chain to a count of stages."""
+    return Function(REACHES, (Text(chain.name), Number(count)))

@@ -12,6 +12,7 @@ from pathlib import Path
 
 from engine.model.forecast import earliest_starts
 from engine.model.outcome import Found, GaveUp, Infeasible, Statistics
+from engine.model.replay import instances, joined, replayed
 from engine.model.schedule import Schedule, Scheduled, Timetable
 from engine.model.shop import Job, Resource, Shop, Stage
 from engine.model.stages import STAGE
@@ -35,7 +36,7 @@ from kb.loader.plan import is_plan
 from kb.model.conventions import Conventions
 from kb.model.plan import Plan, StepId
 from kb.model.problem import Problem
-from kb.terms import Function, Number, Term
+from kb.terms import Number, Term
 
 
 def subject_of(target: str, goals: str = "", command: str = "") -> tuple[Problem, Plan | None]:
@@ -127,24 +128,19 @@ def _require_order(plan: Plan, starts: Mapping[StepId, int], steps: Sequence[Tim
 def operators_of(task: Task, plan: Plan) -> tuple[list[GroundOperator], Bits]:
     """The ground operators of a plan's steps in its order, without conditional effects, and the goal that they reach.
 
-    Several ground operators of a step may be applicable in its state. One that reaches most stages is taken. Raises
-    `Unstructured` if the plan cannot be followed in the ground task.
+    Every stage is reached as early as possible.
     """
-    variants: dict[Function, list[GroundOperator]] = {}
-    for operator in task.operators:
-        variants.setdefault(operator.instance, []).append(operator)
-    stages = bitset([number for number, atom in enumerate(task.atoms) if atom.name == STAGE])
-    state, found = task.initial, []
-    for step in plan.steps:
-        fitting = [each for each in variants.get(step.operator, ()) if each.preconditions & ~state == 0]
-        if not fitting:
-            raise Unstructured(f"step {step.id} {step.operator} cannot be followed in the ground task")
-        found.append(max(fitting, key=lambda each: (each.adds & stages).bit_count()))
-        state = progress(state, found[-1])
+    found = replayed(task, instances(task), task.initial, [step.operator for step in plan.steps])
+    if found is None:
+        raise Unstructured("a step cannot be followed")
+    state = task.initial
+    for operator in found:
+        state = progress(state, operator)
     met = [goal for goal in task.goals if _visible(task, goal) & ~state == 0]
     if not met:
-        raise Unstructured("the ground task does not show how the plan reaches its goals")
-    return plainly(task, found), _visible(task, met[0])
+        raise Unstructured("the goals are reached in a way that cannot be followed")
+    steps, goals = joined(task, plainly(task, found), _visible(task, met[0]))
+    return steps, _visible(task, goals)
 
 
 def _visible(task: Task, goal: Bits) -> Bits:

@@ -1,16 +1,21 @@
 """The meaning of a workflow: when a chain may advance, what reaches a stage, what must hold at the end.
 
+A stage that is an event is reached by a step with that event. A stage that is a fluent is reached as soon as the fluent
+holds, by whatever step, or from the start on: what holds already costs nothing.
+
 Grounding, MACROPs, revision and the checker share these definitions. They differ in how they follow a plan:
 the checker considers every chain that an event can serve, the others take only the first.
 """
 
-from collections.abc import Container, Iterable, Mapping, Sequence
+from collections.abc import Callable, Container, Iterable, Iterator, Mapping, Sequence
+from typing import Protocol
 
 from kb.model.domain import Domain, Kind
 from kb.model.problem import Chain
 from kb.terms import Atom, is_ground, match
 
 Reached = Mapping[str, int]  # for each chain, how many of its stages are reached
+Holds = Callable[[Atom], bool]  # whether a fluent stage holds in a state; `_` in it stands for anything
 
 
 def reaches(atom: Atom, stage: Atom) -> bool:
@@ -30,7 +35,7 @@ def may_advance(chain: Chain, reached: int, done: Container[str]) -> bool:
     finished before the step. The chain must have a next stage, and it must have begun already or wait for no
     unfinished chain.
 
-    A step moves a chain by one stage at most.
+    The events of one step move a chain by one stage at most.
     """
     return reached < len(chain.stages) and (reached > 0 or all(name in done for name in chain.after))
 
@@ -45,23 +50,64 @@ def next_stages(chains: Sequence[Chain], reached: Reached) -> dict[str, Atom]:
     }
 
 
-def advanced(
-    chains: Sequence[Chain], reached: Reached, events: Sequence[Atom], adds: Iterable[Atom]
-) -> tuple[dict[str, Atom], tuple[Atom, ...]]:
-    """What reaches the next stage of each chain that a step moves, and the events that move no chain.
+def settled(chains: Sequence[Chain], reached: Reached, holds: Holds) -> dict[str, int]:
+    """How far the chains are once every fluent stage that holds, and may be reached, is reached."""
+    counts = dict(reached)
+    while ready := [name for name, stage in next_stages(chains, counts).items() if holds(stage)]:
+        for name in ready:
+            counts[name] += 1
+    return counts
 
-    Each chain moves as soon as possible. An event serves only the first chain that waits for it; an atom
-    serves all of them.
+
+def begun(chains: Sequence[Chain], holds: Holds) -> dict[str, int]:
+    """How far the chains are in the initial state."""
+    return settled(chains, {chain.name: 0 for chain in chains}, holds)
+
+
+def advanced(
+    chains: Sequence[Chain], reached: Reached, events: Sequence[Atom], holds: Holds
+) -> tuple[dict[str, int], tuple[Atom, ...]]:
+    """How far the chains are after a step, and those of its events that move no chain.
+
+    `holds` is about the state after the step. An event serves only the first chain that waited for it before the step.
     """
-    left, added = list(events), tuple(adds)
-    moved: dict[str, Atom] = {}
+    counts, left = dict(reached), list(events)
     for name, stage in next_stages(chains, reached).items():
-        atom = next((each for each in (*left, *added) if reaches(each, stage)), None)
-        if atom is not None:
-            moved[name] = atom
-            if atom in left:
-                left.remove(atom)
-    return moved, tuple(left)
+        event = next((each for each in left if reaches(each, stage)), None)
+        if event is not None:
+            counts[name] += 1
+            left.remove(event)
+    return settled(chains, counts, holds), tuple(left)
+
+
+class State(Protocol):
+    """Ground atoms, by predicate."""
+
+    def __contains__(self, atom: Atom, /) -> bool:
+        """Whether an atom is true."""
+
+    def named(self, name: str, /) -> Iterable[Atom]:
+        """Every true atom of a predicate."""
+
+
+class Listed(frozenset[Atom]):
+    """A state of a few atoms."""
+
+    def named(self, name: str) -> Iterator[Atom]:
+        """Every atom of a predicate, in the order of their text."""
+        return (atom for atom in sorted(self, key=str) if atom.name == name)
+
+
+def holding(state: State) -> Holds:
+    """Whether a fluent stage holds in a state."""
+    return lambda stage: next(those_reaching(stage, state), None) is not None
+
+
+def those_reaching(stage: Atom, state: State) -> Iterator[Atom]:
+    """The atoms of a state that reach a stage."""
+    if is_ground(stage):
+        return (atom for atom in (stage,) if atom in state)
+    return (atom for atom in state.named(stage.name) if reaches(atom, stage))
 
 
 def superseded(chains: Sequence[Chain]) -> frozenset[str]:

@@ -41,5 +41,6 @@ def origin_text(content: "Mapping[str, Any]") -> "list[RenderableType]":
         return []
     from engine.formats.report.macros import folded, origin
 
-    said = origin(found["origin"], found["macrop"], found["name"], found["reason"])
-    return [each for each in (folded(found.get("parts", ())), said) if each]
+    parts = folded(found.get("parts", ()))
+    said = origin(found["origin"], found["macrop"], found["name"], found["reason"], listed=parts is not None)
+    return [each for each in (parts, said) if each]

@@ -135,7 +135,7 @@ def _plan(wanted: PlanRequest, form: PlanForm, stats: bool, work: SearchOptions)
     from engine.faces.cli.origin import planned
     from engine.formats.report import json
     from engine.pipelines import planning
-    from engine.stages.planning import Limits
+    from engine.stages.planning import LITTLE, RESTARTS, ROOM, Limits
 
     _require_strategy(work.strategy)
     limit_memory(work.megabytes)
@@ -144,6 +144,8 @@ def _plan(wanted: PlanRequest, form: PlanForm, stats: bool, work: SearchOptions)
         problem = task.problem if task else planning.problem_of(wanted.target, wanted.goals, wanted.command)
         limits = Limits(
             work.expansions,
+            room=LITTLE if wanted.pddl else ROOM,
+            restarts=0 if wanted.pddl else RESTARTS,
             interrupted=interrupted,
             thorough=work.anytime,
             strategy=work.strategy,

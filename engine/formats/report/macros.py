@@ -103,14 +103,14 @@ def figures(found: "Figures", subsequences: int, inner: "Utility") -> Renderable
     return TextTable(("", ""), [*rows, ("schema", str(found.schema))])
 
 
-def origin(kind: str, number: int | None, name: str, reason: str) -> Text:
-    """One sentence about where a plan came from."""
+def origin(kind: str, number: int | None, name: str, reason: str, listed: bool = False) -> Text:
+    """One sentence about where a plan came from; `listed` is whether its parts are shown above it."""
     match kind:
         case "library":
             return Text(f"An instance of MACROP {number}, {name}.")
         case "parts":
             whole = f" The whole was learned as MACROP {number}, {name}." if number is not None else ""
-            return Text(f"Composed of the parts above.{whole}")
+            return Text(f"Composed of {'the parts above' if listed else 'MACROPs'}.{whole}")
         case "planner" if number is not None:
             return Text(f"Planned, and learned as MACROP {number}, {name}.")
         case "planner" if reason:

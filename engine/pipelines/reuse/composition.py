@@ -17,7 +17,7 @@ from engine.stages.macros.lifted.situation import Situation
 from engine.stages.macros.lookup.checking import check
 from engine.stages.macros.lookup.query import Query, signature
 from engine.stages.planning.elimination import eliminate
-from engine.stages.planning.improvement.deorder import deorder
+from engine.stages.planning.improvement.deorder import deorder, is_internal
 from kb.model.conditions import TRUE, And, Literal, goal_parts
 from kb.model.plan import Plan, Step, StepId
 from kb.model.problem import Problem
@@ -160,7 +160,7 @@ def _slim(problem: Problem, asked: Query, made: Sequence[tuple[Problem, Served]]
     task = ground(problem.replace(ordered(asked.facts)))
     origin = [number for number, (_, served) in enumerate(made) for _ in served.plan.steps]
     steps = [step.operator for _, served in made for step in served.plan.steps]
-    operators = replayed(instances(task), task.initial, steps)
+    operators = replayed(task, instances(task), task.initial, steps)
     if operators is None:
         return None
     found = _ordered_anew(task, operators)
@@ -192,9 +192,10 @@ def _ordered_anew(task: Task, operators: Sequence[GroundOperator]) -> tuple[Plan
     if goals is None or any(operator.conditional for operator in operators):
         return None
     kept = eliminate(task.initial, operators, goals)
+    own = [operator for operator in operators if not is_internal(operator.instance)]
     positions, place = [], 0
-    for operator in kept:
-        while operators[place] is not operator:
+    for operator in (each for each in kept if not is_internal(each.instance)):
+        while own[place] is not operator:
             place += 1
         positions.append(place)
         place += 1

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
-from engine.model.replay import Instances, instances, reached_goals, replayed
+from engine.model.replay import Instances, instances, reached_goals, replayed, settled
 from engine.model.stages import STAGE, stage_atom
 from engine.model.task import Bits, GroundOperator, Task, indices
 from engine.pipelines.gate import PlanGate
@@ -48,7 +48,8 @@ class Course:
         return instances(self.task)
 
     def bits(self, observed: Iterable[Atom], reached: Mapping[str, int]) -> Bits:
-        """A state of the task: the observed atoms that the task has, the stages reached, and complements."""
+        """A state of the task: what is observed, the stages reached and those that hold now, complements; atoms it does not
+        know are left out."""
         found = sum({1 << self.index[atom] for atom in observed if atom in self.index})
         for chain in self.problem.chains:
             found |= 1 << self.index[stage_atom(chain, reached[chain.name])]
@@ -60,11 +61,12 @@ class Course:
                     found |= 1 << number
             elif atom.name.startswith("_") and atom.name != STAGE and self.task.initial >> number & 1:
                 found |= 1 << number
-        return found
+        return settled(self.task, found)
 
     def executed(self, state: Bits, steps: Iterable[Function]) -> list[GroundOperator] | None:
-        """The ground operators of `steps`, executed one after another from `state`; None if one is not applicable."""
-        return replayed(self.instances, state, steps)
+        """The ground operators of instances taken one after another from a state, with the internal ones that reach stages
+        between them; None if an instance cannot be taken."""
+        return replayed(self.task, self.instances, state, steps)
 
     def kernels(self, steps: Sequence[GroundOperator], goals: Bits) -> list[Bits]:
         """For each position, the atoms that the steps from there on need to reach the goals; the last are the goals."""

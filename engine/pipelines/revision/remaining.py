@@ -5,21 +5,24 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 
 from engine.pipelines.simulation import Dynamics
 from engine.pipelines.simulation.faulty import history
+from engine.stages.macros.lifted.situation import Situation
 from engine.stages.macros.lifted.world import StepChange
 from kb.model.conditions import And, Condition, Literal, goal_parts
 from kb.model.plan import Plan, StepId
 from kb.model.problem import Chain, Problem
-from kb.model.workflow import advanced, finished, lasting
+from kb.model.workflow import advanced, begun, finished, holding, lasting
 from kb.terms import Atom, ordered
 
 
-def stages_reached(chains: Sequence[Chain], changes: Iterable[StepChange]) -> dict[str, int]:
-    """How many stages of each chain the steps have reached. A stage counts as reached as soon as possible."""
-    reached = dict.fromkeys((chain.name for chain in chains), 0)
+def stages_reached(
+    chains: Sequence[Chain], start: Situation, changes: Iterable[StepChange]
+) -> dict[str, int]:
+    """How many stages of each chain are reached by steps from a situation on, each as soon as possible."""
+    facts = start.facts
+    reached = begun(chains, holding(facts))
     for change in changes:
-        moved, _ = advanced(chains, reached, change.events, change.adds)
-        for name in moved:
-            reached[name] += 1
+        facts = change.applied(facts)
+        reached, _ = advanced(chains, reached, change.events, holding(facts))
     return reached
 
 

@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from engine.model.outcome import Found, Outcome
+from engine.model.replay import early
 from engine.model.stages import STAGE
 from engine.model.task import Bits, GroundOperator, progress
 from engine.pipelines import planning
@@ -67,7 +68,7 @@ def revise(
     """
     finished = [step for step in course.plan.steps if step.id in set(done)]
     left = [step for step in course.plan.steps if step.id not in set(done)]
-    reached = stages_reached(course.problem.chains, changes_of(course.start, finished))
+    reached = stages_reached(course.problem.chains, course.start, changes_of(course.start, finished))
     problem = remaining(course.problem, reached, observed)
     repair = _PlanRepair(course, problem, reached, left, limits)
     repaired, way = repair.plan()
@@ -157,17 +158,17 @@ class _PlanRepair:
     def _tail(self) -> tuple[Bits, list[GroundOperator]] | None:
         """The goals that the plan was to reach, and the steps that were left, as ground operators; None if they fail."""
         finished = [step for step in self.course.plan.steps if step not in self.left]
-        operators = self.course.executed(
-            self.course.task.initial, [s.operator for s in [*finished, *self.left]]
-        )
-        if operators is None:
-            return None
-        state = self.course.task.initial
-        for operator in operators:
-            state = progress(state, operator)
+        state, operators = self.course.task.initial, list[GroundOperator]()
+        for steps in (finished, self.left):
+            task = dataclasses.replace(self.course.task, initial=state)
+            executed = self.course.executed(state, [step.operator for step in steps])
+            if executed is None:
+                return None
+            operators = plainly(task, executed)  # kernels do not see conditional effects
+            for operator in operators:
+                state = progress(state, operator)
         goals = self.course.reached_goals(state)
-        left = plainly(self.course.task, operators)[len(finished) :]  # kernels do not see conditional effects
-        return None if goals is None else (goals, left)
+        return None if goals is None else (goals, operators)
 
     def _over_a_gap(
         self, here: Bits, steps: Sequence[GroundOperator], goals: Bits, kernels: Sequence[Bits]
@@ -202,7 +203,7 @@ class _PlanRepair:
     def _made(self, here: Bits, steps: Sequence[GroundOperator], goals: Bits) -> Plan | None:
         """A plan of those steps that are needed; None if it does not pass the gate."""
         task = dataclasses.replace(self.course.task, initial=here)
-        kept = eliminate(here, plainly(task, steps), goals)
+        kept = eliminate(here, early(task, plainly(task, steps)), goals)
         made = deorder(task, kept, goals)
         shifted = Plan(made.steps, tuple(self._shifted(link) for link in made.links))
         return self._passed(shifted)

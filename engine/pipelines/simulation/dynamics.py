@@ -1,6 +1,6 @@
 """States of a cell, and what steps and sudden changes make of them, by the meaning that the checker gives to a domain."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 
@@ -9,8 +9,10 @@ from engine.stages.validation.datalog import Facts, holds, solve
 from engine.stages.validation.semantics import Semantics
 from kb.model.conditions import Literal, goal_parts
 from kb.model.problem import Problem
-from kb.model.workflow import advanced
+from kb.model.workflow import Listed, advanced, begun, holding, reaches
 from kb.terms import Atom, Function, is_ground, match, substitute_atom
+
+Move = tuple[str, int, Atom]  # a chain, the number of its stage that is reached, and the atom that reaches it
 
 KEPT = 256  # states whose derived facts are kept
 
@@ -38,7 +40,8 @@ class Dynamics:
 
     def start(self) -> WorldState:
         """The state in which the problem begins."""
-        return WorldState(self.semantics.initial(), {chain.name: 0 for chain in self.problem.chains})
+        facts = self.semantics.initial()
+        return WorldState(facts, begun(self.problem.chains, holding(Listed(facts))))
 
     def facts(self, state: WorldState) -> Facts:
         """The facts of a state with those that follow by rules."""
@@ -60,8 +63,8 @@ class Dynamics:
 
     def effects(
         self, step: Function, state: WorldState
-    ) -> tuple[WorldState, tuple[Atom, ...], dict[str, Atom]]:
-        """The state after a step, what the step adds, events included, and for each chain that it moves what moves it.
+    ) -> tuple[WorldState, tuple[Atom, ...], tuple[Move, ...]]:
+        """The state after a step, what the step adds, events included, and the stages that are reached with it.
 
         Raises `ValueError` if there is no such step.
         """
@@ -69,10 +72,19 @@ class Dynamics:
         if isinstance(found, str):
             raise ValueError(found)
         change = self.semantics.change(*found, self.facts(state), state.facts)
-        moved, _ = advanced(self.problem.chains, state.reached, change.events, change.adds)
-        reached = {name: number + (name in moved) for name, number in state.reached.items()}
         facts = (state.facts - change.ends) | change.adds
-        return WorldState(facts, reached), (*change.adds, *change.events), moved
+        reached, _ = advanced(self.problem.chains, state.reached, change.events, holding(Listed(facts)))
+        added = (*change.adds, *change.events)
+        moves = self._moves(state.reached, reached, (*change.events, *facts))
+        return WorldState(facts, reached), added, tuple(moves)
+
+    def _moves(
+        self, before: Mapping[str, int], after: Mapping[str, int], true: Sequence[Atom]
+    ) -> Iterator[Move]:
+        for chain in self.problem.chains:
+            for number in range(before[chain.name], after[chain.name]):
+                atom = next(each for each in true if reaches(each, chain.stages[number]))
+                yield chain.name, number + 1, atom
 
     def changed(self, state: WorldState, denied: Iterable[Atom], added: Iterable[Atom]) -> WorldState:
         """The state after something has happened by itself, with all that follows by deductive operators.

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
 from engine.pipelines.barring import barred
-from engine.pipelines.simulation.dynamics import Dynamics, WorldState, fits
+from engine.pipelines.simulation.dynamics import Dynamics, Move, WorldState, fits
 from engine.stages.diagnosis.revision import Binding, bound
 from engine.stages.validation.semantics import Semantics
 from kb.model.faults import FaultModel, FaultTest, Repair
@@ -29,12 +29,12 @@ Causes = tuple[str, ...]
 
 @dataclass(frozen=True, slots=True)
 class Achievement:
-    """A step that is done: the facts and events that it brought about, and for each chain that it moved the stage reached."""
+    """A step that is done: the facts and events that it brought about, and the stages that were reached with it."""
 
     id: StepId
     step: Function
     added: tuple[Atom, ...] = ()
-    moved: tuple[tuple[str, int, Atom], ...] = ()
+    moved: tuple[Move, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -71,11 +71,14 @@ class FaultyCell:
         """
         if self.failing(causes, step) or self.dynamics.refusal(step, state):
             return state
-        after, added, moved = self.dynamics.effects(step, state)
+        after, added, moves = self.dynamics.effects(step, state)
         patterns = [pattern for cause in causes for pattern in self.patterns(cause)]
         vain = [atom for atom in added if _any_fits(patterns, atom) and atom not in state.facts]
-        still = {name: state.reached[name] for name, atom in moved.items() if _any_fits(patterns, atom)}
-        return replace(self.dynamics.changed(after, vain, ()), reached={**after.reached, **still})
+        reached = dict(after.reached)
+        for name, number, atom in moves:
+            if _any_fits(patterns, atom):
+                reached[name] = min(reached[name], number - 1)
+        return replace(self.dynamics.changed(after, vain, ()), reached=reached)
 
     def cured(self, state: WorldState, repair: Repair) -> WorldState:
         """The state after a repair has helped."""
@@ -174,10 +177,9 @@ def history(
     achieved = []
     for step in plan.steps:
         if step.id in names:
-            after, added, moved = dynamics.effects(step.operator, state)
+            after, added, moves = dynamics.effects(step.operator, state)
             new = tuple(atom for atom in added if atom not in state.facts)
-            chains = tuple((name, after.reached[name], atom) for name, atom in moved.items())
-            achieved.append(Achievement(step.id, step.operator, new, chains))
+            achieved.append(Achievement(step.id, step.operator, new, moves))
             state = after
     return state, tuple(achieved)
 

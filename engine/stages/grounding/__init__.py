@@ -41,6 +41,7 @@ from kb.model.conditions import goal_parts
 from kb.model.normalise import Normaliser
 from kb.model.problem import Problem
 from kb.model.statement import Statement
+from kb.model.workflow import Listed, holding
 from kb.terms import Atom, Function, Number
 
 
@@ -117,13 +118,15 @@ class _Grounding:
             range(DERIVED, DERIVED + len(universe.derived)),
             derivations(self.rules, self.vocabulary, universe),
         )
-        workflow = Workflow(self.problem, universe, len(universe.atoms), self.vocabulary.events)
+        workflow = Workflow(
+            self.problem, universe, len(universe.atoms), self.vocabulary.events, holding(Listed(initial))
+        )
         goals = self._goals(universe, supports, len(universe.atoms) + len(workflow.atoms))
         numbering = Numbering(len(universe.atoms) + len(workflow.atoms) + len(goals.atoms))
         effects = deduction(self.domain, self.vocabulary, universe)
         changes = conditional_changes(self.conditionals, self.schemas, universe)
         made = Instances(universe, effects, supports, workflow, numbering, changes)
-        operators = list(made.operators(instances(self.schemas, self.vocabulary, universe)))
+        operators = [*made.operators(instances(self.schemas, self.vocabulary, universe)), *workflow.reaching]
         self.found += contradictions(made, universe)
         self.found += self._overflows(universe, supports, made)
         start = bitset([universe.index[atom] for atom in initial]) | workflow.initial | goals.initial

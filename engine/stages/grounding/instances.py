@@ -121,7 +121,7 @@ class Instances:
         """
         fluents = all(each.positive and not self.universe.is_derived(each.atom) for each in schema.literals)
         effects = schema.operator.effects
-        staged = self.workflow.reaching or any(each.atom.name in self.workflow.events for each in effects)
+        staged = any(each.atom.name in self.workflow.events for each in effects)
         return fluents and not staged and not any(map(is_conditional, effects))
 
     def _plain(self, rows: InstanceRows) -> Iterator[GroundOperator]:
@@ -155,7 +155,7 @@ class Instances:
             for support in supports:
                 base = self.numbering.bits(support)
                 changes = closing.changes(row, base, instance)
-                for advance in self.workflow.advances(events, changes.adds, effects):
+                for advance in self.workflow.advances(events):
                     needs, adds = base | advance.conditions, changes.adds | advance.adds
                     deletes = changes.deletes | advance.deletes
                     yield GroundOperator(instance, needs, adds, deletes, effects, held, duration, cost)

@@ -1,19 +1,19 @@
 """Workflows compiled into the task: each chain has a counter, advanced by operators that reach its stages.
 
-An event happens only as the next stage of a chain. An operator that adds the fluent of a stage may reach this
-stage if the counter stands just before it. To reach a stage as soon as possible is never worse. So it is
-enough that each operator has the choice to reach it, and no conditional effects are needed.
+An event happens only as the next stage of some chain. A fluent stage is reached where the fluent holds: an internal
+operator without cost moves the counter then. To reach it as soon as possible is never worse, and plans do
+(`engine.model.replay`), so that it is no choice of the operators that add the fluent.
 """
 
 import itertools
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-from engine.model.stages import stage_atom
-from engine.model.task import Bits, ConditionalEffect, bitset, indices
+from engine.model.stages import reaching, stage_atom
+from engine.model.task import Bits, GroundOperator, bitset
 from engine.stages.grounding.universe import Universe
 from kb.model.problem import Chain, Problem
-from kb.model.workflow import lasting, reaches
+from kb.model.workflow import Holds, begun, lasting, reaches
 from kb.terms import Atom, is_ground
 
 
@@ -44,24 +44,26 @@ class Workflow:
     The counters have numbers from `first` on, after the atoms of the universe.
     """
 
-    def __init__(self, problem: Problem, universe: Universe, first: int, events: set[str]) -> None:
+    def __init__(
+        self, problem: Problem, universe: Universe, first: int, events: set[str], start: Holds
+    ) -> None:
         self.events = events
         self.atoms: list[Atom] = []
         self.initial = self.goal = 0
         self.groups: list[Bits] = []
+        self.reaching: list[GroundOperator] = []
         self._event_stages: dict[Atom, list[Advance]] = {}
-        self._fluent_stages: dict[int, list[Advance]] = {}
         self._finished: dict[str, Bits] = {}
         self._lasting = lasting(problem.chains, problem.domain)
+        counts = begun(problem.chains, start)
         for chain in problem.chains:
-            self._add(chain, universe, first)
-        self.reaching = bitset(list(self._fluent_stages))  # the atoms that reach a fluent stage
+            self._add(chain, counts[chain.name], universe, first)
 
-    def _add(self, chain: Chain, universe: Universe, first: int) -> None:
+    def _add(self, chain: Chain, count: int, universe: Universe, first: int) -> None:
         start = first + len(self.atoms)
         self.atoms.extend(stage_atom(chain, reached) for reached in range(len(chain.stages) + 1))
         counters = [1 << (start + reached) for reached in range(len(chain.stages) + 1)]
-        self.initial |= counters[0]
+        self.initial |= counters[count]
         self.goal |= counters[-1]
         self.groups.append(sum(counters))
         self._finished[chain.name] = counters[-1]
@@ -69,41 +71,30 @@ class Workflow:
         for earlier in chain.after:
             waits |= self._finished[earlier]
         for reached, stage in enumerate(chain.stages):
-            advance = Advance(
-                counters[reached] | (0 if reached else waits), counters[reached + 1], counters[reached]
-            )
+            needed = counters[reached] | (0 if reached else waits)
+            advance = Advance(needed, counters[reached + 1], counters[reached])
             if stage.name in self.events:
                 self._event_stages.setdefault(stage, []).append(advance)
             else:
-                reaching = _matching(stage, universe)
-                for atom in reaching:
-                    self._fluent_stages.setdefault(atom, []).append(advance)
-                if reached + 1 == len(chain.stages) and chain.name in self._lasting:
-                    self.goal |= bitset(reaching)
+                self._reach(advance, chain, reached + 1, _matching(stage, universe))
+        if chain.name in self._lasting:
+            self.goal |= bitset(_matching(chain.stages[-1], universe))
 
-    def advances(
-        self, events: Sequence[Atom], added: Bits, effects: Sequence[ConditionalEffect] = ()
-    ) -> Iterator[Advance]:
-        """The ways in which an operator with these events, adds and effects can move the counters.
+    def _reach(self, advance: Advance, chain: Chain, count: int, atoms: Sequence[int]) -> None:
+        """The internal operators that move a chain to a count while one of some atoms holds."""
+        name = reaching(chain, count)
+        for atom in atoms:
+            needed = advance.conditions | 1 << atom
+            self.reaching.append(GroundOperator(name, needed, advance.adds, advance.deletes, cost=0))
 
-        There is no way if an event belongs to no stage. A conditional effect moves a counter only where its
-        condition holds.
-        """
-        sources = [(0, added), *((each.condition, each.adds) for each in effects)]
-        if not events and not any(adds & self.reaching for _, adds in sources):
-            yield Advance()
-            return
-        choices: list[list[Advance]] = [self._event_stages.get(event, []) for event in events]
-        for condition, adds in sources:
-            reached = (each for atom in indices(adds) for each in self._fluent_stages.get(atom, ()))
-            choices.extend([Advance(), each | Advance(condition)] for each in reached)
+    def advances(self, events: Sequence[Atom]) -> Iterator[Advance]:
+        """The ways in which an operator with these events can move the counters; none if an event has no stage."""
+        choices = [self._event_stages.get(event, []) for event in events]
         for combination in itertools.product(*choices):
             total = Advance()
             for advance in combination:
                 total = total | advance
-            if total.adds.bit_count() == sum(
-                advance.adds.bit_count() for advance in combination
-            ) and self._one_each(total):
+            if total.adds.bit_count() == len(combination) and self._one_each(total):
                 yield total
 
     def _one_each(self, advance: Advance) -> bool:

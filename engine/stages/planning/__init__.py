@@ -9,11 +9,13 @@ from engine.model.task import Task
 from engine.stages.planning.composites import NO_MACROS, Macros
 from engine.stages.planning.effort import Effort, SearchResult
 from engine.stages.planning.improvement.anytime import best_plan
-from engine.stages.planning.limits import Limits
+from engine.stages.planning.improvement.deorder import is_internal
+from engine.stages.planning.improvement.exact import LITTLE, ROOM
+from engine.stages.planning.limits import RESTARTS, Limits
 from engine.stages.planning.portfolio import STRATEGIES, Setting
 from engine.stages.planning.variants import TooManyVariants
 
-__all__ = ["NO_MACROS", "RACE", "STRATEGIES", "Limits", "Macros", "plan"]
+__all__ = ["LITTLE", "NO_MACROS", "RACE", "RESTARTS", "ROOM", "STRATEGIES", "Limits", "Macros", "plan"]
 
 RACE = "race"  # all strategies at the same time
 
@@ -45,9 +47,13 @@ def plan(task: Task, limits: Limits = Limits(), macros: Macros = NO_MACROS) -> O
         return Infeasible("the goals cannot be reached together, whatever is done", statistics)
     if answer.steps is None:
         return Infeasible("every way to the goals has been tried", statistics)
-    best = best_plan(setting, answer.steps, limits)
-    proved = limits.strategy == "shortest" and len({operator.cost for operator in task.operators}) == 1
-    return Found(best, statistics, optimal=proved)
+    best, proved = best_plan(setting, answer.steps, limits)
+    return Found(best, statistics, optimal=proved or (limits.strategy == "shortest" and _uniform(task)))
+
+
+def _uniform(task: Task) -> bool:
+    """Whether a plan with fewest steps is cheapest. Every plan has as many internal steps, which are free."""
+    return len({each.cost for each in task.operators if not is_internal(each.instance)}) == 1
 
 
 def _statistics(effort: Effort, answer: SearchResult | None = None) -> Statistics:

@@ -4,7 +4,10 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 from engine.stages.planning.effort import Effort, Interrupted
+from engine.stages.planning.improvement.exact import ROOM, Room
 from kb.model.plan import Plan
+
+RESTARTS = 4
 
 
 def _deaf(_: Plan) -> None:
@@ -15,15 +18,18 @@ def _deaf(_: Plan) -> None:
 class Limits:
     """The work that a call of the planner may do.
 
-    A search may expand `expansions` nodes. Improvement may generate `improvement` nodes after a plan is
-    found; if `thorough` is set, it continues in ever wider windows until it is interrupted. `strategy` is one
-    of `STRATEGIES`, or `RACE`. With a `seed` other than 0, searches break ties by chance, with this seed. The
-    planner calls `interrupted` from time to time and, if it returns True, stops with the best plan so far. It
-    calls `improved` with the first plan and with every better one.
+    A search may expand `expansions` nodes. If all states of the task fit into `room`, the plan is a cheapest one.
+    If not, improvement may generate `improvement` nodes for each plan that is found: for the first one, and for
+    those of `restarts` of hill climbing. If `thorough` is set, improvement continues in ever wider windows until
+    it is interrupted. `strategy` is one of `STRATEGIES`, or `RACE`. With a `seed` other than 0, searches break
+    ties by chance, with this seed. The planner calls `interrupted` from time to time and, if it returns True,
+    stops with the best plan so far. It calls `improved` with the first plan and with every better one.
     """
 
     expansions: int = 1_000_000
     improvement: int = 1_500
+    room: Room | None = ROOM
+    restarts: int = RESTARTS
     interrupted: Interrupted = field(default=lambda: False)
     thorough: bool = False
     strategy: str = "auto"

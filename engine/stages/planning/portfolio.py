@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 from functools import cached_property
 from typing import NamedTuple, Protocol
 
+from engine.model.replay import early
 from engine.model.task import Task
 from engine.stages.planning.composites import NO_MACROS, Macros
 from engine.stages.planning.effort import NO_PLAN, Effort, SearchResult
@@ -227,7 +228,7 @@ def _second(setting: Setting, first: SearchResult, effort: Effort) -> SearchResu
 
 def _price(setting: Setting, answer: SearchResult) -> tuple[int, int]:
     steps = plainly(setting.task, answer.steps or ())
-    kept = eliminate(setting.task.initial, steps, reached(setting.task, steps))
+    kept = eliminate(setting.task.initial, early(setting.task, steps), reached(setting.task, steps))
     return sum(step.cost for step in kept), len(kept)
 
 

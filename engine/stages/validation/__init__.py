@@ -78,18 +78,19 @@ class _Check:
     def _executes(self) -> bool:
         self.start = self.semantics.initial()
         state = self.semantics.layer(self.start)
-        stages = ChainProgress(self.problem.domain, self.problem.chains)
+        stages = ChainProgress(self.problem.domain, self.problem.chains, state)
         for step in self.plan.steps:
             change = self._execute(step, state)
             if change is None:
                 return False
-            unexpected = stages.step(step.id, change.events, change.adds)
+            after = state.after(change.ends, change.adds)
+            unexpected = stages.step(step.id, change.events, change.adds, after)
             if unexpected is not None:
                 self._report(
                     "K506", f"step {step.id} {step.operator}: {unexpected} is not the next stage of any chain"
                 )
                 return False
-            state = state.after(change.ends, change.adds)
+            state = after
         self.final, self.stages = state, stages
         return True
 
@@ -140,32 +141,43 @@ class _Check:
         facts = self.semantics.facts(self.final)
         for failed in self._failed(self.problem.goal, facts, {}):
             self._report("K502", f"the goal {failed} does not hold at the end", self._why(failed))
-        for stage in self.stages.missing(self.final):
+        for stage in self.stages.missing():
             self._report("K506", f"the workflow misses {stage}")
 
     def _check_stages(self) -> None:
         for earlier, later, why in self.stages.orders():
             if earlier != later and earlier not in self.before[later]:
                 self._report("K506", f"steps {earlier} and {later} must be ordered: {why}")
+        for name, reached in self.stages.reached().items():
+            for each in reached:
+                if each.held and not any(self._held(atom, each.step) for atom in each.held):
+                    said = f"{each.stage} of {name} is reached when step {each.step} has come"
+                    self._report("K506", f"{said}, but it may not hold then in every order")
+
+    def _held(self, atom: Atom, step: StepId) -> bool:
+        """Whether an atom holds in every order when a step has come."""
+        adders = [executed.step.id for executed in self._touching[atom] if atom in executed.change.adds]
+        return any(
+            not self._broken(CausalLink(each, atom, step)) for each in (START, *adders) if each != step
+        )
 
     def _check_links(self) -> None:
         for link in self.plan.links:
-            if not is_stage(link.condition):
-                self._check_link(link)
+            if not is_stage(link.condition) and (broken := self._broken(link)):
+                said = f"link {link.producer} to {link.consumer} for {link.condition}"
+                self._report("K504", f"{said}: {broken}")
 
-    def _check_link(self, link: CausalLink) -> None:
-        said = f"link {link.producer} to {link.consumer} for {link.condition}"
+    def _broken(self, link: CausalLink) -> str:
+        """Why what a link says does not hold in every order; or nothing."""
         atom, positive = signed(link.condition)
         if (
             link.producer != START
             and link.consumer != GOAL
             and link.producer not in self.before[link.consumer]
         ):
-            self._report("K504", f"{said}: the producer is not ordered before the consumer")
-            return
+            return "the producer is not ordered before the consumer"
         if not self._produces(link.producer, atom, positive):
-            self._report("K504", f"{said}: the producer does not achieve it")
-            return
+            return "the producer does not achieve it"
         for executed in self._touching[atom]:
             other = executed.step.id
             early = link.producer != START and other in self.before[link.producer]
@@ -173,15 +185,15 @@ class _Check:
             if early or late or other in (link.producer, link.consumer):
                 continue
             if self._destroys(executed, atom, positive):
-                self._report(
-                    "K504", f"{said}: step {other} {executed.step.operator} can come between and end it"
-                )
-                return
+                return f"step {other} {executed.step.operator} can come between and end it"
+        return ""
 
     @cached_property
     def _touching(self) -> dict[Atom, list[Executed]]:
-        """For the condition of each link the steps that may add or deny it, in their order."""
-        touching: dict[Atom, list[Executed]] = {signed(link.condition)[0]: [] for link in self.plan.links}
+        """For the condition of each link and each stage that held, the steps that may add or deny it, in their order."""
+        held = (atom for own in self.stages.reached().values() for each in own for atom in each.held)
+        linked = (signed(link.condition)[0] for link in self.plan.links)
+        touching: dict[Atom, list[Executed]] = {atom: [] for atom in (*linked, *held)}
         for executed in self.executed.values():
             atoms = touching if executed.deductions else executed.denied | executed.change.adds
             for atom in atoms:

@@ -2,18 +2,32 @@
 
 import itertools
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 
 from engine.stages.validation.datalog import Facts
 from kb.model.domain import Domain
-from kb.model.plan import StepId
+from kb.model.plan import START, StepId
 from kb.model.problem import Chain
-from kb.model.workflow import lasting, next_stages, reaches
+from kb.model.workflow import begun, holding, lasting, next_stages, reaches, settled, those_reaching
 from kb.terms import Atom
 
 Counters = tuple[int, ...]
 
 
-Trail = tuple[tuple[StepId, ...], ...]  # for each chain, the steps that reached its stages
+@dataclass(frozen=True, slots=True)
+class Reached:
+    """A stage that is reached once a step has ended, or at the start.
+
+    `held` are the atoms that reached it if they held already and the step does not add them; empty if the step itself
+    reaches the stage, by an event or by what it adds.
+    """
+
+    stage: Atom
+    step: StepId
+    held: tuple[Atom, ...] = ()
+
+
+Trail = tuple[tuple[Reached, ...], ...]  # for each chain the stages reached
 
 
 class ChainProgress:
@@ -22,23 +36,41 @@ class ChainProgress:
     An event may belong to several chains, so all possible readings are kept.
     """
 
-    def __init__(self, domain: Domain, chains: Sequence[Chain]) -> None:
-        self.domain, self.chains = domain, chains
-        self.readings: dict[Counters, Trail] = {tuple(0 for _ in chains): tuple(() for _ in chains)}
+    def __init__(self, domain: Domain, chains: Sequence[Chain], state: Facts) -> None:
+        self.domain, self.chains, self.state = domain, chains, state
+        counts = begun(chains, holding(state))
+        start = tuple(tuple(Reached(s, START) for s in c.stages[: counts[c.name]]) for c in chains)
+        self.readings: dict[Counters, Trail] = {tuple(map(len, start)): start}
 
-    def step(self, step: StepId, events: Sequence[Atom], adds: frozenset[Atom]) -> Atom | None:
-        """Advance by what a step did. Returns an event that no chain expects now; None if there is none."""
+    def step(self, step: StepId, events: Sequence[Atom], adds: frozenset[Atom], state: Facts) -> Atom | None:
+        """Move on by what a step did, to a state; the event that no chain expects now, if there is one."""
         moved: dict[Counters, Trail] = {}
         for reading, trail in self.readings.items():
-            waiting = self._waiting(reading)
-            reached = {index for index, stage in waiting.items() if any(reaches(a, stage) for a in adds)}
-            for chosen in _chains_of(events, waiting):
-                after = tuple(n + (i in reached or i in chosen) for i, n in enumerate(reading))
-                moved.setdefault(after, _extended(trail, reading, after, step))
+            for chosen in _chains_of(events, self._waiting(reading)):
+                counts = [count + (index in chosen) for index, count in enumerate(reading)]
+                after = self._settled(counts, state)
+                longer = tuple(
+                    (*own, *self._new(chain, range(before, now), step, (*events, *adds), state))
+                    for chain, own, before, now in zip(self.chains, trail, reading, after, strict=True)
+                )
+                moved.setdefault(after, longer)
         if not moved:
             return events[0]
-        self.readings = moved
+        self.readings, self.state = moved, state
         return None
+
+    def _settled(self, counts: Sequence[int], state: Facts) -> Counters:
+        names = [chain.name for chain in self.chains]
+        found = settled(self.chains, dict(zip(names, counts, strict=True)), holding(state))
+        return tuple(found[name] for name in names)
+
+    def _new(
+        self, chain: Chain, numbers: range, step: StepId, done: Sequence[Atom], state: Facts
+    ) -> Iterator[Reached]:
+        for number in numbers:
+            stage = chain.stages[number]
+            own = any(reaches(atom, stage) for atom in done)
+            yield Reached(stage, step, () if own else tuple(those_reaching(stage, state)))
 
     def _waiting(self, reading: Counters) -> dict[int, Atom]:
         """The next stage of each chain that may advance."""
@@ -46,7 +78,7 @@ class ChainProgress:
         stages = next_stages(self.chains, reached)
         return {i: stages[chain.name] for i, chain in enumerate(self.chains) if chain.name in stages}
 
-    def missing(self, state: Facts) -> list[str]:
+    def missing(self) -> list[str]:
         """The stages that the most advanced reading has not reached, and last fluents that no longer hold."""
         best = max(self.readings, key=sum)
         found = [
@@ -55,14 +87,34 @@ class ChainProgress:
             if n < len(chain.stages)
         ]
         wanted = lasting(self.chains, self.domain).values()
-        return [*found, *(f"{last} at the end" for last in wanted if last not in state)]
+        return [*found, *(f"{last} at the end" for last in wanted if last not in self.state)]
 
-    def orders(self) -> Iterator[tuple[StepId, StepId, str]]:
-        """Pairs of steps that must be ordered, and why: stages of one chain, or of chains that follow each
-        other.
+    def reached(self) -> dict[str, tuple[Reached, ...]]:
+        """For each chain the stages for which an order matters, in the most advanced reading.
+
+        Those that held before their step and hold at the end are left out if nothing waits for them: they are reached in
+        every order.
         """
         trail = self.readings[max(self.readings, key=sum)]
-        steps = dict(zip((chain.name for chain in self.chains), trail, strict=True))
+        found: dict[str, tuple[Reached, ...]] = {}
+        awaited: set[str] = set()
+        for chain, own in zip(reversed(self.chains), reversed(trail), strict=True):
+            while own and chain.name not in awaited and self._holds_at_last(own[-1]):
+                own = own[:-1]
+            found[chain.name] = own
+            if own:
+                awaited.update(chain.after)
+        return found
+
+    def _holds_at_last(self, reached: Reached) -> bool:
+        return bool(reached.held) and holding(self.state)(reached.stage)
+
+    def orders(self) -> Iterator[tuple[StepId, StepId, str]]:
+        """Pairs of steps that must be ordered, and why: stages of one chain, and chains after others."""
+        steps = {
+            name: [each.step for each in reached if each.step != START]
+            for name, reached in self.reached().items()
+        }
         for chain in self.chains:
             for earlier, later in itertools.pairwise(steps[chain.name]):
                 yield earlier, later, f"they reach stages of {chain.name}"
@@ -80,7 +132,3 @@ def _chains_of(events: Sequence[Atom], waiting: Mapping[int, Atom]) -> Iterator[
         if reaches(events[0], stage):
             rest = {other: each for other, each in waiting.items() if other != index}
             yield from (frozenset({index}) | chosen for chosen in _chains_of(events[1:], rest))
-
-
-def _extended(trail: Trail, before: Counters, after: Counters, step: StepId) -> Trail:
-    return tuple((*t, step) if a > b else t for t, b, a in zip(trail, before, after, strict=True))

@@ -26,7 +26,7 @@ def test_plain_python_in_place_of_a_kernel_is_told_once_and_not_in_the_answer(
 ) -> None:
     monkeypatch.setattr(bits, "__file__", str(TOP / "engine" / "kernels" / "bits.py"))
     result = CliRunner().invoke(app, ["plan", "bulkhead/one_point", "--format", "json"])
-    assert json.loads(result.stdout)["status"] == "found"
+    assert json.loads(result.stdout)["status"] == "optimal"
     assert result.stderr == UNCOMPILED
 
 

@@ -9,7 +9,17 @@ from kb.model.conditions import TRUE
 from kb.model.domain import Domain, Effect, Kind, Operator, Predicate
 from kb.model.plan import Plan, Step, StepId
 from kb.model.problem import Chain, Problem
-from kb.model.workflow import advanced, finished, lasting, may_advance, next_stages, reaches
+from kb.model.workflow import (
+    Listed,
+    advanced,
+    begun,
+    finished,
+    holding,
+    lasting,
+    may_advance,
+    next_stages,
+    reaches,
+)
 from kb.terms import ANYTHING, Function
 
 BAKED, COOLED, SHUT = Function("baked"), Function("cooled"), Function("shut")
@@ -44,9 +54,24 @@ def test_an_open_place_in_a_stage_stands_for_anything() -> None:
 def test_an_event_serves_one_chain_and_an_atom_all_that_wait_for_it() -> None:
     twins = [Chain("one", (BAKED,)), Chain("other", (BAKED,)), Chain("third", (SHUT,))]
     none = dict.fromkeys(("one", "other", "third"), 0)
-    assert advanced(twins, none, (BAKED,), (SHUT,)) == ({"one": BAKED, "third": SHUT}, ())
-    assert advanced(twins[:2], none, (), (BAKED,)) == ({"one": BAKED, "other": BAKED}, ())
-    assert advanced(twins[:1], none, (COOLED,), ()) == ({}, (COOLED,))
+    shut, open_ = holding(Listed([SHUT])), holding(Listed())
+    assert advanced(twins, none, (BAKED,), shut) == ({"one": 1, "other": 0, "third": 1}, ())
+    both = (*twins, replace(twins[2], name="fourth"))
+    assert advanced(both, {**none, "fourth": 0}, (), shut)[0] == {**none, "third": 1, "fourth": 1}
+    assert advanced(twins, none, (COOLED,), open_) == (none, (COOLED,))
+
+
+def test_what_holds_already_is_reached_at_once_however_many_chains_wait_for_it() -> None:
+    shut = holding(Listed([SHUT]))
+    assert begun(CHAINS, shut) == {"first": 0, "second": 0}
+    assert begun((SECOND,), shut) == {"second": 0}  # it waits for one that is not there
+    assert begun((replace(SECOND, after=()),), shut) == {"second": 1}
+    assert advanced(CHAINS, {"first": 1, "second": 0}, (COOLED,), shut)[0] == {"first": 2, "second": 1}
+    last = Chain("third", (SHUT, SHUT), after=("second",))
+    assert advanced((*CHAINS, last), {"first": 1, "second": 0, "third": 0}, (COOLED,), shut)[0]["third"] == 2
+    anything = Chain("some", (Function("at", (ANYTHING,)),))
+    assert begun((anything,), holding(Listed([Function("at", (SHUT,))]))) == {"some": 1}
+    assert begun((anything,), holding(Listed([SHUT]))) == {"some": 0}
 
 
 def test_the_last_fluent_of_a_subject_lasts_and_no_event_does() -> None:

@@ -68,6 +68,8 @@ class Proof:
 
     def _lift(self, step: Step) -> None:
         schema, bindings = self.world.binding(step.operator)
+        if schema.universal:
+            raise NotGeneral(f"a condition of {step.operator.name} is about all objects")
         fresh = {variable: self.world.schemas.fresh(variable) for variable in schema.variables()}
         self.schemas[step.id] = schema.renamed(fresh)
         self._header[step.id] = {variable: fresh[variable] for variable in schema.operator.variables}

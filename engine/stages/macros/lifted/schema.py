@@ -21,7 +21,10 @@ from kb.terms import ANYTHING, Atom, Function, Substitution, Term, Variable, sub
 
 @dataclass(frozen=True, slots=True)
 class OperatorSchema:
-    """An operator, the alternatives of its precondition, all that it may add or deny, and its events."""
+    """An operator: the alternatives of its precondition and all that it may add, deny and let happen.
+
+    `universal` is whether one of its conditions speaks of all objects.
+    """
 
     operator: Operator
     body: Body
@@ -29,6 +32,7 @@ class OperatorSchema:
     adds: tuple[Following, ...]
     denies: tuple[Following, ...]
     events: tuple[Atom, ...]
+    universal: bool = False
 
     def renamed(self, bindings: Substitution) -> "OperatorSchema":
         """The same schema with other variables. `bindings` must contain the variables of the header."""
@@ -39,6 +43,7 @@ class OperatorSchema:
             tuple(each.renamed(bindings) for each in self.adds),
             tuple(each.renamed(bindings) for each in self.denies),
             tuple(substitute_atom(each, bindings) for each in self.events),
+            self.universal,
         )
 
     def variables(self) -> Iterator[Variable]:
@@ -62,10 +67,8 @@ class Schemas:
         self._operators = {each.name: each for each in domain.operators}
         self._made: dict[str, OperatorSchema] = {}
         self._fresh = itertools.count(1)
-        self._normaliser = Normaliser()
-        self.rules = tuple(
-            Rule(self._closed(each.head), tuple(map(self._named_apart, each.body))) for each in domain.rules
-        )
+        self._normaliser, self._goals = Normaliser(), Normaliser()
+        self.rules = tuple(map(self._rule_apart, domain.rules))
         self._deduction = DeductiveOperators(
             map(self._deductive_apart, domain.deductive_operators), self.fresh
         )
@@ -100,11 +103,23 @@ class Schemas:
         Raises `NotGeneral` for a condition on all objects: it may be true of these objects and false for
         others.
         """
-        found = self._normaliser.disjuncts(condition, types)
-        if self._normaliser.rules:
-            self._normaliser.rules.clear()
+        found = self._goals.disjuncts(condition, types)
+        if self._goals.rules:
+            self._goals.rules.clear()
             raise NotGeneral(f"the condition is about all objects: {condition}")
         return tuple(tuple(self._named_apart(part) for part in body) for body in found)
+
+    def _alternatives(self, condition: Condition, types: dict[Variable, str]) -> tuple[Body, ...]:
+        """The same, with a derived predicate of its own for what is said of all objects."""
+        known = len(self._normaliser.rules)
+        found = self._normaliser.disjuncts(condition, types)
+        new = self._normaliser.rules[known:]
+        self.kinds.update((each.head.name, Kind.DERIVED) for each in new)
+        self.rules += tuple(map(self._rule_apart, new))
+        return tuple(tuple(self._named_apart(part) for part in body) for body in found)
+
+    def _rule_apart(self, rule: Rule) -> Rule:
+        return Rule(self._closed(rule.head), tuple(map(self._named_apart, rule.body)))
 
     def _deductive_apart(self, each: DeductiveOperator) -> DeductiveOperator:
         consequences = tuple(
@@ -132,7 +147,8 @@ class Schemas:
 
     def _make(self, operator: Operator) -> OperatorSchema:
         types = {parameter.variable: parameter.type for parameter in operator.parameters}
-        alternatives = self.disjuncts(operator.precondition, types)
+        known = len(self.rules)
+        alternatives = self._alternatives(operator.precondition, types)
         explicit = [self._explicit(effect.atom, effect, types) for effect in operator.effects]
         events = tuple(e.atom for e in operator.effects if self.kinds.get(e.atom.name) is Kind.EVENT)
         plain = [(e, each) for e, found in zip(operator.effects, explicit, strict=True) for each in found]
@@ -148,7 +164,8 @@ class Schemas:
         ]
         added, denied = self._deduction.closure(adds, first, sorted(held, key=str))
         body = (*type_guards(operator.parameters), *without_aggregates(operator.body, operator.parameters))
-        return OperatorSchema(operator, body, alternatives, tuple(added), tuple(denied), events)
+        universal = len(self.rules) > known
+        return OperatorSchema(operator, body, alternatives, tuple(added), tuple(denied), events, universal)
 
     def _explicit(self, atom: Atom, effect: Effect, types: dict[Variable, str]) -> list[Following]:
         if effect.condition == TRUE and not effect.parameters:
@@ -156,7 +173,7 @@ class Schemas:
         fresh = {p.variable: self.fresh(p.variable) for p in effect.parameters}
         inner = {**types, **{p.variable: p.type for p in effect.parameters}}
         found = []
-        for body in self.disjuncts(effect.condition, inner):
+        for body in self._alternatives(effect.condition, inner):
             parts = renamed_body((*type_guards(effect.parameters), *body), fresh)
             needs = tuple(part for part in parts if self.is_dynamic(part))
             guard = tuple(part for part in parts if not self.is_dynamic(part))

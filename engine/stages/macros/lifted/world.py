@@ -46,6 +46,8 @@ class CellDomain:
         self.schemas = schemas if schemas is not None else Schemas(problem.domain)
         self.ground_step = lru_cache(KEPT)(self._ground_step)
         self._plain: dict[str, bool] = {}
+        self._stratified: tuple[Rule, ...] | None = None
+        self._strata: list[list[Rule]] = []
 
     @cached_property
     def statics(self) -> Facts:
@@ -64,9 +66,14 @@ class CellDomain:
         """The digests of the domain's parts."""
         return Digests(self.domain)
 
-    @cached_property
+    @property
     def strata(self) -> list[list[Rule]]:
-        """The rules of derived predicates in groups. Negation in a group refers only to earlier groups."""
+        """The rules of derived predicates in an order in which negation looks only backwards."""
+        if self._stratified is not self.schemas.rules:  # operators add rules when they are first met
+            self._stratified, self._strata = self.schemas.rules, self._layers()
+        return self._strata
+
+    def _layers(self) -> list[list[Rule]]:
         graph: dict[str, list[str]] = {rule.head.name: [] for rule in self.schemas.rules}
         for rule in self.schemas.rules:
             used = (part.atom.name for part in rule.body if isinstance(part, Literal))

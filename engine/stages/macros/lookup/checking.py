@@ -18,7 +18,7 @@ from engine.stages.macros.lifted.world import CellDomain
 from engine.stages.macros.lookup.query import Query, is_met
 from kb.model.conditions import Literal
 from kb.model.plan import Plan, Step
-from kb.model.workflow import advanced, lasting
+from kb.model.workflow import advanced, begun, holding, lasting
 from kb.terms import Atom, is_ground, match, substitute_atom
 
 
@@ -51,19 +51,15 @@ def check(plan: Plan, asked: Query) -> Situation | Refusal:
 
 
 def _unfinished(plan: Plan, asked: Query, run: Execution, end: Situation) -> str:
-    """The first problem with the workflow, or an empty text.
-
-    Each chain must reach all its stages in order, each as soon as possible, and its last stage must hold if
-    it has to.
-    """
-    reached = dict.fromkeys((chain.name for chain in asked.chains), 0)
+    """Which chain of the workflow is not worked through, as soon as possible and in order; or nothing."""
+    facts = asked.facts
+    reached = begun(asked.chains, holding(facts))
     for step in plan.steps:
         change = run.changes[step.id]
-        moved, unexpected = advanced(asked.chains, reached, change.events, change.adds)
+        facts = change.applied(facts)
+        reached, unexpected = advanced(asked.chains, reached, change.events, holding(facts))
         if unexpected:
             return f"{unexpected[0]} is not the next stage of any chain"
-        for name in moved:
-            reached[name] += 1
     open_ = next((each.name for each in asked.chains if reached[each.name] < len(each.stages)), None)
     if open_ is not None:
         return f"the workflow of {open_} is not finished"

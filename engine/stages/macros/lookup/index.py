@@ -31,6 +31,11 @@ class Entry:
     rank: Rank
     read: Callable[[], Macrop | None] = field(compare=False)
 
+    @property
+    def cost(self) -> int | None:
+        """What every instance costs; None if that depends on the binding."""
+        return None if self.rank[0] == UNKNOWN_COST else self.rank[0]
+
     @cached_property
     def macrop(self) -> Macrop | None:
         """The MACROP, read at the first use; None if it was removed since then."""

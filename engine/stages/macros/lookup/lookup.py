@@ -1,7 +1,7 @@
-"""Lookup: finds the first MACROP of an index with an instance that serves a query and passes the check."""
+"""Lookup: the cheapest instance of a MACROP of an index that serves a query and passes the check."""
 
 import itertools
-from collections.abc import Callable, Hashable, Mapping
+from collections.abc import Callable, Hashable, Iterator, Mapping
 from dataclasses import dataclass
 
 from engine.stages.macros.lifted.facts import Facts
@@ -35,40 +35,53 @@ def look_up(
     work: MatchingBudget | None = None,
     in_vain: Callable[[Entry], None] = lambda _: None,
 ) -> Hit | None:
-    """A checked plan for a query from an index; None if no MACROP serves it, or none is found within `work`.
+    """The cheapest checked plan for a query from an index; None if no MACROP serves it, or none is found within `work`.
 
-    `in_vain` is called with each MACROP that was tried and did not serve.
+    MACROPs come by their cost; those whose cost only a binding tells come last, and each of them is asked. `in_vain` hears
+    of each MACROP that was tried and did not serve.
     """
     work = work if work is not None else MatchingBudget()
+    best: Hit | None = None
     for entry in index.candidates(asked):
+        if best is not None and entry.cost is not None and entry.cost >= best.plan.cost:
+            continue
         try:
-            hit = _instance(entry, asked, work)
+            hit = _cheapest(entry, asked, work)
         except OutOfWork:
+            if best is None:
+                in_vain(entry)
+            return best
+        if hit is None:
             in_vain(entry)
-            return None
-        if hit is not None:
-            return hit
-        in_vain(entry)
-    return None
+        elif best is None or hit.plan.cost < best.plan.cost:
+            best = hit
+    return best
 
 
-def _instance(entry: Entry, asked: Query, work: MatchingBudget) -> Hit | None:
+def _cheapest(entry: Entry, asked: Query, work: MatchingBudget) -> Hit | None:
+    """The cheapest instance of a MACROP; the first, if all cost the same."""
+    hits = _instances(entry, asked, work)
+    if entry.cost is not None:
+        return next(hits, None)
+    return min(hits, key=lambda hit: hit.plan.cost, default=None)
+
+
+def _instances(entry: Entry, asked: Query, work: MatchingBudget) -> Iterator[Hit]:
     program = entry.program
     if program is None:
-        return None
+        return
     for bindings in itertools.islice(matches(program, asked, work), INSTANCES):
         if gives_up(program.macrop, bindings, asked):
-            return None
+            return
         try:
             plan = instantiate(program.macrop, bindings)
         except NotGeneral:
-            return None
+            return
         after = check(plan, asked)
         if isinstance(after, Situation):
-            return Hit(entry.key, program.macrop, plan, after)
-        if after.lost:
-            return None
-    return None
+            yield Hit(entry.key, program.macrop, plan, after)
+        elif after.lost:
+            return
 
 
 def gives_up(macrop: Macrop, bindings: Mapping[Variable, Term], asked: Query) -> bool:

@@ -11,6 +11,7 @@ from engine.stages.macros.lifted.world import CellDomain, holds, with_derived
 from kb.model.conditions import Condition, Exists, Literal, goal_parts
 from kb.model.macro import Macrop
 from kb.model.problem import Chain, Problem
+from kb.model.workflow import begun, finished, holding, lasting
 from kb.terms import ANYTHING, Atom, substitute_atom
 
 MOST_KEPT = 3
@@ -47,14 +48,22 @@ class Query:
 
 
 def query(problem: Problem, situation: Situation) -> Query | None:
-    """The query of a problem; None if one of the goals is not a literal."""
+    """The query of a problem; None if a goal is no literal. Chains that are finished at the start are kept so."""
     goals: dict[bool, dict[Literal, None]] = {False: {}, True: {}}
     for goal in goal_parts(problem.goal):
         literal = goal_literal(goal)
         if literal is None:
             return None
         goals[is_met(literal, situation)][literal] = None
-    return Query(situation, tuple(goals[False]), problem.chains, tuple(goals[True]))
+    done = finished(problem.chains, begun(problem.chains, holding(situation.facts)))
+    lasts = lasting(problem.chains, problem.domain)
+    goals[True] |= {Literal(stage): None for name, stage in lasts.items() if name in done}
+    chains = tuple(
+        replace(chain, after=tuple(name for name in chain.after if name not in done))
+        for chain in problem.chains
+        if chain.name not in done
+    )
+    return Query(situation, tuple(goals[False]), chains, tuple(goals[True]))
 
 
 def readings(asked: Query) -> Iterator[Query]:

@@ -2,13 +2,15 @@
 
 from collections.abc import Iterator, Sequence
 
+from engine.model.replay import early
 from engine.model.task import GroundOperator, Task
 from engine.stages.planning.effort import Effort
-from engine.stages.planning.elimination import reached
+from engine.stages.planning.elimination import eliminate, reached
 from engine.stages.planning.improvement.deorder import deorder
+from engine.stages.planning.improvement.exact import optimum
 from engine.stages.planning.improvement.rounds import Improvement, Steps, cost
 from engine.stages.planning.limits import Limits
-from engine.stages.planning.portfolio import STRATEGIES, Setting
+from engine.stages.planning.portfolio import CLIMB, STRATEGIES, Setting
 from engine.stages.planning.variants import TooManyVariants, plainly
 from kb.model.plan import Plan
 
@@ -19,36 +21,85 @@ OTHERS = (
 )  # (strategy, expansions that it may take to find a plan of its own)
 
 
-def best_plan(setting: Setting, steps: Sequence[GroundOperator], limits: Limits) -> Plan:
-    """The best partially ordered plan that improvement finds from a sequence of steps.
-
-    If memory runs out, it is the best plan found until then.
-    """
-    best = _deordered(setting.task, plainly(setting.task, steps))
+def best_plan(setting: Setting, steps: Sequence[GroundOperator], limits: Limits) -> tuple[Plan, bool]:
+    """The best partially ordered plan that is found from a sequence of steps on, in the memory that there is, and whether
+    it is proved that none is cheaper."""
+    best, proved = _deordered(setting.task, plainly(setting.task, steps)), False
     try:
-        for better in _better(setting, steps, limits):
-            best = _deordered(setting.task, better)
+        for better, least in _better(setting, steps, limits):
+            best, proved = _deordered(setting.task, better), least
             limits.improved(best)
     except MemoryError:
         pass
-    return best
+    return best, proved
 
 
-def _better(setting: Setting, steps: Sequence[GroundOperator], limits: Limits) -> Iterator[Steps]:
-    """The needed steps of the plan, then every cheaper plan that is found."""
+def _better(
+    setting: Setting, steps: Sequence[GroundOperator], limits: Limits
+) -> Iterator[tuple[Steps, bool]]:
+    """The steps that are needed, and every cheaper plan found; the last one with whether it is proved to be cheapest."""
     effort = limits.improving()
-    best: Steps = []
-    for better in _improved(setting, steps, effort):
-        best = better
-        yield best
-    if not limits.thorough:
+    best = _needed(setting, steps)
+    yield best, False
+    least = _cheapest(setting, best, limits)
+    if least is not None:
+        yield least, True
         return
-    for name, most in OTHERS:
-        for better in _improved(setting, _other(setting, name, most, effort), effort):
-            if cost(better) < cost(best):
-                best = better
-                yield best
-    yield from Improvement(setting.task, setting.regression, reached(setting.task, best)).wide(best, effort)
+    for better in _cheaper(setting, best, limits, effort):
+        if cost(better) < cost(best):
+            best = better
+            yield best, False
+
+
+def _cheaper(setting: Setting, best: Steps, limits: Limits, effort: Effort) -> Iterator[Steps]:
+    """Plans from windows of a plan, of other plans, and from ever wider windows of the cheapest of all."""
+    found = [best]
+    for better in _improved(setting, best, effort):
+        found.append(better)
+        yield better
+    for steps in _restarts(setting, limits):
+        for better in _improved(setting, steps, limits.improving()):
+            found.append(better)
+            yield better
+    if limits.thorough:
+        for name, most in OTHERS:
+            for better in _improved(setting, _other(setting, name, most, effort), effort):
+                found.append(better)
+                yield better
+        best = min(found, key=cost)
+        yield from Improvement(setting.task, setting.regression, reached(setting.task, best)).wide(
+            best, effort
+        )
+
+
+def _needed(setting: Setting, steps: Sequence[GroundOperator]) -> Steps:
+    settled = early(setting.task, plainly(setting.task, steps))
+    return eliminate(setting.task.initial, settled, reached(setting.task, settled))
+
+
+def _cheapest(setting: Setting, best: Steps, limits: Limits) -> Steps | None:
+    """A cheapest plan, if the task is so small that all its states can be looked at; `best` if none is cheaper."""
+    task, regression = setting.task, setting.regression
+    if regression is None or limits.room is None:
+        return None
+    size, bound = len(task.atoms), cost(best)[0]
+    found = optimum(
+        regression.operators, size, task.initial, task.goals, bound, limits.interrupted, limits.room
+    )
+    if found is None:
+        return None
+    return best if found.steps is None else _needed(setting, found.steps)
+
+
+def _restarts(setting: Setting, limits: Limits) -> Iterator[Sequence[GroundOperator]]:
+    """Plans that hill climbing finds soon with other ties."""
+    if setting.regression is None:
+        return
+    for _ in range(limits.restarts):
+        effort = Effort(1 << 60, limits.interrupted, most=CLIMB)
+        answer = None if effort.over() else setting.backward.restart(effort)
+        if answer is not None and answer.steps is not None:
+            yield answer.steps
 
 
 def _improved(

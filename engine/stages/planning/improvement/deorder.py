@@ -7,6 +7,7 @@ not run at the same time need an order, too, because unordered steps may overlap
 
 from collections.abc import Iterator, Sequence
 
+from engine.model.replay import joined
 from engine.model.task import Bits, GroundOperator, Task, indices
 from kb.model.plan import GOAL, START, CausalLink, Plan, Step, StepId
 from kb.terms import Function, Term
@@ -15,9 +16,10 @@ from kb.terms import Function, Term
 def deorder(task: Task, steps: Sequence[GroundOperator], goals: Bits) -> Plan:
     """The partially ordered plan of an executable sequence of unconditional operators that ends in `goals`.
 
-    Internal operators are left out; they come last and only note which goals are met. What they need becomes
-    a goal.
+    Internal operators that reach stages become parts of steps. Those that come last and only note which goals are met
+    are left out: what they need is a goal.
     """
+    steps, goals = joined(task, steps, goals)
     made = [operator for operator in steps if not is_internal(operator.instance)]
     links = [
         (producer, atom, min(consumer, len(made)))

@@ -6,6 +6,7 @@ allows, so that steps that serve each other come to lie in one window, and the n
 
 from collections.abc import Iterator, Sequence
 
+from engine.model.replay import early
 from engine.model.task import Bits, GroundOperator, Task
 from engine.stages.planning.effort import Effort
 from engine.stages.planning.elimination import eliminate
@@ -30,8 +31,8 @@ class Improvement:
         self.task, self.regression, self.goals = task, regression, goals
 
     def near(self, steps: Sequence[GroundOperator], effort: Effort) -> Iterator[Steps]:
-        """The plan without needless steps, then every cheaper plan found in narrow windows."""
-        kept = eliminate(self.task.initial, steps, self.goals)
+        """The plan without needless steps, then every cheaper one found in narrow windows."""
+        kept = eliminate(self.task.initial, early(self.task, steps), self.goals)
         yield kept
         if self.regression is not None:
             passes = [(width, by_regression(self.regression, nodes)) for width, nodes in NARROW]
@@ -61,7 +62,7 @@ class Improvement:
             found = kept
             for width, cheaper in passes:
                 found = straighten(self.task.initial, found, self.goals, width, cheaper, effort)
-            found = eliminate(self.task.initial, found, self.goals)
+            found = eliminate(self.task.initial, early(self.task, found), self.goals)
             cheaper_now = cost(found) < cost(kept)
             idle = 0 if cheaper_now else idle + 1
             if cheaper_now:

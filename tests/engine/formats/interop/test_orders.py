@@ -1,4 +1,4 @@
-"""Partially ordered plans judged by their orders alone, and proofs that no plan is cheaper."""
+"""Partially ordered plans judged by their orders alone."""
 
 from dataclasses import replace
 
@@ -6,9 +6,7 @@ import pytest
 
 from engine.model.outcome import Found
 from engine.pipelines import planning
-from engine.pipelines.optimum import Optimum, optimum
 from engine.pipelines.orders import every_order
-from engine.stages.grounding import ground
 from engine.stages.validation import validate
 from kb.model.conditions import And, Exists, Literal, Not, Parameter
 from kb.model.domain import Domain, Effect, Kind, Operator, Predicate, Type
@@ -78,15 +76,3 @@ def test_plans_of_a_cell_hold_in_every_order(target: str) -> None:
     outcome = planning.plan(problem)
     assert isinstance(outcome, Found)
     assert every_order(problem, outcome.plan).valid is True
-
-
-def test_the_search_for_a_cheaper_plan_ends_with_one_or_a_proof_or_gives_up() -> None:
-    task = ground(planning.problem_of("bulkhead/one_point"))
-    for bound in (6, 100):
-        found = optimum(task, bound, lambda: False)
-        assert found is not None
-        assert found.steps is not None
-        assert len(found.steps) == 5
-    assert optimum(task, 5, lambda: False) == Optimum(None)
-    assert optimum(task, 6, lambda: False, most=10) is None
-    assert optimum(task, 6, lambda: True) is None

@@ -19,7 +19,7 @@ from tests.places import BUNDLED as DOMAINS
 PLANS = sorted(
     path
     for path in DOMAINS.glob("*/golden/*.json")
-    if '"status": "found"' in path.read_text(encoding="utf-8")
+    if '"status": "infeasible"' not in path.read_text(encoding="utf-8")
 )
 
 
@@ -40,7 +40,7 @@ def moment(course: Course, cut: int, acts: int, losses: int, draw: random.Random
     """After the first `cut` steps somebody takes a few steps of their own, and a few facts get lost."""
     steps = course.plan.steps[:cut]
     done = tuple(step.id for step in steps)
-    reached = stages_reached(course.problem.chains, changes_of(course.start, steps))
+    reached = stages_reached(course.problem.chains, course.start, changes_of(course.start, steps))
     state = course.bits(expected(course, done).facts, reached)
     for _ in range(acts):
         possible = [

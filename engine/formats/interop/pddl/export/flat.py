@@ -1,13 +1,13 @@
 """A problem in flat terms: the whole content of a PDDL domain and problem, before it is written as text."""
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from engine.formats.interop.pddl.export.background import CHAIN, NUMERAL, WORDS, Background
 from engine.formats.interop.pddl.export.conditions import Conditions, conjunction, disjunction
 from engine.formats.interop.pddl.export.operators import FlatOperator, Operators
 from engine.formats.interop.pddl.export.simplification import Simplifier
-from engine.formats.interop.pddl.export.stages import Stages
+from engine.formats.interop.pddl.export.stages import BEGIN, REACH, Stages
 from engine.model.task import Task
 from kb.model.conditions import (
     And,
@@ -62,7 +62,11 @@ def flattened(problem: Problem, task: Task) -> Flat:
     operators = Operators(conditions, stages)
     origins = tuple(operators.flat(operator) for operator in problem.domain.operators)
     simplifier = Simplifier(background)
-    made = (*(simplifier.operator(each.operator) for each in origins), *stages.beginnings())
+    reachings = (
+        replace(each, parameters=tuple(map(conditions.declared, each.parameters)))
+        for each in stages.reachings()
+    )
+    made = (*(simplifier.operator(each.operator) for each in origins), *reachings, *stages.beginnings())
     axioms = tuple(_axioms(conditions, simplifier))
     goal = simplifier.condition(conjunction([conditions.flat(problem.goal), *stages.goals()]), {})
     names = frozenset(_predicates([*_conditions(made), *(axiom.condition for axiom in axioms), goal]))
@@ -85,7 +89,7 @@ def flattened(problem: Problem, task: Task) -> Flat:
         axioms,
         tuple(facts),
         goal,
-        operators.priced or any(chain.after for chain in problem.chains),
+        operators.priced or any(operator.name.startswith((BEGIN, REACH)) for operator in made),
         origins,
         tuple(_left_out(problem)),
     )

@@ -56,7 +56,6 @@ class Operators:
         self._hoist(operator, found)
         outer = found.named
         effects = list(Closing(self.conditions, operator).effects())
-        effects += [e for effect in effects for e in self.stages.advancing(effect)]
         events = tuple(
             e.atom for e in operator.effects if self.background.kinds.get(e.atom.name) is Kind.EVENT
         )

@@ -1,20 +1,23 @@
 """Translation of plans between an export and its problem: our operator instances as PDDL actions, and back."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 
 from engine.formats.interop.pddl.export.flat import Flat
 from engine.formats.interop.pddl.export.names import PddlNames
 from engine.formats.interop.pddl.export.operators import FlatOperator
-from engine.formats.interop.pddl.export.stages import BEGIN, named
+from engine.formats.interop.pddl.export.stages import BEGIN, REACH, named
 from engine.formats.interop.pddl.expressions import actions
-from engine.model.stages import STAGE, stage_atom
+from engine.model.histories import reached_by
+from engine.model.replay import instances, replayed
+from engine.model.stages import REACHES, stage_atom
 from engine.model.task import GroundOperator, Task, progress
 from kb.diagnostics import Diagnostic, InvalidInput, Source, nearest
 from kb.files import File
 from kb.model.plan import Plan, Step, StepId
 from kb.model.problem import Problem
-from kb.terms import Function, Number, Term, Variable, substitute
+from kb.model.workflow import reaches
+from kb.terms import Function, Number, Term, Text, Variable, substitute
 
 
 def _sequence(instances: list[Function], task: Task) -> Plan:
@@ -37,12 +40,12 @@ class LiftedPlans:
         self.names, self.problem, self.task = names, problem, task
         self.operators = {names.of("action", each.operator.name): each for each in flat.origins}
         self.others = {
-            names.of("action", each.name) for each in flat.operators if each.name.startswith(BEGIN)
+            names.of("action", each.name) for each in flat.operators if each.name.startswith((BEGIN, REACH))
         }
         self.terms = {names.term(term): term for term in flat.objects}
 
     def read(self, text: str, name: str) -> Plan:
-        """The plan in `text`, without the steps that only begin chains: they are no operators of the problem."""
+        """The plan in `text`, without the steps that only move chains: they are no operators of the problem."""
         file, found, instances = File.of(name, text), list[Diagnostic](), list[Function]()
         for words, offset in actions(text):
             if words[0] not in self.others:
@@ -68,23 +71,44 @@ class LiftedPlans:
         return Function(operator.operator.name, tuple(terms))
 
     def written(self, plan: Plan) -> str:
-        """The steps of the plan in order, each with all arguments of its action."""
+        """The steps of the plan in order, each with all arguments of its action, and behind it what moves chains then."""
         by_name = {each.operator.name: each for each in self.operators.values()}
+        steps = iter(plan.steps)
+        known = {chain.name: reached_by(plan, chain) for chain in self.problem.chains}
         lines: list[str] = []
-        for step in plan.steps:
-            lines += self._beginnings(plan, step)
-            words = self._arguments(by_name[step.operator.name], step, plan)
-            lines.append(
-                " ".join([self.names.of("action", step.operator.name), *map(self.names.term, words)])
-            )
+        for operator in _followed(plan, self.task):
+            if operator.instance.name == REACHES:
+                lines += [*self._beginnings(operator), self._reaching(operator)]
+                continue
+            step = next(steps)
+            lines += self._beginnings(operator)
+            words = self._arguments(by_name[step.operator.name], step, known)
+            lines.append(self._line(step.operator.name, words))
         return "".join(f"({line})\n" for line in lines)
 
-    def _beginnings(self, plan: Plan, step: Step) -> Iterator[str]:
+    def _line(self, action: str, words: Iterable[Term]) -> str:
+        return " ".join([self.names.of("action", action), *map(self.names.term, words)])
+
+    def _beginnings(self, operator: GroundOperator) -> Iterator[str]:
+        """The steps that begin the chains whose first stage an operator reaches."""
+        reached = self.task.names(operator.adds)
         for number, chain in enumerate(self.problem.chains):
-            if chain.after and (step.id, stage_atom(chain, 1)) in _produced(plan):
+            if chain.after and stage_atom(chain, 1) in reached:
                 yield self.names.of("action", f"{BEGIN}_{number}")
 
-    def _arguments(self, operator: FlatOperator, step: Step, plan: Plan) -> Iterator[Term]:
+    def _reaching(self, operator: GroundOperator) -> str:
+        """The step that moves a chain where a fluent holds."""
+        name, count = operator.instance.arguments
+        assert isinstance(count, Number)
+        chain = next(each for each in self.problem.chains if Text(each.name) == name)
+        stage = chain.stages[count.value - 1]
+        fluent = next(a for a in self.task.names(operator.preconditions) if reaches(a, stage))
+        place = (named(chain), Number(count.value - 1), count)
+        return self._line(f"{REACH}_{stage.name}", (*fluent.arguments, *place))
+
+    def _arguments(
+        self, operator: FlatOperator, step: Step, known: Mapping[str, Mapping[int, StepId]]
+    ) -> Iterator[Term]:
         yield from step.operator.arguments
         variables = operator.operator.variables
         bindings: dict[Variable, Term] = dict(zip(variables, step.operator.arguments, strict=False))
@@ -93,13 +117,16 @@ class LiftedPlans:
             atom = substitute(event, bindings)
             for chain in self.problem.chains:
                 for count, stage in enumerate(chain.stages):
-                    if stage == atom and (step.id, stage_atom(chain, count + 1)) in _produced(plan):
+                    if stage == atom and known[chain.name].get(count + 1) == step.id:
                         yield from (named(chain), Number(count), Number(count + 1))
 
 
-def _produced(plan: Plan) -> set[tuple[StepId, Function]]:
-    """Pairs of a step and a stage that it reaches."""
-    return {(link.producer, link.condition) for link in plan.links if link.condition.name == STAGE}
+def _followed(plan: Plan, task: Task) -> list[GroundOperator]:
+    """The ground operators of a plan's steps, with the internal ones that move chains. Raises `ValueError`."""
+    found = replayed(task, instances(task), task.initial, [step.operator for step in plan.steps])
+    if found is None:
+        raise ValueError("a step cannot be done there")
+    return found
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,21 +152,13 @@ class GroundPlans:
 
     def written(self, plan: Plan) -> str:
         """The steps of the plan in order. Of several operators for one instance, it takes an applicable one that gets furthest."""
-        state, lines = self.task.initial, []
-        wanted = [step.operator for step in plan.steps]
-        wanted += [each.instance for each in self.actions.values() if each.instance.name == "_ends"]
-        for instance in wanted:
-            choices = [
-                (name, operator)
-                for name, operator in self.actions.items()
-                if operator.instance == instance and not operator.preconditions & ~state
-            ]
-            if not choices:
-                raise ValueError(f"{instance} cannot be done there")
-            name, operator = max(choices, key=lambda choice: choice[1].adds.bit_count())
+        names = {operator: name for name, operator in self.actions.items()}
+        made = _followed(plan, self.task)
+        state = self.task.initial
+        for operator in made:
             state = progress(state, operator)
-            lines.append(name)
-        for name, operator in self.actions.items():
-            if operator.instance.name == "_meets" and not operator.preconditions & ~state:
-                lines.append(name)
-        return "".join(f"({line})\n" for line in lines)
+        for operator in self.task.operators:  # those that close the plan and note which goals are met
+            if operator.instance.name in ("_ends", "_meets") and not operator.preconditions & ~state:
+                made.append(operator)
+                state = progress(state, operator)
+        return "".join(f"({names[operator]})\n" for operator in made)

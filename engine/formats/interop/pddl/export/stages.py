@@ -4,12 +4,12 @@ from collections.abc import Iterator
 
 from engine.formats.interop.pddl.export.background import CHAIN, NUMERAL, Background, Fresh, NotLiftable
 from kb.model.conditions import And, Condition, Literal, Parameter
-from kb.model.domain import Effect, Operator
+from kb.model.domain import Effect, Kind, Operator
 from kb.model.problem import Chain
-from kb.model.workflow import lasting, reaches
-from kb.terms import Atom, Function, Number, Term, Text, is_ground
+from kb.model.workflow import Listed, begun, holding, lasting, reaches
+from kb.terms import Atom, Function, Number, Text, is_ground
 
-REACHED, BEGIN = "_reached", "_begin"
+REACHED, BEGIN, REACH = "_reached", "_begin", "_reach"
 Happening = tuple[Condition, tuple[Parameter, ...], tuple[Effect, ...]]
 
 
@@ -29,7 +29,9 @@ class Stages:
     def __init__(self, background: Background, fresh: Fresh) -> None:
         self.background, self.fresh = background, fresh
         self.chains = background.problem.chains
-        self.names = {stage.name for chain in self.chains for stage in chain.stages}
+        stages = dict.fromkeys(stage.name for chain in self.chains for stage in chain.stages)
+        self.fluents = [name for name in stages if background.kinds.get(name) is not Kind.EVENT]
+        self.begun = begun(self.chains, holding(Listed(background.task.names(background.task.initial))))
 
     def facts(self) -> Iterator[Atom]:
         """A fact for each stage: the atom that moves a chain from one count to the next."""
@@ -45,14 +47,17 @@ class Stages:
         return [atom for atom in self.background.task.atoms if reaches(atom, stage)]
 
     def initial(self) -> Iterator[Atom]:
-        """The counters at the start: chains that wait for no other chain are at their beginning."""
-        return (reached(chain, 0) for chain in self.chains if not chain.after)
+        """The counters at the start: chains that wait for no other chain are at their beginning, or at what holds already."""
+        return (reached(chain, self.begun[chain.name]) for chain in self.chains if not self._waits(chain))
+
+    def _waits(self, chain: Chain) -> bool:
+        return bool(chain.after) and not self.begun[chain.name]
 
     def beginnings(self) -> Iterator[Operator]:
         """A step for each chain that waits for other chains: it begins the chain when they are finished."""
         length = {chain.name: (chain, len(chain.stages)) for chain in self.chains}
         for number, chain in enumerate(self.chains):
-            if chain.after:
+            if self._waits(chain):
                 finished = [Literal(reached(*length[name])) for name in chain.after]
                 yet = Function(f"{BEGIN}_{number}_yet")
                 effects = (Effect(reached(chain, 0)), Effect(yet, False))
@@ -61,7 +66,7 @@ class Stages:
 
     def waiting(self) -> Iterator[Atom]:
         """The atoms that the beginning steps consume, so that each happens only once."""
-        return (Function(f"{BEGIN}_{n}_yet") for n, chain in enumerate(self.chains) if chain.after)
+        return (Function(f"{BEGIN}_{n}_yet") for n, chain in enumerate(self.chains) if self._waits(chain))
 
     def goals(self) -> Iterator[Condition]:
         """Every chain is finished. A fluent that ends a chain still holds, unless a later chain of the same subject follows."""
@@ -82,17 +87,18 @@ class Stages:
         held, *effects = self._moves(parameters)
         return And((static, Literal(held.atom))), parameters, (held, *effects)
 
-    def advancing(self, effect: Effect) -> Iterator[Effect]:
-        """The effects that advance each chain whose next stage the effect adds."""
-        if not effect.adds or effect.atom.name not in self.names:
-            return
-        parameters = self._parameters()
-        arguments: tuple[Term, ...] = (*effect.atom.arguments, *(p.variable for p in parameters))
-        static = Literal(Function(f"_stage_{effect.atom.name}", arguments))
-        moves = self._moves(parameters)
-        condition = And((effect.condition, static, Literal(moves[0].atom)))
-        for move in moves:
-            yield Effect(move.atom, move.adds, (*effect.parameters, *parameters), condition)
+    def reachings(self) -> Iterator[Operator]:
+        """A step for each fluent that is a stage: it advances a chain whose next stage the fluent is, and holds."""
+        for name in self.fluents:
+            own = tuple(
+                Parameter(self.fresh.variable("of"), type_) for type_ in self.background.signature(name)
+            )
+            parameters = self._parameters()
+            fluent = Function(name, tuple(parameter.variable for parameter in own))
+            arguments = (*fluent.arguments, *(parameter.variable for parameter in parameters))
+            moves = self._moves(parameters)
+            held = Literal(Function(f"_stage_{name}", arguments)), Literal(fluent), Literal(moves[0].atom)
+            yield Operator(f"{REACH}_{name}", (*own, *parameters), And(held), moves, cost=Number(0))
 
     def _parameters(self) -> tuple[Parameter, ...]:
         names = (("chain", CHAIN), ("stage", NUMERAL), ("next", NUMERAL))

@@ -1,0 +1,70 @@
+"""What holds already costs nothing: in words, in stages and in goals."""
+
+from dataclasses import replace
+
+import pytest
+
+from engine.model.outcome import Found
+from engine.pipelines import planning
+from engine.stages.grounding import ground
+from engine.stages.planning import Limits
+from kb.model.plan import Plan
+from kb.model.problem import Chain, Problem
+from kb.terms import Function
+
+
+def planned(problem: Problem, limits: Limits = Limits()) -> Plan:
+    outcome = planning.plan(problem, limits)
+    assert isinstance(outcome, Found)
+    return outcome.plan
+
+
+def said(sentence: str) -> Plan:
+    return planned(planning.problem_of("themse", command=sentence))
+
+
+@pytest.mark.parametrize(
+    "sentence",
+    [
+        "store all probes",
+        "close the flap",
+        "store probe 1, then close the flap",
+        "close the drawer, then close the flap and lock the freezer, then store all probes",
+        "put the lid on the freezer, then lock the freezer",
+    ],
+)
+def test_a_sentence_about_what_holds_has_no_steps(sentence: str) -> None:
+    assert said(sentence).steps == ()
+
+
+def test_a_closed_flap_is_not_opened_to_be_closed() -> None:
+    alone = said("cool probe 1 for 5 min and store it again")
+    closed = said("cool probe 1 for 5 min and store it again, then close the flap")
+    assert closed.cost == alone.cost
+    assert not any(step.operator.name == "press_switch" for step in closed.steps)
+
+
+def test_what_does_not_hold_when_its_turn_comes_is_done() -> None:
+    assert [s.operator.name for s in said("open the flap, then close the flap").steps] == ["press_switch"] * 2
+    assert said("heat probe 1 for 15 min and store it again, then close the flap").cost == 10
+
+
+def test_only_the_probes_that_are_elsewhere_are_stored() -> None:
+    base = planning.problem_of("themse/in_furnace")
+    everyone = planning.problem_of("themse", command="store all probes").chains
+    assert planned(replace(base, chains=everyone)).cost == 4
+
+
+def test_goals_mean_the_same() -> None:
+    assert planned(planning.problem_of("themse", "stored(probe_1), position(flap, closed)")).steps == ()
+
+
+def test_many_chains_that_begin_with_one_setting_make_no_more_operators() -> None:
+    """Each operator that adds a setting had two variants for each chain that waits for it."""
+    base = planning.problem_of("themse", command="open the flap, then close the flap")
+    flap = Function("position", (Function("flap"), Function("open")))
+    heated = [Function("sensed", (Function(name),)) for name in ("distance", "slippage")]
+    chains = tuple(Chain(f"c{n}", (flap, heated[n % 2])) for n in range(24))
+    task = ground(replace(base, chains=chains))
+    assert len(task.operators) < 200
+    assert planned(replace(base, chains=chains), Limits(room=None, restarts=0)).cost == 25
