@@ -4,10 +4,23 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 from engine.stages.planning.effort import Effort, Interrupted
-from engine.stages.planning.improvement.exact import ROOM, Room
 from kb.model.plan import Plan
 
+STATES = 500_000
+CHECKS = 40_000_000  # questions whether an operator can be done in a state
 RESTARTS = 6
+
+
+@dataclass(frozen=True, slots=True)
+class Room:
+    """How many states may be met, and how often it may be asked whether an operator can be done in one."""
+
+    states: int = STATES
+    checks: int = CHECKS
+
+
+ROOM = Room()
+LITTLE = Room(states=8_000, checks=500_000)  # a few milliseconds
 
 
 def _deaf(_: Plan) -> None:

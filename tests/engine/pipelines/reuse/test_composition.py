@@ -33,7 +33,9 @@ def found_in(answered: Answered) -> Found:
     return answered.outcome
 
 
-ROUGH = Limits(room=None, restarts=0)  # the planner's plan of four probes is too good for parts to compete, else
+ROUGH = Limits(
+    room=None, restarts=0
+)  # the planner's plan of four probes is too good for parts to compete, else
 
 
 def answer(problem: Problem, folder: Path, limits: Limits = ROUGH) -> Answered:
