@@ -33,9 +33,9 @@ class Limits:
 
     A search may expand `expansions` nodes. If all states of the task fit into `room`, the plan is a cheapest one.
     If not, improvement may generate `improvement` nodes for each plan that is found: for the first one, and for
-    those of other searches, among them `restarts` of hill climbing. If `thorough` is set, improvement continues in ever wider windows until
-    it is interrupted. `strategy` is one of `STRATEGIES`, or `RACE`. With a `seed` other than 0, searches break
-    ties by chance, with this seed. The planner calls `interrupted` from time to time and, if it returns True,
+    those of other searches, among them `restarts` of hill climbing. If `thorough` is set, improvement continues in
+    ever wider windows until it is interrupted. `strategy` is one of `STRATEGIES`, or `RACE`. With a `seed` other than
+    0, searches break ties by chance, with this seed. The planner calls `interrupted` from time to time and, if it returns True,
     stops with the best plan so far. It calls `improved` with the first plan and with every better one.
     """
 
