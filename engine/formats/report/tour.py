@@ -34,6 +34,8 @@ def entry(tour: Tour, problem: TourProblem) -> dict[str, Any]:
 
 def text(tour: Tour, problem: TourProblem) -> RenderableType:
     """The tour as a list of runs with one tool each, and a summary line."""
+    if not tour.order:
+        return Text("nothing to visit")
     rows = []
     for tool, names in _runs(tour, problem):
         rest = f", and {len(names) - SHOWN} more (--format json has all)" if len(names) > SHOWN else ""
@@ -46,9 +48,8 @@ def summary(tour: Tour, problem: TourProblem) -> str:
     """One line: the number of visits, the cost, and its quality."""
     kind, unit = "closed" if problem.closed else "open", f" {problem.unit}" if problem.unit else ""
     good = "proved least" if tour.proved else f"at most {100 * tour.gap:.2f} % above the least"
-    if tour.gap == float("inf"):
-        good = "no lower bound"
-    return f"{len(tour.order)} visits, {kind}, cost {tour.cost}{unit}, lower bound {tour.lower_bound}: {good}"
+    bound = "no lower bound" if tour.gap == float("inf") else f"lower bound {tour.lower_bound}: {good}"
+    return f"{len(tour.order)} visits, {kind}, cost {tour.cost}{unit}, {bound}"
 
 
 def _runs(tour: Tour, problem: TourProblem) -> list[tuple[str, list[str]]]:
