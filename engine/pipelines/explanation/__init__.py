@@ -217,9 +217,7 @@ def changed(problem: Problem, change: Amendment) -> Problem:
 def _planned(problem: Problem, limits: Limits) -> Outcome | None:
     """The answer to a variant of a problem; None if the variant contradicts itself."""
     try:
-        return planning.plan(
-            problem, replace(limits, room=None, restarts=0)
-        )  # whether there is one is all that counts
+        return planning.plan(problem, limits)
     except InvalidInput:
         return None
 
