@@ -9,7 +9,8 @@ from engine.pipelines.gate import accepted
 from engine.stages.grounding import ground
 from engine.stages.planning.elimination import eliminate, reached
 from engine.stages.planning.improvement.deorder import deorder
-from engine.stages.planning.improvement.exact import Room, optimum
+from engine.stages.planning.improvement.exact import optimum
+from engine.stages.planning.limits import Room
 from engine.stages.planning.variants import TooManyVariants, unconditional
 from kb.model.problem import Problem
 

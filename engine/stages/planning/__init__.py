@@ -10,8 +10,7 @@ from engine.stages.planning.composites import NO_MACROS, Macros
 from engine.stages.planning.effort import Effort, SearchResult
 from engine.stages.planning.improvement.anytime import best_plan
 from engine.stages.planning.improvement.deorder import is_internal
-from engine.stages.planning.improvement.exact import LITTLE, ROOM
-from engine.stages.planning.limits import RESTARTS, Limits
+from engine.stages.planning.limits import LITTLE, RESTARTS, ROOM, Limits
 from engine.stages.planning.portfolio import STRATEGIES, Setting
 from engine.stages.planning.variants import TooManyVariants
 

@@ -4,10 +4,23 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 from engine.stages.planning.effort import Effort, Interrupted
-from engine.stages.planning.improvement.exact import ROOM, Room
 from kb.model.plan import Plan
 
-RESTARTS = 4
+STATES = 500_000
+CHECKS = 40_000_000  # questions whether an operator can be done in a state
+RESTARTS = 6
+
+
+@dataclass(frozen=True, slots=True)
+class Room:
+    """How many states may be met, and how often it may be asked whether an operator can be done in one."""
+
+    states: int = STATES
+    checks: int = CHECKS
+
+
+ROOM = Room()
+LITTLE = Room(states=8_000, checks=500_000)  # a few milliseconds
 
 
 def _deaf(_: Plan) -> None:
@@ -20,9 +33,9 @@ class Limits:
 
     A search may expand `expansions` nodes. If all states of the task fit into `room`, the plan is a cheapest one.
     If not, improvement may generate `improvement` nodes for each plan that is found: for the first one, and for
-    those of `restarts` of hill climbing. If `thorough` is set, improvement continues in ever wider windows until
-    it is interrupted. `strategy` is one of `STRATEGIES`, or `RACE`. With a `seed` other than 0, searches break
-    ties by chance, with this seed. The planner calls `interrupted` from time to time and, if it returns True,
+    those of other searches, among them `restarts` of hill climbing. If `thorough` is set, improvement continues in
+    ever wider windows until it is interrupted. `strategy` is one of `STRATEGIES`, or `RACE`. With a `seed` other than
+    0, searches break ties by chance, with this seed. The planner calls `interrupted` from time to time and, if it returns True,
     stops with the best plan so far. It calls `improved` with the first plan and with every better one.
     """
 

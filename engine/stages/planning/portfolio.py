@@ -137,6 +137,10 @@ class Chaining:
         """
         return self._sure(self._climb.run(effort)) if self._climb else NO_PLAN
 
+    def patient(self, greed: int) -> BestFirst:
+        """A best-first search of its own, which looks at cost as much as at what is left."""
+        return BestFirst(self.space, self.roots, greed)
+
     def restart(self, effort: Effort) -> SearchResult | None:
         """Hill climbing from the start again, with ties broken differently, towards the next alternative."""
         if not self.roots:

@@ -21,6 +21,12 @@ OTHERS = (
 )  # (strategy, expansions that it may take to find a plan of its own)
 
 
+PATIENT, PATIENCE = (
+    (1, 2),
+    10_000,
+)  # how greedy best-first searches for other plans are, and nodes that each may generate
+
+
 def best_plan(setting: Setting, steps: Sequence[GroundOperator], limits: Limits) -> tuple[Plan, bool]:
     """The best partially ordered plan that is found from a sequence of steps on, in the memory that there is, and whether
     it is proved that none is cheaper."""
@@ -57,7 +63,7 @@ def _cheaper(setting: Setting, best: Steps, limits: Limits, effort: Effort) -> I
     for better in _improved(setting, best, effort):
         found.append(better)
         yield better
-    for steps in _restarts(setting, limits):
+    for steps in _others(setting, limits):
         for better in _improved(setting, steps, limits.improving()):
             found.append(better)
             yield better
@@ -91,13 +97,15 @@ def _cheapest(setting: Setting, best: Steps, limits: Limits) -> Steps | None:
     return best if found.steps is None else _needed(setting, found.steps)
 
 
-def _restarts(setting: Setting, limits: Limits) -> Iterator[Sequence[GroundOperator]]:
-    """Plans that hill climbing finds soon with other ties."""
-    if setting.regression is None:
+def _others(setting: Setting, limits: Limits) -> Iterator[Sequence[GroundOperator]]:
+    """Plans that patient searches find soon, and hill climbing with other ties."""
+    if setting.regression is None or not limits.restarts:
         return
-    for _ in range(limits.restarts):
-        effort = Effort(1 << 60, limits.interrupted, most=CLIMB)
-        answer = None if effort.over() else setting.backward.restart(effort)
+    chaining = setting.backward
+    searches = [(chaining.patient(greed).run, PATIENCE) for greed in PATIENT]
+    for run, most in (*searches, *[(chaining.restart, CLIMB)] * limits.restarts):
+        effort = Effort(1 << 60, limits.interrupted, most=most)
+        answer = None if effort.over() else run(effort)
         if answer is not None and answer.steps is not None:
             yield answer.steps
 

@@ -7,11 +7,10 @@ from engine.model.stages import REACHES
 from engine.model.task import Bits, GroundOperator
 from engine.stages.planning.improvement import cheapest
 from engine.stages.planning.improvement.cheapest import Cheapest, Words, rows
+from engine.stages.planning.limits import ROOM, Room
 
 WORD = 32  # bits
 DEAREST = 1_000_000  # no search for a plan that may cost more
-STATES = 500_000
-CHECKS = 40_000_000  # questions whether an operator can be done in a state
 FIRST, GROWTH = 8_000, 8  # states for which room is made at first, and so many times more
 SLICE = 20_000  # expansions between questions whether to stop
 
@@ -21,18 +20,6 @@ class Optimum:
     """Steps of a cheapest plan, internal operators that reach stages left out; None if none is cheaper than the bound."""
 
     steps: tuple[GroundOperator, ...] | None
-
-
-@dataclass(frozen=True, slots=True)
-class Room:
-    """How many states may be met, and how often it may be asked whether an operator can be done in one."""
-
-    states: int = STATES
-    checks: int = CHECKS
-
-
-ROOM = Room()
-LITTLE = Room(states=20_000, checks=2_000_000)  # a hundredth of a second
 
 
 def optimum(

@@ -16,7 +16,8 @@ from engine.pipelines.optimum import proved
 from engine.stages.grounding import ground
 from engine.stages.planning import Limits
 from engine.stages.planning import plan as plan_task
-from engine.stages.planning.improvement.exact import Optimum, Room, optimum
+from engine.stages.planning.improvement.exact import Optimum, optimum
+from engine.stages.planning.limits import Room
 from kb.terms import Function
 
 SIZE = 40  # more atoms than a word has bits
