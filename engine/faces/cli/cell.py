@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 app = typer.Typer(add_completion=False, no_args_is_help=True)
 
 
-class Picture(StrEnum):
+class PictureForm(StrEnum):
     """The forms in which a cell is shown."""
 
     TEXT = "text"
@@ -66,27 +66,37 @@ def show(
     target: Target,
     configuration: Configurations = None,
     place: AtPlace = "",
-    format: Annotated[Picture, typer.Option("--format", help="how it is shown")] = Picture.TEXT,
+    format: Annotated[
+        PictureForm | None,
+        typer.Option("--format", help="how it is shown; else as the name of the output ends"),
+    ] = None,
     output: Output = None,
     azimuth: Azimuth = None,
     elevation: Elevation = None,
 ) -> None:
     """Show the cell of TARGET at the start of its problem, with the arms in a configuration; mark collisions."""
-    form = Form.JSON if format is Picture.JSON else Form.TEXT
-    if form is Form.JSON or format is Picture.TEXT:
-        refuse_idle({"--output": output}, "without a picture: give --format png, svg or gltf")
-    if format not in (Picture.PNG, Picture.SVG):
+    kind = format or _kind_of(output)
+    form = Form.JSON if kind is PictureForm.JSON else Form.TEXT
+    if kind in (PictureForm.JSON, PictureForm.TEXT):
+        refuse_idle({"--output": output}, "without a picture: let its name end in .png, .svg or .gltf")
+    if kind not in (PictureForm.PNG, PictureForm.SVG):
         turned = {"--azimuth": azimuth is not None, "--elevation": elevation is not None}
         refuse_idle(turned, "without an image: give --format png or svg")
     seen = (AZIMUTH if azimuth is None else azimuth, ELEVATION if elevation is None else elevation)
-    give(lambda: _show(target, configuration or [], place, format, output, seen), form)
+    give(lambda: _show(target, configuration or [], place, kind, output, seen), form)
+
+
+def _kind_of(output: Path | None) -> PictureForm:
+    """The kind of picture that the name of a file asks for."""
+    ending = output.suffix.lower().removeprefix(".") if output else ""
+    return PictureForm(ending) if ending in ("png", "svg", "gltf") else PictureForm.TEXT
 
 
 def _show(
     target: str,
     configurations: list[str],
     place: str,
-    kind: Picture,
+    kind: PictureForm,
     output: Path | None,
     seen: tuple[float, float],
 ) -> Answer:
@@ -108,18 +118,18 @@ def _show(
     return Answer("ok", content, lambda: Text(f"{said}\n{output}"))
 
 
-def _drawn(shown: "View", kind: Picture, seen: tuple[float, float]) -> str | bytes | None:
+def _drawn(shown: "View", kind: PictureForm, seen: tuple[float, float]) -> str | bytes | None:
     from math import radians
 
     from engine.stages.geometry.pictures import view
 
     azimuth, elevation = map(radians, seen)
     match kind:
-        case Picture.PNG:
+        case PictureForm.PNG:
             return view.as_png(shown, azimuth, elevation)
-        case Picture.SVG:
+        case PictureForm.SVG:
             return view.as_svg(shown, azimuth, elevation)
-        case Picture.GLTF:
+        case PictureForm.GLTF:
             return view.as_gltf(shown)
         case _:
             return None

@@ -88,7 +88,12 @@ def belief(pairs: Sequence[tuple[str, float]], most: int = 8) -> TextTable:
     """The causes that are still possible, the most probable first."""
     rows = [(name, f"{probability:.3f}") for name, probability in pairs[:most]]
     if len(pairs) > most:
-        rows.append((f"and {len(pairs) - most} more", f"{sum(p for _, p in pairs[most:]):.3f}"))
+        rows.append(
+            (
+                f"and {len(pairs) - most} more (--format json has all)",
+                f"{sum(p for _, p in pairs[most:]):.3f}",
+            )
+        )
     return TextTable(("cause", "probability"), rows)
 
 

@@ -13,13 +13,16 @@ from engine.stages.scheduling.lags import Lags
 from engine.stages.scheduling.limits import ScheduleLimits
 from engine.stages.scheduling.model import Model
 
-POLL = 0.02  # seconds between two questions whether to stop
+POLL = 0.02  # seconds between two checks whether to stop
 
 
 def improve(
     lags: Lags, bound: int, horizon: int, first: Schedule | None, limits: ScheduleLimits
 ) -> Schedule | Infeasible | None:
-    """A better schedule than `first`, or `first` with a better bound; None if none was found."""
+    """The best schedule that the solver finds, `first` if it finds none, or the proof that there is none.
+
+    The result is None if there is no schedule so far and no proof.
+    """
     model = Model(lags.shop, lags, horizon)
     model.add_windows()
     model.add_works()
