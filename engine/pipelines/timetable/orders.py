@@ -65,9 +65,11 @@ class Steps:
         self, gate: PlanGate, more: Sequence[GroundOperator], limits: ScheduleLimits, bound: int
     ) -> Timetable | None:
         """The timetable of the best choice of these and `more` steps, also by other means; None if there are no such."""
+        if not any(alternatives(self.task, self.operators, self.goals)):
+            return None
         steps = (*self.operators, *more)
         others = tuple(alternatives(self.task, steps, self.goals))
-        if not others or len(steps) + len(others) > POOL:
+        if len(steps) + len(others) > POOL:
             return None
         pool = replace(self, operators=(*steps, *others))
         found = pool._reordered(bound, limits, optional=True)

@@ -19,21 +19,24 @@ class Links:
     plan: Interference
 
     def broken(self) -> Iterator[str]:
-        """What is wrong with each link that does not hold."""
+        """What is wrong with each link that does not hold; stages are followed by themselves."""
         for link in self.plan.plan.links:
-            wrong = self._stage(link) if is_stage(link.condition) else self._broken(link)
-            if wrong:
+            if not is_stage(link.condition) and (wrong := self._broken(link)):
                 yield f"{_said(link)}: {wrong}"
 
     def idle(self) -> Iterator[str]:
-        """The links for a condition that their consumer does not depend on."""
+        """The links for a condition that their consumer does not depend on, and those for stages that are none."""
         needs = {GOAL: self._needs_of_goals()}
         for link in self.plan.plan.links:
             user = link.consumer
+            if is_stage(link.condition):
+                if wrong := self._stage(link):
+                    yield f"{_said(link)}: {wrong}"
+                continue
             if user not in needs:
                 needs[user] = self._needs(self.plan.executed[user])
             atom, _ = signed(link.condition)
-            if not is_stage(link.condition) and all(matched(each, atom, {}) is None for each in needs[user]):
+            if all(matched(each, atom, {}) is None for each in needs[user]):
                 yield f"{_said(link)}: the consumer does not need it"
 
     def _broken(self, link: CausalLink) -> str:

@@ -44,7 +44,7 @@ def readings(chains: Chains, steps: list[str], done: Reading) -> Iterator[Readin
         yield done
         return
     events, fluents = DOES[steps[0]]
-    for after in told(chains, events, done):
+    for after in told(chains, events, done, done):
         moved = tuple(
             n + (n == before and waits(chains, done, i) in fluents)
             for i, (before, n) in enumerate(zip(done, after, strict=True))
@@ -52,13 +52,15 @@ def readings(chains: Chains, steps: list[str], done: Reading) -> Iterator[Readin
         yield from readings(chains, steps[1:], moved)
 
 
-def told(chains: Chains, events: tuple[str, ...], done: Reading) -> Iterator[Reading]:
+def told(chains: Chains, events: tuple[str, ...], before: Reading, done: Reading) -> Iterator[Reading]:
+    """The ways to give the events of one step to chains, each of which it moves by one stage at most."""
     if not events:
         yield done
         return
     for i in range(len(chains)):
-        if waits(chains, done, i) == events[0]:
-            yield from told(chains, events[1:], tuple(n + (i == j) for j, n in enumerate(done)))
+        if done[i] == before[i] and waits(chains, before, i) == events[0]:
+            moved = tuple(n + (i == j) for j, n in enumerate(done))
+            yield from told(chains, events[1:], before, moved)
 
 
 def waits(chains: Chains, done: Reading, i: int) -> str:
