@@ -319,9 +319,10 @@ def _judged(problem: "Problem", plan: "Plan", name: str, claims: "Claims | None"
 
     found = planning.check_plan(problem, plan, name, claims)
     if found:
-        return Answer("invalid", {"steps": len(plan.steps)}, code=FINDINGS, diagnostics=tuple(found))
+        counts = {"steps": len(plan.steps), "links": len(plan.links)}
+        return Answer("invalid", counts, code=FINDINGS, diagnostics=tuple(found))
     last = planning.ending(plan, claims)
-    content = {"steps": len(plan.steps), "cost": plan.cost, "makespan": last, "links": len(plan.links)}
+    content = {"steps": len(plan.steps), "cost": plan.cost, "links": len(plan.links)}
     lasts = f", makespan {last} {problem.domain.time_unit}" if last else ""
     said = f"valid: {len(plan.steps)} steps, cost {plan.cost}{lasts}, {len(plan.links)} causal links"
     return Answer("valid", content, text=lambda: Text(said))
