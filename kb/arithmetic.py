@@ -7,7 +7,7 @@ clingo evaluates.
 
 from collections.abc import Callable
 
-from kb.terms import Atom, Function, Number, Operation, Term, Text
+from kb.terms import Atom, Function, Number, Operation, Substitution, Term, Text, substitute
 
 BITS = 32  # bits of clingo's integers; larger values wrap around
 
@@ -30,6 +30,14 @@ def evaluate_atom(atom: Atom) -> Atom | None:
     values = [evaluate(argument) for argument in atom.arguments]
     found = tuple([value for value in values if value is not None])
     return Function(atom.name, found) if len(found) == len(values) else None
+
+
+def amount(term: Term | None, bindings: Substitution, default: int) -> int | None:
+    """A duration or cost under bindings: `default` if nothing is said, None if what is said has no value."""
+    if term is None:
+        return default
+    value = evaluate(substitute(term, bindings))
+    return value.value if isinstance(value, Number) else None
 
 
 def compare(left: Term, relation: str, right: Term) -> bool:

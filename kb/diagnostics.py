@@ -67,6 +67,7 @@ CODES = {
     "K505": "the plan's orderings have a cycle",
     "K506": "the plan does not follow the workflow",
     "K507": "a step number that is used twice or is not positive",
+    "K508": "a claim of a plan that is not so",
     "K601": "not a phrase pattern",
     "K602": "a command that is not understood",
     "K603": "a command that names nothing, or more than one thing",

@@ -1,5 +1,6 @@
 """The file that a target names: a file, a folder, or a domain that comes with the engine, by path or by name."""
 
+import os
 from pathlib import Path
 
 from kb.diagnostics import Diagnostic, InvalidInput, Source, nearest
@@ -45,7 +46,11 @@ def _not_found(target: str, path: Path, known: list[str]) -> Diagnostic:
 
 
 def reference(domain: Domain) -> str:
-    """The name of this domain for other files: its name if it is bundled, otherwise its path."""
+    """The name of this domain for other files: its name if it is bundled, otherwise its path from the root of the file system.
+
+    So it is found from any folder in which a command is typed.
+    """
     path = Path(domain.path)
     known = bundled().get(domain.name)
-    return domain.name if known and known.resolve() == path.parent.resolve() else path.as_posix()
+    bundle = known is not None and known.resolve() == path.parent.resolve()
+    return domain.name if bundle else Path(os.path.abspath(path)).as_posix()

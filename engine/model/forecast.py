@@ -3,6 +3,8 @@
 Start times are a forecast. A plan promises only the order between its steps.
 """
 
+from collections.abc import Mapping
+
 from kb.model.plan import Plan, StepId
 
 
@@ -16,7 +18,7 @@ def earliest_starts(plan: Plan) -> dict[StepId, int]:
     return starts
 
 
-def makespan(plan: Plan) -> int:
-    """The end of the last step if every step starts as early as possible."""
-    starts = earliest_starts(plan)
+def makespan(plan: Plan, starts: Mapping[StepId, int] | None = None) -> int:
+    """The end of the last step; without `starts`, if every step starts as early as possible."""
+    starts = earliest_starts(plan) if starts is None else starts
     return max((starts[step.id] + step.duration for step in plan.steps), default=0)

@@ -33,10 +33,15 @@ class History:
     happenings: tuple[Happening, ...]
 
 
-def histories(problem: Problem, plan: Plan) -> tuple[History, ...]:
-    """One history per chain of the workflow, read from the causal links of its stages."""
+def histories(
+    problem: Problem, plan: Plan, starts: Mapping[StepId, int] | None = None
+) -> tuple[History, ...]:
+    """One history per chain of the workflow, read from the causal links of its stages.
+
+    `starts` says when each step starts; None: as early as it can.
+    """
     steps = {step.id: step for step in plan.steps}
-    starts = earliest_starts(plan)
+    starts = earliest_starts(plan) if starts is None else starts
     found = []
     for chain in problem.chains:
         reached = reached_by(plan, chain)

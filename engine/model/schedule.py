@@ -58,13 +58,16 @@ Timing = Scheduled | Infeasible | GaveUp
 class Timetable:
     """A plan with the start of each step, and the schedule of the shop behind it.
 
-    `shop` has a stage for each block of steps that serves an object. `note` says why the plan kept its own
-    order, if it did.
+    `shop` has a stage for each block of steps that serves an object, or for each step. `scope` says among what the
+    makespan is the least, if that is proved. `note` says why steps are not scheduled as blocks, if they are not;
+    `unwatched` that nobody watches longest stays, release and due times, or travel.
     """
 
     plan: Plan
     starts: Mapping[StepId, int]
     shop: Shop
     schedule: Schedule
+    scope: str
     note: str = ""
+    unwatched: bool = False
     statistics: Statistics = field(default_factory=Statistics)

@@ -14,8 +14,9 @@ from engine.stages.grounding.limits import require_affordable_statics
 from engine.stages.planning import NO_MACROS, Limits, Macros
 from engine.stages.planning import plan as plan_task
 from engine.stages.validation import validate
+from engine.stages.validation.claims import makespan, times
 from kb.diagnostics import Diagnostic, InvalidInput, Source
-from kb.model.plan import Plan
+from kb.model.plan import Claims, Plan
 from kb.model.problem import Problem
 from kb.terms import Atom
 
@@ -78,10 +79,20 @@ def planned(problem: Problem, limits: Limits = Limits(), macros: Macros = NO_MAC
     return replace(outcome, statistics=statistics), task
 
 
-def check_plan(problem: Problem, made: Plan, name: str = "plan") -> list[Diagnostic]:
-    """All errors that the independent checker finds in a plan; empty if it is valid. Raises `InvalidInput`."""
+def check_plan(
+    problem: Problem, made: Plan, name: str = "plan", claims: Claims | None = None
+) -> list[Diagnostic]:
+    """Everything that the independent checker has against a plan and against what is claimed of it; empty if it is valid.
+
+    Raises `InvalidInput`.
+    """
     require_affordable_statics(problem)
-    return validate(problem, made, name)
+    return validate(problem, made, name, claims)
+
+
+def ending(made: Plan, claims: Claims | None = None) -> int:
+    """When the last step ends; each starts when it is said to, else as soon as it can."""
+    return makespan(made, times(made, claims or Claims()))
 
 
 def initial_facts(target: str) -> frozenset[Atom]:

@@ -2,6 +2,8 @@
 
 import json
 import re
+from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 from kb.asp import AspError, ground_term
@@ -11,13 +13,20 @@ from kb.loader.problem import read_problem
 from kb.loader.reader import Findings, Reader, require, validate_shape
 from kb.loader.references import domain_file
 from kb.loader.tree import Node, read_file
-from kb.model.plan import CausalLink, Plan, Step, StepId
+from kb.model.domain import Domain
+from kb.model.plan import CausalLink, Claims, Happened, Plan, Step, StepId
 from kb.model.problem import Problem
+from kb.model.traits import step_of
 from kb.terms import Function
 
 
 def load_plan(path: Path) -> tuple[Problem, Plan]:
     """The problem and the plan in a plan file. Raises `InvalidInput` with all errors in its form."""
+    return load_claimed(path)[:2]
+
+
+def load_claimed(path: Path) -> tuple[Problem, Plan, Claims]:
+    """The problem and the plan in a plan file, and what else it claims. Raises `InvalidInput` with all errors in its form."""
     findings = Findings()
     reader = Reader.of(read_file(path), findings)
     _require_plan(reader)
@@ -28,9 +37,10 @@ def load_plan(path: Path) -> tuple[Problem, Plan]:
     domain, names = read_domain(domain_file(inner), findings)
     problem = read_problem(inner, domain, names, findings)
     plan_reader = Reader(entry, findings, domain.time_unit)
-    plan = Plan(tuple(_steps(plan_reader)), tuple(_links(plan_reader)))
+    plan = Plan(tuple(_steps(plan_reader, domain)), tuple(_links(plan_reader)))
+    claims = _claims(plan_reader)
     require(findings)
-    return problem, plan
+    return problem, plan, claims
 
 
 def _require_plan(reader: Reader) -> None:
@@ -44,18 +54,56 @@ def _require_plan(reader: Reader) -> None:
     )
 
 
-def _steps(reader: Reader) -> list[Step]:
-    return [
-        Step(
-            StepId(_whole(reader, node.descend(("id",)))),
-            _term(reader, node.descend(("operator",))),
-            tuple(StepId(_whole(reader, each)) for each in _listed(node, "after")),
-            tuple(_term(reader, each) for each in _listed(node, "resources")),
-            _number(reader, node, "duration", 0),
-            _number(reader, node, "cost", 1),
-        )
+def _steps(reader: Reader, domain: Domain) -> list[Step]:
+    """The steps; what an entry leaves out is as the domain says."""
+    return [_step(reader, node, domain) for node in reader.items("steps")]
+
+
+def _step(reader: Reader, node: Node, domain: Domain) -> Step:
+    after = tuple(StepId(_whole(reader, each)) for each in _listed(node, "after"))
+    number = StepId(_whole(reader, node.descend(("id",))))
+    plain = step_of(domain, number, _term(reader, node.descend(("operator",))), after)
+    held = tuple(_term(reader, each) for each in _listed(node, "resources"))
+    return replace(
+        plain,
+        resources=held if "resources" in node.value else plain.resources,
+        duration=_number(reader, node, "duration", plain.duration),
+        cost=_number(reader, node, "cost", plain.cost),
+    )
+
+
+def _claims(reader: Reader) -> Claims:
+    """The starts of steps, the sums and the histories that a file has."""
+    starts = {
+        StepId(_whole(reader, node.descend(("id",)))): _whole(reader, node.value["start"][1])
         for node in reader.items("steps")
-    ]
+        if "start" in node.value
+    }
+    cost, makespan = (
+        _whole(reader, reader.root.value[name][1]) if name in reader.root.value else None
+        for name in ("cost", "makespan")
+    )
+    return Claims(starts, cost, makespan, tuple(_happened(reader)))
+
+
+def _happened(reader: Reader) -> Iterator[Happened]:
+    """The lines of the histories that have the form in which they are written."""
+    for history in reader.items("histories"):
+        chain, stages = history.value.get("chain"), history.value.get("stages")
+        for node in stages[1].value if chain and stages else ():
+            said = {key: value.value for key, (_, value) in node.value.items()}
+            yield Happened(
+                str(chain[1].value),
+                str(said.get("stage", "")),
+                StepId(_integer(said.get("step"))),
+                _integer(said.get("start")),
+                _integer(said.get("duration")),
+            )
+
+
+def _integer(said: object) -> int:
+    """A number that only a computed key holds; -1 if it is none."""
+    return int(str(said)) if re.fullmatch(r"[0-9]{1,10}", str(said)) else -1
 
 
 def _links(reader: Reader) -> list[CausalLink]:

@@ -1,6 +1,7 @@
 """The domain that a problem or plan file names with `domain:`."""
 
 import re
+from collections.abc import Iterator
 from pathlib import Path
 
 from kb.diagnostics import Diagnostic, InvalidInput, nearest
@@ -22,15 +23,23 @@ def domain_file(reader: Reader) -> Path:
     for candidate in (here.parent / DOMAIN_FILE, here / DOMAIN_FILE):
         if _is_called(candidate, name):
             return candidate
-    for candidate in (here / name / DOMAIN_FILE, here / name, Path(name) / DOMAIN_FILE, Path(name)):
+    known = bundled()
+    own = [known[name] / DOMAIN_FILE] if name in known else []
+    near, typed = (here / name / DOMAIN_FILE, here / name), (Path(name) / DOMAIN_FILE, Path(name))
+    for candidate in (*near, *own, *typed, *_moved(Path(name), here)):
         if is_file(candidate) and candidate.suffix in SUFFIXES:
             return candidate
-    known = bundled()
-    if name in known:
-        return known[name] / DOMAIN_FILE
     hint = nearest(name, list(known)) or f"a path, or one of: {', '.join(known)}"
     found = Diagnostic(node.where, "K401", f"unknown domain '{name[:60]}'", hint)
     raise InvalidInput([*reader.findings.diagnostics, found])
+
+
+def _moved(path: Path, here: Path) -> Iterator[Path]:
+    """Where a file may be that is not at `path`: in a folder around `here` or around the working folder, whose files were
+    moved together or which were named from there."""
+    tails = [Path(*path.parts[-n:]) for n in range(2, len(path.parts) + 1)]
+    for folder in (*here.absolute().parents, *Path.cwd().parents):
+        yield from (folder / tail for tail in tails if not tail.is_absolute())
 
 
 def _is_called(path: Path, name: str) -> bool:

@@ -1,6 +1,7 @@
 """The plan: partially ordered steps with causal links (McAllester & Rosenblitt 1991), as a value."""
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from typing import NewType
 
 from kb.terms import Atom, Function, Term
@@ -53,6 +54,30 @@ class Plan:
             direct = frozenset(step.after)
             closed[step.id] = direct.union(*(closed.get(before, frozenset()) for before in direct))
         return closed
+
+
+@dataclass(frozen=True, slots=True)
+class Happened:
+    """A line of a history as a file has it: a stage of a chain, the step that reaches it, its start and its duration."""
+
+    chain: str
+    stage: str
+    step: StepId
+    start: int
+    duration: int
+
+
+@dataclass(frozen=True, slots=True)
+class Claims:
+    """What a plan file says beside the plan, all of which can be computed; None and empty where it says nothing.
+
+    `starts` are times in the domain's unit.
+    """
+
+    starts: Mapping[StepId, int] = field(default_factory=dict)
+    cost: int | None = None
+    makespan: int | None = None
+    histories: tuple[Happened, ...] = ()
 
 
 def in_sequence(plan: Plan) -> Plan:

@@ -23,7 +23,8 @@ class StepEntry(_Strict):
     duration: int = Field(0, ge=0, description="in the domain's unit of time")
     cost: int = Field(1, ge=0, description="what the step adds to the cost of the plan")
     start: int | None = Field(
-        None, description="earliest start, in the domain's unit of time; computed, not read back"
+        None,
+        description="when the step starts, in the domain's unit of time; not before the steps in `after` have ended",
     )
 
 

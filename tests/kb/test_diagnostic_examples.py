@@ -14,8 +14,8 @@ from engine.formats.interop.tsplib import read_tsplib
 from engine.pipelines import checking, planning
 from kb.asp import trial
 from kb.diagnostics import CODES, Diagnostic, InvalidInput
-from kb.loader import load_plan
 from kb.loader.cell import load_cell
+from kb.loader.plan import load_claimed
 from tests.refusals import ENVIRONMENT, REFUSALS
 
 DATA = Path(__file__).parents[1] / "data"
@@ -34,8 +34,8 @@ def found_in(folder: Path) -> tuple[Diagnostic, ...]:
     """What validate, plan --pddl, the readers of other formats or check report of this kind of example."""
     try:
         if (folder / "plan.json").exists():
-            problem, plan = load_plan(folder / "plan.json")
-            return tuple(planning.check_plan(problem, plan, str(folder / "plan.json")))
+            problem, plan, claims = load_claimed(folder / "plan.json")
+            return tuple(planning.check_plan(problem, plan, str(folder / "plan.json"), claims))
         if (folder / "domain.pddl").exists():
             read_pddl(folder / "domain.pddl", folder / "problem.pddl")
         for pattern, read in READERS.items():

@@ -14,7 +14,7 @@ from typing import Any
 
 from engine.authoring.testing.meaning import listing, meaning
 from engine.formats.report.json import envelope, outcome, status
-from engine.pipelines import planning
+from engine.pipelines import objective, planning
 from engine.stages.planning import Limits
 from kb.diagnostics import Diagnostic, InvalidInput, Source
 from kb.loader import find, load, problem_files
@@ -81,8 +81,10 @@ def compare(problem_file: Path, golden: Path) -> GoldenComparison:
 def answer(problem_file: Path) -> str:
     """The answer to a problem, as the text of a golden file."""
     problem = planning.problem_of(str(problem_file))
-    result = planning.plan(problem, Limits())
-    return envelope(status(result), outcome(result, problem, problem.domain.name)) + "\n"
+    run = objective.plan(problem, Limits())
+    return (
+        envelope(status(run.outcome), outcome(run.outcome, problem, problem.domain.name, run.starts)) + "\n"
+    )
 
 
 def _parsed(text: str, file: Path) -> Any:

@@ -7,19 +7,20 @@ if TYPE_CHECKING:
 
     from rich.console import RenderableType
 
-    from engine.model.outcome import Outcome
+    from engine.pipelines.objective import Objective, Run
     from engine.stages.planning import Limits
     from kb.model.problem import Problem
 
 
 def planned(
-    problem: "Problem", limits: "Limits", store: str, folded: bool
-) -> "tuple[Outcome, dict[str, Any]]":
-    """The outcome for a problem. With a library, also where it comes from; with `folded`, also its parts, as data."""
-    from engine.pipelines import planning
+    problem: "Problem", limits: "Limits", wanted: "Objective | None", store: str, folded: bool
+) -> "tuple[Run, dict[str, Any]]":
+    """The outcome for a problem, and when its steps happen. With a library, also where it comes from; with `folded`, also
+    its parts, as data."""
+    from engine.pipelines import objective
 
     if not store:
-        return planning.plan(problem, limits), {}
+        return objective.plan(problem, limits, wanted), {}
     from engine.pipelines.reuse import Practice
     from kb.store import Library
 
@@ -31,7 +32,8 @@ def planned(
         {"macrop": part.macrop, "name": part.name, "purpose": part.purpose, "steps": list(part.steps)}
         for part in found.parts
     ]
-    return found.outcome, {"source": {**entry, "parts": parts} if parts else entry}
+    run = objective.scheduled(problem, found.outcome, limits, objective.Objective.COST if parts else wanted)
+    return run, {"source": {**entry, "parts": parts} if parts else entry}
 
 
 def origin_text(content: "Mapping[str, Any]") -> "list[RenderableType]":

@@ -35,8 +35,16 @@ if TYPE_CHECKING:
 
     from engine.formats.interop.pddl import PddlProblem
     from engine.model.outcome import Outcome
-    from kb.model.plan import Plan
+    from engine.pipelines.objective import Run
+    from kb.model.plan import Claims, Plan
     from kb.model.problem import Problem
+
+
+class Wish(StrEnum):
+    """What a plan should have least of."""
+
+    COST = "cost"
+    MAKESPAN = "makespan"
 
 
 class PlanForm(StrEnum):
@@ -64,6 +72,13 @@ def plan(
     anytime: Anytime = False,
     memory_limit: MemoryLimit = None,
     seed: Seed = 0,
+    objective: Annotated[
+        Wish | None,
+        typer.Option(
+            "--objective",
+            help="what the plan should have least of; without it makespan, then cost, where steps take time, else cost",
+        ),
+    ] = None,
     store: Library = "",
     folded: Annotated[
         bool,
@@ -83,7 +98,15 @@ def plan(
     form = Form.JSON if format is PlanForm.JSON else Form.TEXT
     wanted = PlanRequest(target, goals, command, task)
     work = SearchOptions(
-        time_limit, memory_limit, expansions, seed, "race" if race else strategy, anytime, store, folded
+        time_limit,
+        memory_limit,
+        expansions,
+        seed,
+        "race" if race else strategy,
+        anytime,
+        store,
+        folded,
+        objective or (Wish.COST if strategy == "shortest" else None),
     )
     give(lambda: _plan(wanted, format, stats, work), form)
 
@@ -120,6 +143,7 @@ class SearchOptions:
     anytime: bool = False
     store: str = ""
     folded: bool = False
+    objective: "Wish | None" = None
 
 
 def _read_task(wanted: "PlanRequest") -> "PddlProblem | None":
@@ -135,6 +159,7 @@ def _plan(wanted: PlanRequest, form: PlanForm, stats: bool, work: SearchOptions)
     from engine.faces.cli.origin import planned
     from engine.formats.report import json
     from engine.pipelines import planning
+    from engine.pipelines.objective import Objective
     from engine.stages.planning import LITTLE, RESTARTS, ROOM, Limits
 
     _require_strategy(work.strategy)
@@ -152,24 +177,27 @@ def _plan(wanted: PlanRequest, form: PlanForm, stats: bool, work: SearchOptions)
             seed=work.seed,
             improved=interrupted.tell if work.anytime else lambda _: None,
         )
-        outcome, origin = planned(problem, limits, work.store, work.folded)
+        wish = Objective(work.objective.value) if work.objective else None
+        run, origin = planned(problem, limits, wish, work.store, work.folded)
+    outcome = run.outcome
     return Answer(
         json.status(outcome),
-        _document(outcome, problem, origin, stats) if form is PlanForm.JSON else {},
-        text=lambda: _text(outcome, problem, stats, origin, work.folded),
+        _document(run, problem, origin, stats) if form is PlanForm.JSON else {},
+        text=lambda: _text(run, problem, stats, origin, work.folded),
         code=INTERRUPTED if interrupted.heard else exit_code(outcome),
         raw=_ipc(outcome, task) if form is PlanForm.IPC else _picture(outcome, problem, form),
     )
 
 
-def _document(
-    outcome: "Outcome", problem: "Problem", origin: "Mapping[str, Any]", stats: bool
-) -> dict[str, Any]:
+def _document(run: "Run", problem: "Problem", origin: "Mapping[str, Any]", stats: bool) -> dict[str, Any]:
     """The outcome as data, with its statistics if they were asked for."""
     from engine.formats.report import json
+    from engine.formats.report.gantt import proof_entry
 
-    content = {**json.outcome(outcome, problem), **origin}
-    return {**content, "statistics": json.statistics(outcome.statistics)} if stats else content
+    content = {**json.outcome(run.outcome, problem, starts=run.starts), **origin}
+    if run.timetable:
+        content["makespan"] = proof_entry(run.timetable.schedule, run.timetable.scope)
+    return {**content, "statistics": json.statistics(run.outcome.statistics)} if stats else content
 
 
 def _require_strategy(name: str) -> None:
@@ -195,17 +223,17 @@ def _ipc(outcome: "Outcome", task: "PddlProblem | None") -> str | None:
 
 
 def _text(
-    outcome: "Outcome", problem: "Problem", stats: bool, origin: "Mapping[str, Any]", folded: bool
+    run: "Run", problem: "Problem", stats: bool, origin: "Mapping[str, Any]", folded: bool
 ) -> "RenderableType":
     from rich.console import Group
 
     from engine.faces.cli.origin import origin_text
     from engine.formats.report import text
 
-    parts = [text.outcome(outcome, problem), *origin_text(origin)]
+    parts = [text.outcome(run.outcome, problem, run.timetable), *origin_text(origin)]
     if folded and origin.get("source", {}).get("parts"):
         parts = parts[1:]
-    return Group(*parts, *([text.statistics(outcome.statistics)] if stats else []))
+    return Group(*parts, *([text.statistics(run.outcome.statistics)] if stats else []))
 
 
 def _picture(outcome: "Outcome", problem: "Problem", form: PlanForm) -> str | None:
@@ -279,20 +307,24 @@ def _validate_pddl(domain: Path, task: Path, made: Path) -> Answer:
 
 def _validate(file: Path, target: str) -> Answer:
     from engine.pipelines import planning
-    from kb.loader import load_plan
+    from kb.loader.plan import load_claimed
 
-    own, plan = load_plan(file)
-    return _judged(planning.problem_of(target) if target else own, plan, str(file))
+    own, plan, claims = load_claimed(file)
+    return _judged(planning.problem_of(target) if target else own, plan, str(file), claims)
 
 
-def _judged(problem: "Problem", plan: "Plan", name: str) -> Answer:
+def _judged(problem: "Problem", plan: "Plan", name: str, claims: "Claims | None" = None) -> Answer:
+    """The verdict of the checker. What it prints of the plan is computed from the steps, which are as the domain says."""
     from rich.text import Text
 
     from engine.pipelines import planning
 
-    found = planning.check_plan(problem, plan, name)
-    said = f"valid: {len(plan.steps)} steps, cost {plan.cost}, {len(plan.links)} causal links"
-    content = {"steps": len(plan.steps), "cost": plan.cost, "links": len(plan.links)}
+    found = planning.check_plan(problem, plan, name, claims)
     if found:
-        return Answer("invalid", content, code=FINDINGS, diagnostics=tuple(found))
+        counts = {"steps": len(plan.steps), "links": len(plan.links)}
+        return Answer("invalid", counts, code=FINDINGS, diagnostics=tuple(found))
+    last = planning.ending(plan, claims)
+    content = {"steps": len(plan.steps), "cost": plan.cost, "links": len(plan.links)}
+    lasts = f", makespan {last} {problem.domain.time_unit}" if last else ""
+    said = f"valid: {len(plan.steps)} steps, cost {plan.cost}{lasts}, {len(plan.links)} causal links"
     return Answer("valid", content, text=lambda: Text(said))

@@ -97,7 +97,7 @@ class EffortOptions:
 def _schedule(wanted: ScheduleRequest, form: ScheduleForm, stats: bool, effort: EffortOptions) -> Answer:
     from engine.faces.cli.interruption import Interruption
     from engine.formats.interop.shops import shop_of
-    from engine.pipelines import timetable
+    from engine.pipelines import objective, timetable
     from engine.stages.planning import Limits
     from engine.stages.scheduling.limits import ScheduleLimits
 
@@ -119,7 +119,11 @@ def _schedule(wanted: ScheduleRequest, form: ScheduleForm, stats: bool, effort: 
                     "on a plan, which has its own goals",
                 )
             planning = Limits(effort.expansions, interrupted=interrupted, seed=effort.seed)
-            made = timetable.timetable(problem, plan, planning, limits)
+            made = (
+                objective.fastest(problem, planning, limits)
+                if plan is None
+                else timetable.timetable(problem, plan, planning, limits)
+            )
             answer = _timetable(problem, made, form, stats)
     return replace(answer, code=INTERRUPTED) if interrupted.heard else answer
 
@@ -155,12 +159,11 @@ def _timetable(
 
     if not isinstance(made, Timetable):
         return _none(made)
-    planned = json.outcome(Found(made.plan), problem)["plan"]
-    for step in planned["steps"]:
-        step["start"] = made.starts[step["id"]]
-    content = {"schedule": schedule_entry(made.shop, made.schedule), "note": made.note, "plan": planned}
+    planned = json.outcome(Found(made.plan), problem, starts=made.starts)["plan"]
+    entry = schedule_entry(made.shop, made.schedule, made.scope)
+    content = {"schedule": entry, "note": made.note, "plan": planned}
     unit = problem.domain.time_unit
-    return _answer(made.shop, made.schedule, content, made.statistics, form, stats, unit, made.note)
+    return _answer(made.shop, made.schedule, content, made.statistics, form, stats, unit, made)
 
 
 def _none(found: "Infeasible | GaveUp") -> Answer:
@@ -181,27 +184,29 @@ def _answer(
     form: ScheduleForm,
     stats: bool,
     unit: str = "",
-    note: str = "",
+    timetable: "Timetable | None" = None,
 ) -> Answer:
     from engine.formats.report import gantt_svg, json
 
     if stats:
         content["statistics"] = json.statistics(statistics)
     raw = gantt_svg.chart(shop, made, unit) if form is ScheduleForm.SVG else None
-    said = (lambda: _text(shop, made, statistics if stats else None, unit, note)) if raw is None else None
+    figures = statistics if stats else None
+    said = (lambda: _text(shop, made, figures, unit, timetable)) if raw is None else None
     return Answer("optimal" if made.proved else "found", content, said, raw=raw)
 
 
 def _text(
-    shop: "Shop", made: "Schedule", statistics: "Statistics | None", unit: str, note: str
+    shop: "Shop",
+    made: "Schedule",
+    statistics: "Statistics | None",
+    unit: str,
+    timetable: "Timetable | None",
 ) -> "RenderableType":
     from rich.console import Group
-    from rich.text import Text
 
     from engine.formats.report import text
-    from engine.formats.report.gantt import Gantt, summary
+    from engine.formats.report.gantt import charted, charted_shop
 
-    parts: list[RenderableType] = [Gantt(shop, made, unit), Text(), Text(summary(made, unit))]
-    if note:
-        parts.append(Text(f"The order of the plan is kept: {note}."))
+    parts = charted(timetable, unit) if timetable else charted_shop(shop, made, unit)
     return Group(*parts, *([text.statistics(statistics)] if statistics else []))

@@ -12,10 +12,11 @@ from typing import Any
 from rich.console import Console, ConsoleOptions, Group, RenderableType
 from rich.text import Text
 
-from engine.model.schedule import Schedule
+from engine.model.schedule import Schedule, Timetable
 from engine.model.shop import Hold, Shop
 
 STYLES = ("blue", "red", "green", "magenta", "yellow", "cyan", "bright_blue", "bright_red")
+SHOP = "of all schedules of this shop"
 NARROWEST = 30  # width in characters of the part with the bars
 
 
@@ -48,14 +49,15 @@ class Row:
 
 
 def rows(shop: Shop, schedule: Schedule) -> tuple[Row, ...]:
-    """The rows of the chart: jobs in their order, then every used unit of every resource."""
+    """The rows of the chart: jobs in their order, then every used unit of every resource that is no job."""
     number = {job.name: n for n, job in enumerate(shop.jobs)}
     found = [
         Row(job.name, tuple(_stage_bar(shop, schedule, stage.name, number[job.name]) for stage in job.stages))
         for job in shop.jobs
         if len(job.stages) > 1
     ]
-    for resource in shop.resources:
+    shown = {row.name for row in found}
+    for resource in (each for each in shop.resources if each.name not in shown):
         bars = sorted(
             _resource_bars(shop, schedule, resource.name, number), key=lambda bar: (bar.start, bar.end)
         )
@@ -173,16 +175,40 @@ def _ticks(makespan: int, scale: float, width: int, unit: str) -> str:
     return f"{''.join(line).rstrip()} {unit}".rstrip()
 
 
-def summary(schedule: Schedule, unit: str = "") -> str:
-    """Makespan, bound and proof in one line."""
+def summary(schedule: Schedule, unit: str = "", scope: str = "") -> str:
+    """Makespan, bound and proof in one line; `scope` says among what it is the least."""
     late = f", weighted tardiness {schedule.tardiness}" if schedule.tardiness else ""
     if schedule.proved:
-        return f"makespan {schedule.makespan} {unit}, proved to be the least{late}".replace(" ,", ",")
+        return f"makespan {schedule.makespan} {unit}, proved to be the least {scope}{late}".replace(
+            " ,", ","
+        ).rstrip()
     bound = f"at least {schedule.lower_bound}, gap {100 * schedule.gap:.1f} %"
     return f"makespan {schedule.makespan} {unit}, {bound}{late}".replace(" ,", ",")
 
 
-def schedule_entry(shop: Shop, schedule: Schedule) -> dict[str, Any]:
+def charted(made: Timetable, unit: str) -> list[RenderableType]:
+    """The chart of a timetable, its makespan, and why it has a row for each step where it has."""
+    parts = charted_shop(made.shop, made.schedule, unit, made.scope)
+    return [*parts, Text(f"Scheduled step by step, not in blocks: {made.note}.")] if made.note else parts
+
+
+def charted_shop(shop: Shop, schedule: Schedule, unit: str = "", scope: str = SHOP) -> list[RenderableType]:
+    """The chart of a schedule, and its makespan."""
+    return [Gantt(shop, schedule, unit), Text(), Text(summary(schedule, unit, scope))]
+
+
+def proof_entry(schedule: Schedule, scope: str = SHOP) -> dict[str, Any]:
+    """The makespan and what is proved of it, for programs."""
+    return {
+        "makespan": schedule.makespan,
+        "lower_bound": schedule.lower_bound,
+        "gap": round(schedule.gap, 6),
+        "proved": schedule.proved,
+        "scope": scope,
+    }
+
+
+def schedule_entry(shop: Shop, schedule: Schedule, scope: str = SHOP) -> dict[str, Any]:
     """A schedule for programs: totals, stages in the order of their starts, changes of devices, and holds."""
     stages = [
         {
@@ -205,10 +231,7 @@ def schedule_entry(shop: Shop, schedule: Schedule) -> dict[str, Any]:
         for each in sorted(schedule.adjustments, key=lambda each: each.start)
     ]
     return {
-        "makespan": schedule.makespan,
-        "lower_bound": schedule.lower_bound,
-        "gap": round(schedule.gap, 6),
-        "proved": schedule.proved,
+        **proof_entry(schedule, scope),
         "tardiness": schedule.tardiness,
         "stages": sorted(stages, key=lambda each: (each["start"], each["end"], each["stage"])),
         "changes": changes,

@@ -11,10 +11,11 @@ from engine.model.histories import histories
 from engine.model.outcome import Found, GaveUp, Infeasible, Outcome, Statistics
 from kb.diagnostics import Diagnostic
 from kb.model.conditions import And
-from kb.model.plan import Plan
+from kb.model.plan import Plan, StepId
 from kb.model.problem import Chain, Problem
 
 VERSION = 1
+Starts = Mapping[StepId, int] | None
 
 
 def envelope(status: str, content: Mapping[str, Any], diagnostics: Iterable[Diagnostic] = ()) -> str:
@@ -57,14 +58,19 @@ def status(outcome: Outcome) -> str:
             return "stopped"
 
 
-def outcome(result: Outcome, problem: Problem, domain: str = "") -> dict[str, Any]:
-    """The data of an outcome: the plan, or why there is none. `domain` is the name of the domain in the file."""
+def outcome(result: Outcome, problem: Problem, domain: str = "", starts: Starts = None) -> dict[str, Any]:
+    """The data of an outcome: the plan, or why there is none. `domain` is the name of the domain in the file.
+
+    `starts` says when each step starts; None: as early as it can.
+    """
     from kb.targets import reference
 
     entry = problem_entry(problem, domain or reference(problem.domain))
     match result:
         case Found(plan):
-            return {"plan": {"problem": entry, **plan_entry(plan), **history_entry(plan, problem)}}
+            return {
+                "plan": {"problem": entry, **plan_entry(plan, starts), **history_entry(plan, problem, starts)}
+            }
         case Infeasible(reason):
             return {"problem": entry, "reason": reason}
         case GaveUp(reason, limit):
@@ -79,12 +85,12 @@ def statistics(figures: Statistics) -> dict[str, Any]:
     }
 
 
-def plan_entry(plan: Plan) -> dict[str, Any]:
+def plan_entry(plan: Plan, starts: Starts = None) -> dict[str, Any]:
     """A plan as `cellwright validate` reads it, without its problem."""
-    starts = earliest_starts(plan)
+    starts = earliest_starts(plan) if starts is None else starts
     return {
         "cost": plan.cost,
-        "makespan": makespan(plan),
+        "makespan": makespan(plan, starts),
         "steps": [
             {
                 "id": step.id,
@@ -104,7 +110,7 @@ def plan_entry(plan: Plan) -> dict[str, Any]:
     }
 
 
-def history_entry(plan: Plan, problem: Problem) -> dict[str, Any]:
+def history_entry(plan: Plan, problem: Problem, starts: Starts = None) -> dict[str, Any]:
     """The history of each object of a workflow, in order; empty without a workflow."""
     made = [
         {
@@ -116,7 +122,7 @@ def history_entry(plan: Plan, problem: Problem) -> dict[str, Any]:
                 for each in history.happenings
             ],
         }
-        for history in histories(problem, plan)
+        for history in histories(problem, plan, starts)
     ]
     return {"histories": made} if made else {}
 

@@ -11,12 +11,14 @@ from rich.console import Console, ConsoleOptions, Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
+from engine.formats.report.gantt import Gantt, summary
 from engine.formats.report.rows import TextTable, headed
 from engine.formats.report.wrapping import wrapped
 from engine.model.forecast import earliest_starts, makespan
 from engine.model.histories import History, histories
 from engine.model.outcome import Found, GaveUp, Infeasible, Outcome, Statistics
 from engine.model.purposes import purposes
+from engine.model.schedule import Timetable
 from kb.model.plan import Plan, StepId
 from kb.model.problem import Problem
 
@@ -26,30 +28,36 @@ WIDEST = 10_000
 JUDGED = 60  # the number of steps that determine the widths of columns
 
 
-def outcome(result: Outcome, problem: Problem) -> RenderableType:
-    """An outcome for people."""
+def outcome(result: Outcome, problem: Problem, timetable: Timetable | None = None) -> RenderableType:
+    """An outcome for people; with a timetable also the chart of its plan."""
     match result:
         case Found(plan):
-            return plan_table(plan, problem)
+            return plan_table(plan, problem, timetable)
         case Infeasible(reason):
             return Text(f"No plan exists: {reason}.")
         case GaveUp(reason):
             return Text(f"Gave up: {reason}.")
 
 
-def plan_table(plan: Plan, problem: Problem) -> RenderableType:
-    """Steps with the steps they wait for, start times and reasons; then histories and totals."""
+def plan_table(plan: Plan, problem: Problem, timetable: Timetable | None = None) -> RenderableType:
+    """Steps with the steps they wait for, start times and reasons; then histories, the chart and totals."""
     if not plan.steps:
         return Text("Nothing to do: the goals hold already.")
     timed = any(step.duration for step in plan.steps)
     unit = problem.domain.time_unit
     said = [_counted(len(plan.steps), "step"), f"cost {plan.cost}"]
-    if timed:
+    starts = timetable.starts if timetable else earliest_starts(plan)
+    chart: list[RenderableType] = []
+    if timetable:
+        said.append(summary(timetable.schedule, unit, timetable.scope))
+        chart = [Text(), Gantt(timetable.shop, timetable.schedule, unit), Text()]
+    elif timed:
         said.append(f"{makespan(plan)} {unit} if every step starts as early as possible")
-    made = histories(problem, plan)
-    steps = _Steps(plan, purposes(problem, plan), unit if timed else "")
-    between: list[RenderableType] = [Text(), _Histories(made, unit), Text()] if made else []
-    return Group(steps, *between, Text(", ".join(said)))
+    made = histories(problem, plan, starts)
+    steps = _Steps(plan, starts, purposes(problem, plan), unit if timed else "")
+    told: list[RenderableType] = [Text(), _Histories(made, unit)] if made else []
+    between = chart or ([Text()] if made else [])
+    return Group(steps, *told, *between, Text(", ".join(said)))
 
 
 def _counted(number: int, noun: str) -> str:
@@ -61,6 +69,7 @@ class _Steps:
     """The table of steps, made when the width is known. Without a `unit` it shows no times."""
 
     plan: Plan
+    starts: Mapping[StepId, int]
     purposes: Mapping[StepId, Mapping[str, Sequence[str]]]
     unit: str
 
@@ -73,7 +82,7 @@ class _Steps:
 
     def _stacked(self, width: int) -> Table:
         """The steps for a narrow terminal: the content of the table in lines below each step."""
-        starts = earliest_starts(self.plan)
+        starts = self.starts
         table = Table(box=None, pad_edge=False, show_header=False, padding=(0, 2, 0, 0))
         table.add_column(justify="right", no_wrap=True, style="cyan")
         table.add_column(overflow="fold")
@@ -103,7 +112,7 @@ class _Steps:
 
     def _narrow(self) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
         """Head and rows of the columns of fixed width: numbers of steps, and times."""
-        starts = earliest_starts(self.plan)
+        starts = self.starts
         rows = [
             (str(step.id), wrapped(", ".join(map(str, step.after)), LIST, 0))
             + ((str(starts[step.id]), str(step.duration)) if self.unit else ())

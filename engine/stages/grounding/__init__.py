@@ -128,6 +128,7 @@ class _Grounding:
         made = Instances(universe, effects, supports, workflow, numbering, changes)
         operators = [*made.operators(instances(self.schemas, self.vocabulary, universe)), *workflow.reaching]
         self.found += contradictions(made, universe)
+        self.found += negatives(made)
         self.found += self._overflows(universe, supports, made)
         start = bitset([universe.index[atom] for atom in initial]) | workflow.initial | goals.initial
         alternatives, completed = goals.compiled(operators, numbering)
@@ -228,6 +229,14 @@ def contradictions(made: Instances, universe: Universe) -> Iterator[Diagnostic]:
             message,
             f"add conditions to the deductive operators that {operator} triggers",
         )
+
+
+def negatives(made: Instances) -> Iterator[Diagnostic]:
+    """One diagnostic per operator with an instance whose duration or cost is negative."""
+    for (_, name), found in made.negative.items():
+        message = f"the {name} of {found.instance} is {found.value}"
+        hint = f"a {name} must be 0 or more: exclude such instances in `where:`"
+        yield Diagnostic(found.operator.where, "K113", message, hint)
 
 
 def _chain(deduced: Deduction, universe: Universe, adds: Bits, atom: Function) -> str:

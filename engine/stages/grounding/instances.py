@@ -18,7 +18,8 @@ from engine.stages.grounding.workflow import Workflow
 from kb.asp.tables import Table
 from kb.model.conditions import Literal
 from kb.model.domain import Operator
-from kb.terms import Atom, Function, Number, Substitution, Term, substitute, substitute_atom, variables
+from kb.model.traits import traits
+from kb.terms import Atom, Function, Term, substitute_atom, variables
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,7 +79,17 @@ class Changes:
     doubtful: Bits = 0
 
 
-Traits = tuple[tuple[Term, ...], int, int]  # (resources, duration, cost)
+@dataclass(frozen=True, slots=True)
+class Negative:
+    """An instance of an operator whose `name`, duration or cost, is computed to be less than 0."""
+
+    operator: Operator
+    instance: Function
+    name: str
+    value: int
+
+
+Traits = tuple[tuple[Term, ...], int, int]  # resources, duration, cost
 
 
 @dataclass
@@ -98,6 +109,7 @@ class Instances:
     contradictions: dict[str, Contradiction] = field(default_factory=dict)
     doubts: list[Doubt] = field(default_factory=list)
     overflowing: dict[str, Operator] = field(default_factory=dict)
+    negative: dict[tuple[str, str], Negative] = field(default_factory=dict)
     _sets: dict[tuple[int, ...], Bits] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -127,23 +139,26 @@ class Instances:
     def _plain(self, rows: InstanceRows) -> Iterator[GroundOperator]:
         name, terms = rows.schema.operator.name, self.universe.terms
         closing = _Closing(self, rows)
-        traits = _Shared(rows.schema.operator)
+        shares = _Shared(rows.schema.operator, self.negative)
         arguments, literals, _ = rows.ends
         for row in rows:
             instance = Function(name, tuple([terms[number] for number in row[:arguments]]))
             base = self.bits(tuple(row[arguments:literals]))
+            if (shared := shares.of(row, instance)) is None:
+                continue
             changes = closing.changes(row, base, instance)
-            held, duration, cost = traits.of(row, instance)
-            yield GroundOperator(instance, base, changes.adds, changes.deletes, (), held, duration, cost)
+            yield GroundOperator(instance, base, changes.adds, changes.deletes, (), *shared)
 
     def _various(self, rows: InstanceRows) -> Iterator[GroundOperator]:
         operator, terms = rows.schema.operator, self.universe.terms
         closing = _Closing(self, rows)
-        traits = _Shared(operator)
+        shares = _Shared(operator, self.negative)
         arguments, literals, _ = rows.ends
         for row in rows:
             instance = Function(operator.name, tuple([terms[number] for number in row[:arguments]]))
             conditions = signed(rows.schema.literals, row[arguments:literals])
+            if (shared := shares.of(row, instance)) is None:
+                continue
             try:
                 supports = self.supports.combinations(conditions)
                 effects = tuple(self._conditional(operator, instance, tuple(row[:arguments]), conditions))
@@ -151,14 +166,13 @@ class Instances:
                 self.overflowing.setdefault(operator.name, operator)
                 continue
             events = self._events(operator, instance)
-            held, duration, cost = traits.of(row, instance)
             for support in supports:
                 base = self.numbering.bits(support)
                 changes = closing.changes(row, base, instance)
                 for advance in self.workflow.advances(events):
                     needs, adds = base | advance.conditions, changes.adds | advance.adds
                     deletes = changes.deletes | advance.deletes
-                    yield GroundOperator(instance, needs, adds, deletes, effects, held, duration, cost)
+                    yield GroundOperator(instance, needs, adds, deletes, effects, *shared)
 
     def _events(self, operator: Operator, instance: Function) -> list[Atom]:
         events = [each.atom for each in operator.effects if each.atom.name in self.workflow.events]
@@ -237,29 +251,33 @@ class _Shared:
     They are computed once for each combination of the arguments that they depend on.
     """
 
-    def __init__(self, operator: Operator) -> None:
-        self.operator = operator
+    def __init__(self, operator: Operator, negative: dict[tuple[str, str], "Negative"]) -> None:
+        self.operator, self.negative = operator, negative
         terms = [
             *operator.resources,
             *(each for each in (operator.duration, operator.cost) if each is not None),
         ]
         named = {variable for term in terms for variable in variables(term)}
         self.places = [place for place, each in enumerate(operator.variables) if each in named]
-        self.known: dict[tuple[int, ...], Traits] = {}
+        self.known: dict[tuple[int, ...], Traits | None] = {}
 
-    def of(self, row: list[int], instance: Function) -> Traits:
-        """The resources, duration and cost of the instance in `row`."""
+    def of(self, row: list[int], instance: Function) -> Traits | None:
+        """The traits of the instance in `row`; None if one of them has no value, so that there is no such instance."""
         key = tuple([row[place] for place in self.places])
-        found = self.known.get(key)
-        if found is None:
-            found = self.known[key] = self._evaluated(instance)
-        return found
+        if key not in self.known:
+            self.known[key] = self._evaluated(instance)
+        return self.known[key]
 
-    def _evaluated(self, instance: Function) -> Traits:
-        operator = self.operator
-        bindings = dict(zip(operator.variables, instance.arguments, strict=True))
-        resources = tuple(substitute(resource, bindings) for resource in operator.resources)
-        return resources, _value(operator.duration, bindings, 0), _value(operator.cost, bindings, 1)
+    def _evaluated(self, instance: Function) -> Traits | None:
+        found = traits(self.operator, instance)
+        if found is None:
+            return None
+        for name, value in (("duration", found.duration), ("cost", found.cost)):
+            if value < 0:
+                self.negative.setdefault(
+                    (self.operator.name, name), Negative(self.operator, instance, name, value)
+                )
+        return found.resources, found.duration, found.cost
 
 
 def signed(literals: Sequence[Literal], numbers: list[int]) -> tuple[int, ...]:
@@ -269,9 +287,3 @@ def signed(literals: Sequence[Literal], numbers: list[int]) -> tuple[int, ...]:
     """
     pairs = zip(literals, numbers, strict=True)
     return tuple(n if each.positive else ~n for each, n in pairs if each.positive or n >= 0)
-
-
-def _value(term: Term | None, bindings: Substitution, default: int) -> int:
-    """The value of a duration or cost under bindings; `default` if the operator gives none."""
-    bound = substitute(term, bindings) if term is not None else None
-    return bound.value if isinstance(bound, Number) else default

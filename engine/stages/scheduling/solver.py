@@ -32,7 +32,7 @@ def improve(
     if first is not None:
         _hint(model, periods, first)
     solver = cp_model.CpSolver()
-    status = _run(solver, model, limits)
+    status = run(solver, model.cp, limits)
     if status == cp_model.INFEASIBLE:
         return Infeasible("no schedule keeps to all windows")
     if status not in (cp_model.OPTIMAL, cp_model.FEASIBLE):
@@ -40,8 +40,10 @@ def improve(
     return _schedule(solver, model, periods, bound, status == cp_model.OPTIMAL)
 
 
-def _run(solver: cp_model.CpSolver, model: Model, limits: ScheduleLimits) -> cp_model.CpSolverStatus:
-    """Solve in a thread of its own, so that Ctrl-C and the time limit can stop it."""
+def run(
+    solver: cp_model.CpSolver, model: cp_model.CpModel, limits: ScheduleLimits
+) -> cp_model.CpSolverStatus:
+    """Solve in a thread, so that Ctrl-C and the time limit are heard meanwhile."""
     parameters = solver.parameters
     parameters.random_seed = limits.seed
     parameters.max_deterministic_time = limits.work
@@ -52,7 +54,7 @@ def _run(solver: cp_model.CpSolver, model: Model, limits: ScheduleLimits) -> cp_
 
     def solve() -> None:
         nonlocal status
-        status = solver.solve(model.cp)
+        status = solver.solve(model)
 
     thread = threading.Thread(target=solve)
     thread.start()

@@ -34,6 +34,17 @@ class Wishes:
     due: Mapping[Term, int] = field(default_factory=dict)
     priority: Mapping[Term, int] = field(default_factory=dict)
 
+    @property
+    def any(self) -> bool:
+        """Whether anything is wished."""
+        return any((self.travel, self.longest_stay, self.release, self.due))
+
+    def place(self, step: GroundOperator, arm: Term) -> Term | None:
+        """Where a step is done: the first of its terms that empty travel knows."""
+        known = {place for pair in self.travel for place in pair}
+        terms = (*step.instance.arguments, *(each for each in step.resources if each != arm))
+        return next((term for term in terms if term in known), None)
+
 
 @dataclass(frozen=True)
 class PlaceVisit:
@@ -116,11 +127,8 @@ class _Assembly:
         return mechanisms(self.task, self.arm, self.cut, self.goals, self._place)
 
     def _place(self, step: GroundOperator) -> str:
-        """Where a step is done: the first of its terms that is a place of empty travel; empty if none is."""
-        known = {place for pair in self.wishes.travel for place in pair}
-        terms = (*step.instance.arguments, *(each for each in step.resources if each != self.arm))
-        found = [str(term) for term in terms if term in known]
-        return found[0] if found else ""
+        found = self.wishes.place(step, self.arm)
+        return "" if found is None else str(found)
 
     @cached_property
     def jobs(self) -> tuple[Job, ...]:

@@ -7,29 +7,36 @@ arithmetic (`kb.arithmetic`), what clingo derives from the static rules (`kb.asp
 (`kb.model.workflow`).
 """
 
-from collections.abc import Iterator
-from functools import cached_property
+from collections.abc import Iterable, Iterator
 
 from engine.stages.validation.changes import Change
+from engine.stages.validation.claims import false_claims
 from engine.stages.validation.datalog import Facts, holds
-from engine.stages.validation.interference import Executed, Interference, is_stage, signed
+from engine.stages.validation.interference import Executed, Interference
+from engine.stages.validation.links import Links
 from engine.stages.validation.semantics import Semantics
 from engine.stages.validation.workflow import ChainProgress
+from kb.arithmetic import amount, evaluate
 from kb.diagnostics import Diagnostic, Source
 from kb.model.conditions import And, Condition, Literal, literals
-from kb.model.plan import GOAL, START, CausalLink, Plan, Step, StepId
+from kb.model.domain import Operator
+from kb.model.plan import GOAL, START, Claims, Plan, Step, StepId
 from kb.model.problem import Problem
-from kb.terms import Atom, Substitution, substitute, substitute_atom
+from kb.terms import Substitution, Term, substitute, substitute_atom
 
 
-def validate(problem: Problem, plan: Plan, name: str = "plan") -> list[Diagnostic]:
-    """Everything that is wrong with a plan, in the order of its steps; empty if it is valid."""
-    return findings(Semantics(problem), plan, name)
+def validate(
+    problem: Problem, plan: Plan, name: str = "plan", claims: Claims | None = None
+) -> list[Diagnostic]:
+    """Everything that is wrong with a plan and with what is claimed of it; empty if it is valid."""
+    return findings(Semantics(problem), plan, name, claims)
 
 
-def findings(semantics: Semantics, plan: Plan, name: str = "plan") -> list[Diagnostic]:
-    """The same as `validate`, for a semantics whose static facts may have been evaluated already."""
-    return _Check(semantics, plan, Source(name)).run()
+def findings(
+    semantics: Semantics, plan: Plan, name: str = "plan", claims: Claims | None = None
+) -> list[Diagnostic]:
+    """`validate` for the problem of a semantics, whose static facts may have been evaluated already."""
+    return _Check(semantics, plan, Source(name)).run(claims)
 
 
 class _Check:
@@ -40,17 +47,26 @@ class _Check:
         self.executed: dict[StepId, Executed] = {}
         self.final = Facts()
 
-    def run(self) -> list[Diagnostic]:
+    def run(self, claims: Claims | None) -> list[Diagnostic]:
         if not self._well_formed():
             return self.found
         self.before = self.plan.predecessors()
         if self._executes():
             self._reaches_goals()
-            self._check_links()
-            self._check_stages()
-            for conflict in self._interference().conflicts():
-                self._report("K503", conflict)
+            interference = self._interference()
+            links = Links(interference, self.stages)
+            self._report_all("K504", links.broken())
+            self._check_stages(links)
+            self._report_all("K503", interference.conflicts())
+            if claims is not None:
+                self._report_all("K504", links.idle())
+                self._report_all("K508", self._held_more())
+                self._report_all("K508", false_claims(self.problem, self.plan, claims))
         return self.found
+
+    def _report_all(self, code: str, messages: Iterable[str]) -> None:
+        for message in messages:
+            self._report(code, message)
 
     def _report(self, code: str, message: str, hint: str = "") -> None:
         self.found.append(Diagnostic(self.where, code, message, hint))
@@ -100,10 +116,7 @@ class _Check:
             self._report("K501", f"step {step.id} {step.operator}: {bound}")
             return None
         operator, bindings = bound
-        expected = tuple(substitute(resource, bindings) for resource in operator.resources)
-        if set(expected) - set(step.resources):
-            held = ", ".join(map(str, expected))
-            self._report("K501", f"step {step.id} {step.operator} must hold {held}")
+        if not self._amounts(step, operator, bindings):
             return None
         facts = self.semantics.facts(state)
         failed = next(iter(self._failed(operator.precondition, facts, bindings)), None)
@@ -122,6 +135,37 @@ class _Check:
             return None
         self.executed[step.id] = Executed(step, operator, bindings, change)
         return change
+
+    def _amounts(self, step: Step, operator: Operator, bindings: Substitution) -> bool:
+        """Whether a step exists: what it holds, how long it lasts and what it costs have values. Wrong claims are told."""
+        said = f"step {step.id} {step.operator}"
+        expected = [evaluate(substitute(resource, bindings)) for resource in operator.resources]
+        numbers = {
+            "duration": (amount(operator.duration, bindings, 0), step.duration),
+            "cost": (amount(operator.cost, bindings, 1), step.cost),
+        }
+        if None in expected:
+            self._report("K501", f"{said}: a resource that it must hold has no value")
+            return False
+        for name, (value, claimed) in numbers.items():
+            if value is None or value < 0:
+                self._report(
+                    "K501", f"{said}: its {name} {'has no value' if value is None else f'is {value}'}"
+                )
+                return False
+            if value != claimed:
+                self._report("K508", f"{said} has the {name} {value}, not {claimed}")
+        if set(expected) - set(step.resources):
+            self._report("K501", f"{said} must hold {_listed(expected)}")
+            return False
+        return True
+
+    def _held_more(self) -> Iterator[str]:
+        """What a file says that steps hold, and the domain does not."""
+        for each in self.executed.values():
+            own = [evaluate(substitute(resource, each.bindings)) for resource in each.operator.resources]
+            if more := [resource for resource in each.step.resources if resource not in own]:
+                yield f"step {each.step.id} {each.step.operator} holds no {_listed(more)}"
 
     def _failed(self, condition: Condition, facts: Facts, bindings: Substitution) -> Iterator[str]:
         """The conjuncts that do not hold, written with their values."""
@@ -144,80 +188,22 @@ class _Check:
         for stage in self.stages.missing():
             self._report("K506", f"the workflow misses {stage}")
 
-    def _check_stages(self) -> None:
+    def _check_stages(self, links: Links) -> None:
         for earlier, later, why in self.stages.orders():
             if earlier != later and earlier not in self.before[later]:
                 self._report("K506", f"steps {earlier} and {later} must be ordered: {why}")
         for name, reached in self.stages.reached().items():
             for each in reached:
-                if each.held and not any(self._held(atom, each.step) for atom in each.held):
+                if each.held and not any(links.lasts_until(atom, each.step) for atom in each.held):
                     said = f"{each.stage} of {name} is reached when step {each.step} has come"
                     self._report("K506", f"{said}, but it may not hold then in every order")
 
-    def _held(self, atom: Atom, step: StepId) -> bool:
-        """Whether an atom holds in every order when a step has come."""
-        adders = [executed.step.id for executed in self._touching[atom] if atom in executed.change.adds]
-        return any(
-            not self._broken(CausalLink(each, atom, step)) for each in (START, *adders) if each != step
-        )
-
-    def _check_links(self) -> None:
-        for link in self.plan.links:
-            if not is_stage(link.condition) and (broken := self._broken(link)):
-                said = f"link {link.producer} to {link.consumer} for {link.condition}"
-                self._report("K504", f"{said}: {broken}")
-
-    def _broken(self, link: CausalLink) -> str:
-        """Why what a link says does not hold in every order; or nothing."""
-        atom, positive = signed(link.condition)
-        if (
-            link.producer != START
-            and link.consumer != GOAL
-            and link.producer not in self.before[link.consumer]
-        ):
-            return "the producer is not ordered before the consumer"
-        if not self._produces(link.producer, atom, positive):
-            return "the producer does not achieve it"
-        for executed in self._touching[atom]:
-            other = executed.step.id
-            early = link.producer != START and other in self.before[link.producer]
-            late = link.consumer != GOAL and link.consumer in self.before[other]
-            if early or late or other in (link.producer, link.consumer):
-                continue
-            if self._destroys(executed, atom, positive):
-                return f"step {other} {executed.step.operator} can come between and end it"
-        return ""
-
-    @cached_property
-    def _touching(self) -> dict[Atom, list[Executed]]:
-        """For the condition of each link and each stage that held, the steps that may add or deny it, in their order."""
-        held = (atom for own in self.stages.reached().values() for each in own for atom in each.held)
-        linked = (signed(link.condition)[0] for link in self.plan.links)
-        touching: dict[Atom, list[Executed]] = {atom: [] for atom in (*linked, *held)}
-        for executed in self.executed.values():
-            atoms = touching if executed.deductions else executed.denied | executed.change.adds
-            for atom in atoms:
-                if atom in touching:
-                    touching[atom].append(executed)
-        return touching
-
-    def _produces(self, producer: StepId, atom: Atom, positive: bool) -> bool:
-        if producer == START:
-            return (atom in self.start) == positive
-        change = self.executed[producer].change
-        if positive:
-            return atom in change.adds
-        return atom not in change.adds and any(
-            d.matches(atom, self.semantics.statics) for d in change.denials
-        )
-
-    def _destroys(self, executed: Executed, atom: Atom, positive: bool) -> bool:
-        if not positive:
-            return atom in executed.change.adds
-        return atom not in executed.change.adds and executed.denies(atom, self.semantics.statics)
-
     def _interference(self) -> Interference:
         return Interference(self.problem, self.plan, self.semantics, self.executed, self.before, self.start)
+
+
+def _listed(terms: Iterable[Term | None]) -> str:
+    return ", ".join(map(str, terms))
 
 
 def _said(condition: Condition, bindings: Substitution) -> str:

@@ -124,7 +124,7 @@ class Interference:
             if condition is not executed.operator.precondition or not self._proved(
                 condition, bindings, reads
             ):
-                reads.watched |= set(self._mentioned(condition, bindings))
+                reads.watched |= set(self.mentioned(condition, bindings))
         return reads
 
     def _proved(self, condition: Condition, bindings: Bindings, reads: Reads) -> bool:
@@ -153,8 +153,8 @@ class Interference:
         """Every atom that is true at some time."""
         return self.start.union(*(executed.change.adds for executed in self.executed.values()))
 
-    def _mentioned(self, condition: Condition, bindings: Bindings) -> Iterator[Atom]:
-        """The fluent atoms, or patterns of fluent atoms, on which a condition can depend."""
+    def mentioned(self, condition: Condition, bindings: Bindings) -> Iterator[Atom]:
+        """The fluent atoms, or patterns of them, on which a condition can depend."""
         for literal in literals(bind(condition, bindings)):
             atom = literal.atom
             fluents = self.semantics.fluents_behind(atom.name)

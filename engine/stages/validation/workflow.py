@@ -106,6 +106,12 @@ class ChainProgress:
                 awaited.update(chain.after)
         return found
 
+    def steps_of(self, name: str) -> tuple[StepId, ...]:
+        """The steps with which a chain has reached its stages, in their order, in the most advanced reading."""
+        trail = self.readings[max(self.readings, key=sum)]
+        place = next(n for n, chain in enumerate(self.chains) if chain.name == name)
+        return tuple(each.step for each in trail[place])
+
     def _holds_at_last(self, reached: Reached) -> bool:
         return bool(reached.held) and holding(self.state)(reached.stage)
 

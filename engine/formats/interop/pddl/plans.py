@@ -10,6 +10,7 @@ from kb.files import File, read_file
 from kb.model.conditions import Literal
 from kb.model.domain import NUMERIC_TYPES, Operator
 from kb.model.plan import Plan, Step, StepId
+from kb.model.traits import step_of
 from kb.terms import Function, Number, Term, Variable, match, substitute_atom
 
 
@@ -37,7 +38,7 @@ def read_plan(task: PddlProblem, path: Path) -> Plan:
     for number, (words, offset) in enumerate(actions(file.text), 1):
         instance = _instance(task, words, file, offset, found)
         after = (StepId(number - 1),) if number > 1 else ()
-        steps.append(Step(StepId(number), instance, after, cost=_cost(task, instance)))
+        steps.append(step_of(task.problem.domain, StepId(number), instance, after))
     if found:
         raise InvalidInput(found)
     return Plan(tuple(steps))
@@ -73,12 +74,3 @@ def _costs(task: PddlProblem, operator: Operator, bindings: dict[Variable, Term]
                 if (extended := match(pattern, fact, {})) is not None:
                     return extended
     return {}
-
-
-def _cost(task: PddlProblem, instance: Function) -> int:
-    operator = next((o for o in task.problem.domain.operators if o.name == instance.name), None)
-    if operator is None or operator.cost is None:
-        return 1
-    values = dict(zip(operator.variables, instance.arguments, strict=True))
-    cost = values.get(operator.cost, operator.cost) if isinstance(operator.cost, Variable) else operator.cost
-    return cost.value if isinstance(cost, Number) else 1

@@ -6,7 +6,8 @@ from unified_planning.plans import ActionInstance, PartialOrderPlan, SequentialP
 from unified_planning.plans import Plan as UpPlan
 
 from engine.formats.interop.up.problem import Translated
-from kb.model.plan import Plan, Step, StepId
+from kb.model.plan import Plan, StepId
+from kb.model.traits import step_of
 from kb.terms import Function, Number, Term
 
 
@@ -48,7 +49,8 @@ def read(problem: Translated, plan: UpPlan) -> tuple[Plan, list[ActionInstance]]
         places = {each: place for place, each in enumerate(instances)}
         before = [sorted(places[other] for other in graph.predecessors(each)) for each in instances]
     steps = (
-        Step(
+        step_of(
+            problem.ours.domain,
             StepId(place + 1),
             operator_of(problem, each),
             tuple(StepId(other + 1) for other in before[place]),

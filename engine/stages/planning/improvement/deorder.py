@@ -13,17 +13,20 @@ from kb.model.plan import GOAL, START, CausalLink, Plan, Step, StepId
 from kb.terms import Function, Term
 
 
-def deorder(task: Task, steps: Sequence[GroundOperator], goals: Bits) -> Plan:
+def deorder(
+    task: Task, steps: Sequence[GroundOperator], goals: Bits, starts: Sequence[int] | None = None
+) -> Plan:
     """The partially ordered plan of an executable sequence of unconditional operators that ends in `goals`.
 
     Internal operators that reach stages become parts of steps. Those that come last and only note which goals are met
-    are left out: what they need is a goal.
+    are left out: what they need is a goal. With `starts`, which say when each step starts, no step waits for one that has
+    not ended by then; there are no internal operators among the steps then.
     """
     steps, goals = joined(task, steps, goals)
     made = [operator for operator in steps if not is_internal(operator.instance)]
     links = [
         (producer, atom, min(consumer, len(made)))
-        for producer, atom, consumer in _links(task, steps, goals)
+        for producer, atom, consumer in _links(task, steps, goals, starts)
         if producer < len(made) and not is_internal(task.atoms[atom])
     ]
     links = list(dict.fromkeys(links))
@@ -69,21 +72,29 @@ def _reduced(before: list[Bits]) -> Iterator[Bits]:
         yield direct
 
 
-def _links(task: Task, steps: Sequence[GroundOperator], goals: Bits) -> list[tuple[int, int, int]]:
-    """The causal links as (producer, atom, consumer), by position.
+def _links(
+    task: Task, steps: Sequence[GroundOperator], goals: Bits, starts: Sequence[int] | None = None
+) -> list[tuple[int, int, int]]:
+    """(producer, atom, consumer) by position; -1 is the initial state, len(steps) the goal.
 
-    Position -1 is the initial state, len(steps) is the goal. The producer is the earliest position from which
-    on the atom stays true up to the consumer.
+    The producer is the earliest position from which the atom stays true up to the consumer, and which has ended by then.
     """
     links: list[tuple[int, int, int]] = []
-    producers = dict.fromkeys(indices(task.initial), -1)
+    producers = {atom: [-1] for atom in indices(task.initial)}
+
+    def producer(atom: int, consumer: int) -> int:
+        if starts is None:
+            return producers[atom][0]
+        ended = (p for p in producers[atom] if p < 0 or starts[p] + steps[p].duration <= starts[consumer])
+        return next(ended, producers[atom][0])
+
     for position, operator in enumerate(steps):
-        links += [(producers[atom], atom, position) for atom in indices(operator.preconditions)]
+        links += [(producer(atom, position), atom, position) for atom in indices(operator.preconditions)]
         for atom in indices(operator.deletes & ~operator.adds):
             producers.pop(atom, None)
         for atom in indices(operator.adds):
-            producers.setdefault(atom, position)
-    return links + [(producers[atom], atom, len(steps)) for atom in indices(goals)]
+            producers.setdefault(atom, []).append(position)
+    return links + [(producers[atom][0], atom, len(steps)) for atom in indices(goals)]
 
 
 def arranged(task: Task, steps: Sequence[GroundOperator], goals: Bits) -> list[GroundOperator]:

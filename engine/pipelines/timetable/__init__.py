@@ -10,23 +10,22 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from engine.model.forecast import earliest_starts
+from engine.model.forecast import makespan
 from engine.model.outcome import Found, GaveUp, Infeasible, Statistics
 from engine.model.replay import instances, joined, replayed
-from engine.model.schedule import Schedule, Scheduled, Timetable
-from engine.model.shop import Job, Resource, Shop, Stage
+from engine.model.schedule import Scheduled, Timetable
+from engine.model.shop import Shop
 from engine.model.stages import STAGE
 from engine.model.task import Bits, GroundOperator, Task, bitset, progress
 from engine.pipelines.gate import PlanGate
 from engine.pipelines.planning import planned, problem_of
+from engine.pipelines.timetable.orders import Steps, in_its_order
 from engine.stages.grounding import ground
 from engine.stages.planning import Limits
 from engine.stages.planning.improvement.deorder import deorder
 from engine.stages.planning.variants import plainly
 from engine.stages.scheduling import ScheduleLimits, schedule
 from engine.stages.scheduling.blocks import Unstructured
-from engine.stages.scheduling.bounds import lower_bound
-from engine.stages.scheduling.lags import Lags
 from engine.stages.scheduling.rebuild import Mislaid, TimedStep, timed_steps
 from engine.stages.scheduling.work import CellWork, Wishes, cell_work
 from engine.stages.validation.datalog import Facts
@@ -37,6 +36,8 @@ from kb.model.conventions import Conventions
 from kb.model.plan import Plan, StepId
 from kb.model.problem import Problem
 from kb.terms import Number, Term
+
+BLOCKS = "of all schedules of the blocks of this plan"
 
 
 def subject_of(target: str, goals: str = "", command: str = "") -> tuple[Problem, Plan | None]:
@@ -72,24 +73,75 @@ def timetable(
 def timed(
     problem: Problem, task: Task, plan: Plan, limits: ScheduleLimits = ScheduleLimits()
 ) -> Timetable | Infeasible | GaveUp:
-    """The timetable of a plan: as scheduled, or in the plan's own order if it cannot be scheduled.
+    """The timetable of a plan: of its blocks where it can be cut into such, else of its steps one by one.
 
-    If the scheduler finds no schedule and longest stays limit some waits, its answer is returned as it is, because the
-    plan's own order may break these limits. Raises `InvalidInput` if the plan keeps its own order and is not valid.
+    Where longest stays are asked for, a plan's own order is no answer: then there may be none. Raises `InvalidInput` if the
+    plan's own order remains and the checker refuses the plan.
     """
     gate = PlanGate()
     wishes = wishes_of(gate.semantics(problem).statics, problem.domain.conventions)
     try:
-        steps, goals = operators_of(task, plan)
-        subjects = tuple(dict.fromkeys(c.subject for c in problem.chains if c.subject is not None))
-        work = cell_work(task, steps, goals, subjects, wishes)
+        operators, goals = operators_of(task, plan)
+    except Unstructured as error:
+        return _as_given(problem, _sound(gate, problem, plan), str(error), wishes)
+    steps = Steps(problem, task, plan, operators, goals, wishes)
+    made = _by_blocks(gate, steps, limits)
+    if not isinstance(made, str):
+        return made
+    plan = _sound(gate, problem, plan)
+    best = replace(steps, plan=plan).in_best_order(gate, limits, made)
+    return best if best is not None else _as_given(problem, plan, made, wishes, steps.bound)
+
+
+def own_order(problem: Problem, task: Task, plan: Plan) -> Timetable:
+    """A checked plan with every step as early as its own order allows."""
+    wishes = wishes_of(PlanGate().semantics(problem).statics, problem.domain.conventions)
+    try:
+        operators, goals = operators_of(task, plan)
+    except Unstructured:
+        return in_its_order(problem, plan)
+    bound = Steps(problem, task, plan, operators, goals, wishes).bound
+    return replace(in_its_order(problem, plan, bound=bound), unwatched=wishes.any)
+
+
+def by_other_means(
+    problem: Problem, task: Task, plans: Sequence[Plan], limits: ScheduleLimits, bound: int
+) -> Timetable | None:
+    """The best plan that chooses among the steps of some plans and the same by other means, as arms and machines.
+
+    None if there are no other means. No plan of the task is shorter than `bound`.
+    """
+    gate = PlanGate()
+    wishes = wishes_of(gate.semantics(problem).statics, problem.domain.conventions)
+    try:
+        (operators, goals), *others = [operators_of(task, plan) for plan in plans]
+    except Unstructured:
+        return None
+    more = [step for steps, _ in others for step in steps if step not in operators]
+    steps = Steps(problem, task, plans[0], operators, goals, wishes)
+    return steps.in_best_choice(gate, more, limits, bound)
+
+
+def _as_given(problem: Problem, plan: Plan, note: str, wishes: Wishes, bound: int = 0) -> Timetable:
+    """The plan in its own order, which nobody has compared with what is wished."""
+    said = f"{note}; nobody watches longest stays" if wishes.longest_stay else note
+    return replace(in_its_order(problem, plan, said, bound), unwatched=wishes.any)
+
+
+def _by_blocks(gate: PlanGate, steps: Steps, limits: ScheduleLimits) -> Timetable | Infeasible | GaveUp | str:
+    """The schedule of the blocks of a plan, or why there is none; none is longer than the plan in its own order."""
+    problem, wishes = steps.problem, steps.wishes
+    subjects = tuple(dict.fromkeys(c.subject for c in problem.chains if c.subject is not None))
+    try:
+        work = cell_work(steps.task, steps.operators, steps.goals, subjects, wishes)
         found = schedule(work.shop, limits)
         if isinstance(found, Scheduled):
-            return _as_plan(gate, problem, task, goals, work, found)
-        return found if _dwells(work.shop) else in_its_order(_sound(gate, problem, plan), found.reason)
+            made = _as_plan(gate, steps, work, found)
+            longer = not wishes.any and made.schedule.makespan > makespan(steps.plan)
+            return "as blocks they take longer" if longer else made
+        return found if _dwells(work.shop) else found.reason
     except (Unstructured, Mislaid) as error:
-        unwatched = "; longest stays are not checked" if wishes.longest_stay else ""
-        return in_its_order(_sound(gate, problem, plan), f"{error}{unwatched}")
+        return str(error)
 
 
 def _sound(gate: PlanGate, problem: Problem, plan: Plan) -> Plan:
@@ -104,17 +156,15 @@ def _dwells(shop: Shop) -> bool:
     return any(window.most is not None for window in shop.windows)
 
 
-def _as_plan(
-    gate: PlanGate, problem: Problem, task: Task, goals: Bits, work: CellWork, found: Scheduled
-) -> Timetable:
-    """The schedule as a plan that the checker accepts. Raises `Mislaid` if it refuses the plan."""
-    steps = timed_steps(task, work, found.schedule)
-    plan = deorder(task, [step.operator for step in steps], goals)
-    starts = {made.id: step.start for made, step in zip(plan.steps, steps, strict=True)}
-    if wrong := gate.findings(problem, plan):
+def _as_plan(gate: PlanGate, steps: Steps, work: CellWork, found: Scheduled) -> Timetable:
+    """The schedule as a plan that the checker accepts. Raises `Mislaid`."""
+    made = timed_steps(steps.task, work, found.schedule)
+    plan = deorder(steps.task, [s.operator for s in made], steps.goals, [s.start for s in made])
+    starts = {step.id: each.start for step, each in zip(plan.steps, made, strict=True)}
+    if wrong := gate.findings(steps.problem, plan):
         raise Mislaid(wrong[0].message)
-    _require_order(plan, starts, steps)
-    return Timetable(plan, starts, work.shop, found.schedule, statistics=found.statistics)
+    _require_order(plan, starts, made)
+    return Timetable(plan, starts, work.shop, found.schedule, BLOCKS, statistics=found.statistics)
 
 
 def _require_order(plan: Plan, starts: Mapping[StepId, int], steps: Sequence[TimedStep]) -> None:
@@ -159,23 +209,3 @@ def wishes_of(statics: Facts, words: Conventions) -> Wishes:
     trips = [atom.arguments for atom in statics.named(words.travel) if len(atom.arguments) == 3]
     travel = {(a, b): lasts.value for a, b, lasts in trips if isinstance(lasts, Number)}
     return Wishes(travel, *map(numbers, (words.longest_stay, words.release, words.due, words.priority)))
-
-
-def in_its_order(plan: Plan, note: str) -> Timetable:
-    """The plan with every step as early as its own order allows. Its bound considers only causal links and resources."""
-    starts = earliest_starts(plan)
-    stages = {
-        step.id: Stage(f"{step.id} {step.operator}", step.duration, tuple(map(str, step.resources)))
-        for step in plan.steps
-    }
-    jobs = tuple(Job(stage.name, (stage,)) for stage in stages.values())
-    resources = dict.fromkeys(str(resource) for step in plan.steps for resource in step.resources)
-    bare = Shop(jobs, tuple(map(Resource, resources)))
-    pairs = [(link.producer, link.consumer) for link in plan.links]
-    linked = [bare.after(stages[a].name, stages[b].name) for a, b in pairs if a in stages and b in stages]
-    bound = lower_bound(Lags(replace(bare, windows=tuple(dict.fromkeys(linked)))))
-    ordered = [bare.after(stages[a].name, stages[s.id].name) for s in plan.steps for a in s.after]
-    times = {stages[step].name: start for step, start in starts.items()}
-    last = max((start + stages[step].duration for step, start in starts.items()), default=0)
-    made = Schedule(times, (), last, bound, 0, bound == last)
-    return Timetable(plan, starts, replace(bare, windows=tuple(ordered)), made, note)

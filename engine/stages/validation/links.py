@@ -1,0 +1,153 @@
+"""The causal links that a plan claims: whether each holds in every order that the plan allows, and whether it serves."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+
+from engine.stages.validation.interference import Executed, Interference, is_stage, signed
+from engine.stages.validation.workflow import ChainProgress
+from kb.model.domain import Kind
+from kb.model.plan import GOAL, START, CausalLink, StepId
+from kb.model.problem import Chain
+from kb.model.workflow import reaches
+from kb.terms import Atom, Function, Number, Text
+from kb.terms import match as matched
+
+
+@dataclass
+class Links:
+    """The links of an executed plan, whose steps have moved the chains of its workflow."""
+
+    plan: Interference
+    stages: ChainProgress
+
+    def broken(self) -> Iterator[str]:
+        """What is wrong with each link that does not hold; stages are followed by themselves."""
+        for link in self.plan.plan.links:
+            if not is_stage(link.condition) and (wrong := self._broken(link)):
+                yield f"{_said(link)}: {wrong}"
+
+    def idle(self) -> Iterator[str]:
+        """The links for a condition that their consumer does not depend on, and those for stages that are none."""
+        needs = {GOAL: self._needs_of_goals()}
+        for link in self.plan.plan.links:
+            user = link.consumer
+            if is_stage(link.condition):
+                if wrong := self._stage(link):
+                    yield f"{_said(link)}: {wrong}"
+                continue
+            if user not in needs:
+                needs[user] = self._needs(self.plan.executed[user])
+            atom, _ = signed(link.condition)
+            if all(matched(each, atom, {}) is None for each in needs[user]):
+                yield f"{_said(link)}: the consumer does not need it"
+
+    def lasts_until(self, atom: Atom, step: StepId) -> bool:
+        """Whether an atom, a stage of the workflow, holds in every order when a step has come."""
+        adders = [executed.step.id for executed in self._touching[atom] if atom in executed.change.adds]
+        return any(
+            not self._broken(CausalLink(each, atom, step)) for each in (START, *adders) if each != step
+        )
+
+    def _broken(self, link: CausalLink) -> str:
+        """Why a link does not hold in every order; nothing if it does."""
+        atom, positive = signed(link.condition)
+        if self._unordered(link):
+            return "the producer is not ordered before the consumer"
+        if not self._produces(link.producer, atom, positive):
+            return "the producer does not achieve it"
+        before = self.plan.before
+        for executed in self._touching[atom]:
+            other = executed.step.id
+            early = link.producer != START and other in before[link.producer]
+            late = link.consumer != GOAL and link.consumer in before[other]
+            if early or late or other in (link.producer, link.consumer):
+                continue
+            if self._destroys(executed, atom, positive):
+                return f"step {other} {executed.step.operator} can come between and end it"
+        return ""
+
+    def _unordered(self, link: CausalLink) -> bool:
+        between_steps = link.producer != START and link.consumer != GOAL
+        return between_steps and link.producer not in self.plan.before[link.consumer]
+
+    def _stage(self, link: CausalLink) -> str:
+        """Why a link for the number of stages of a chain is wrong; the order of stages is checked for itself."""
+        match link.condition:
+            case Function(_, (Text(name), Number(reached))):
+                chain = next((each for each in self.plan.problem.chains if each.name == name), None)
+            case _:
+                chain, reached = None, 0
+        if chain is None or not 0 <= reached <= len(chain.stages):
+            return "there is no such stage"
+        if self._unordered(link):
+            return "the producer is not ordered before the consumer"
+        return "" if self._reached(link.producer, chain, reached) else "the producer does not reach it"
+
+    def _reached(self, producer: StepId, chain: Chain, reached: int) -> bool:
+        """Whether a chain has so many stages because of a step, or from the start on."""
+        if reached == 0:
+            return producer == START
+        if self.stages.steps_of(chain.name)[reached - 1 :][:1] == (producer,):
+            return True
+        return producer != START and self._reaches(producer, chain.stages[reached - 1])
+
+    def _reaches(self, producer: StepId, stage: Atom) -> bool:
+        change = self.plan.executed[producer].change
+        return any(reaches(atom, stage) for atom in (*change.adds, *change.events))
+
+    @cached_property
+    def _touching(self) -> dict[Atom, list[Executed]]:
+        """For the condition of each link and each stage that held, the steps that may add or deny it, in their order."""
+        linked = (signed(link.condition)[0] for link in self.plan.plan.links)
+        touching: dict[Atom, list[Executed]] = {atom: [] for atom in (*linked, *self._stages_held)}
+        for executed in self.plan.executed.values():
+            atoms = touching if executed.deductions else executed.denied | executed.change.adds
+            for atom in atoms:
+                if atom in touching:
+                    touching[atom].append(executed)
+        return touching
+
+    def _produces(self, producer: StepId, atom: Atom, positive: bool) -> bool:
+        if producer == START:
+            return (atom in self.plan.start) == positive
+        change = self.plan.executed[producer].change
+        if positive:
+            return atom in change.adds
+        statics = self.plan.semantics.statics
+        return atom not in change.adds and any(d.matches(atom, statics) for d in change.denials)
+
+    def _destroys(self, executed: Executed, atom: Atom, positive: bool) -> bool:
+        if not positive:
+            return atom in executed.change.adds
+        return atom not in executed.change.adds and executed.denies(atom, self.plan.semantics.statics)
+
+    def _needs(self, executed: Executed) -> set[Atom]:
+        """What a step depends on, as atoms or patterns: its conditions, what it ends with consequences, and the stages
+        that are reached with it because they hold already.
+        """
+        conditions = [executed.operator.precondition, *(e.condition for e in executed.operator.effects)]
+        found = {atom for each in conditions for atom in self.plan.mentioned(each, executed.bindings)}
+        held = {atom for atom, steps in self._stages_held.items() if executed.step.id in steps}
+        return found | executed.change.triggered | held
+
+    @cached_property
+    def _stages_held(self) -> dict[Atom, set[StepId]]:
+        """The atoms that held when they reached a stage, and the steps with which they did."""
+        found: dict[Atom, set[StepId]] = {}
+        for own in self.stages.reached().values():
+            for each in own:
+                for atom in each.held:
+                    found.setdefault(atom, set()).add(each.step)
+        return found
+
+    def _needs_of_goals(self) -> set[Atom]:
+        """What the goals mention, and the fluents that are stages, the last of which must stay."""
+        problem = self.plan.problem
+        fluents = {name for name, each in problem.domain.predicates.items() if each.kind is Kind.FLUENT}
+        stages = {stage for chain in problem.chains for stage in chain.stages if stage.name in fluents}
+        return {*self.plan.mentioned(problem.goal, {}), *stages}
+
+
+def _said(link: CausalLink) -> str:
+    return f"link {link.producer} to {link.consumer} for {link.condition}"
