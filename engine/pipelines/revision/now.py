@@ -31,9 +31,7 @@ def revised_now(
     state = observed(here, expected(here, ()), present, absent)
     withdrawn = tuple((atom, "it is observed to be gone") for atom in absent if atom in rest.initial)
     changes = Changes(Dynamics(rest), Change(withdrawn=withdrawn, lost=losses))
-    found = revise(
-        here, (), state, limits, both, obstacles=changes.obstacles(state), free=changes.free(state)
-    )
+    found = revise(here, (), state, limits, both, changes.obstacles(state))
     return found, following(rest.initial, state, (*present, *absent))
 
 
