@@ -62,6 +62,8 @@ def holds_good(ended: Ended) -> None:
     if ended.made.isolated:
         assert believed == truth
     assert believed.facts <= truth.facts
+    dynamics, facts = ended.world.cell.dynamics, believed.facts
+    assert not any(dynamics.displaced(facts - {atom}, (atom,)) for atom in facts), "free of contradictions"
     recovery = ended.desk.recover(ended.made)
     promised = isinstance(recovery.outcome, Found)
     assert promised or isinstance(recovery.outcome, Infeasible)

@@ -33,7 +33,7 @@ class Changes:
         """Everything that may keep a goal from being reached: losses, steps that are blocked, facts that were withdrawn."""
         lost = [(f"{name} is lost", name) for name in self.change.lost]
         blocked = [(why, why) for why in dict.fromkeys(why for _, why in self.change.blocked)]
-        facts = [(why, atom) for atom, why in self.change.withdrawn if self._is_fact(atom)]
+        facts = [(why, atom) for atom, why in self._gone() if self._is_fact(atom)]
         gone = [(f"{atom} does not hold any more ({why})", atom) for why, atom in facts]
         names: tuple[str | Atom, ...] = (
             *(name for _, name in lost),
@@ -51,9 +51,16 @@ class Changes:
         """The problem from a state on, without some of the obstacles."""
         lost = [name for name in self.change.lost if name not in out]
         blocked = [pattern for pattern, why in self.change.blocked if why not in out]
-        back = [atom for atom, _ in self.change.withdrawn if atom in out]
+        back = [atom for atom, _ in self._gone() if atom in out]
         facts = self.dynamics.changed(WorldState(frozenset(now)), (), back).facts if back else now
         return barred(self.dynamics.problem.replace(ordered(facts)), lost, blocked)
+
+    def _gone(self) -> tuple[tuple[Atom, str], ...]:
+        """The facts that do not hold any more, also by deduction."""
+        deduced = (
+            (atom, "it follows from what is known now") for atom, holds in self.change.follows if not holds
+        )
+        return (*self.change.withdrawn, *deduced)
 
     def _is_fact(self, atom: Atom) -> bool:
         return is_ground(atom) and self.dynamics.problem.domain.predicates[atom.name].kind is Kind.FLUENT

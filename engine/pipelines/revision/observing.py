@@ -3,6 +3,7 @@
 from collections.abc import Collection, Iterable, Iterator, Sequence
 
 from engine.pipelines.revision.course import Course
+from engine.pipelines.simulation import Dynamics
 from engine.stages.macros.lifted.execution import changes_of
 from engine.stages.macros.lifted.situation import Situation
 from engine.stages.validation.semantics import Change, Denial, Semantics, State
@@ -31,13 +32,14 @@ def observed(
 
     Raises `InvalidInput` for atoms that are not of this problem and for those that contradict each other.
     """
-    return corrected(course.gate.semantics(course.problem), here.state, holds, gone)
+    return corrected(Dynamics(course.problem), here.state, holds, gone)
 
 
 def corrected(
-    semantics: Semantics, state: State, holds: Sequence[Atom], gone: Sequence[Atom]
+    dynamics: Dynamics, state: State, holds: Sequence[Atom], gone: Sequence[Atom]
 ) -> tuple[Atom, ...]:
-    """`observed` for a state and the semantics of a problem."""
+    """`observed` for a state of a problem."""
+    semantics = dynamics.semantics
     wrong = [
         *(found for atom in holds for found in _mistyped(atom, semantics, "--holds")),
         *(found for atom in gone for found in _mistyped(atom, semantics, "--gone")),
@@ -47,6 +49,9 @@ def corrected(
     denials = tuple(Denial(atom, (), (), deduced=False) for atom in gone)
     change = semantics.deduce(holds, denials, state)
     _require_agreement(change, holds, gone)
+    if displaced := dynamics.displaced(state - change.ends, change.adds):
+        more = tuple(Denial(atom, (), (), deduced=False) for atom in displaced)
+        change = semantics.deduce(holds, (*denials, *more), state)
     return ordered((state - change.ends) | change.adds)
 
 

@@ -2,14 +2,16 @@
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
+from engine.model.task import Task
+from engine.stages.grounding import ground
 from engine.stages.validation.datalog import Facts, holds, solve
 from engine.stages.validation.semantics import Denial, Semantics, State
 from kb.model.conditions import Literal, goal_parts
 from kb.model.problem import Problem
 from kb.model.workflow import advanced
-from kb.terms import Atom, Function, is_ground, match, substitute_atom
+from kb.terms import Atom, Function, is_ground, match, ordered, substitute_atom
 
 KEPT = 256  # states whose derived facts are kept
 
@@ -85,8 +87,32 @@ class Dynamics:
         facts = self._deduced(state.facts, (), denials)
         for atom in added:
             if is_ground(atom):
-                facts = self._deduced(facts, (atom,), ())
+                displaced = (Denial(each, deduced=False) for each in self.displaced(facts, (atom,)))
+                facts = self._deduced(facts, (atom,), tuple(displaced))
         return replace(state, facts=facts)
+
+    def displaced(self, facts: State, added: Iterable[Atom]) -> tuple[Atom, ...]:
+        """The facts that cannot stand beside new ones, because they would have denied them: a full hand, if it is empty now.
+
+        A fact that denies another one only when it comes about is none of these: both can be true one after the other.
+        """
+        new = frozenset(added) - facts
+        old = facts - new
+        denied = ((each, self.semantics.deduce((each,), (), new).ends & new) for each in old if new)
+        return ordered(each for each, ends in denied if any(self._exclusive(each, other) for other in ends))
+
+    def _exclusive(self, one: Atom, other: Atom) -> bool:
+        """Whether two atoms are never true at once, as far as steps can make them true at all."""
+        numbers = self._task[1]
+        if one not in numbers or other not in numbers:
+            return True
+        both = 1 << numbers[one] | 1 << numbers[other]
+        return any(group & both == both for group in self._task[0].mutex_groups)
+
+    @cached_property
+    def _task(self) -> tuple[Task, dict[Atom, int]]:
+        task = ground(self.problem)
+        return task, {atom: number for number, atom in enumerate(task.atoms)}
 
     def presupposed(self, step: Function, state: WorldState) -> WorldState:
         """The state, corrected so that a step can have begun in it; as it is if that cannot be told from its precondition.
