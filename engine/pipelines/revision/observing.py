@@ -6,7 +6,7 @@ from engine.pipelines.revision.course import Course
 from engine.pipelines.simulation import Dynamics
 from engine.stages.macros.lifted.execution import changes_of
 from engine.stages.macros.lifted.situation import Situation
-from engine.stages.validation.semantics import Change, Denial, Semantics, State
+from engine.stages.validation.semantics import Change, Semantics, State
 from kb.asp import AspError, ground_term
 from kb.diagnostics import Diagnostic, InvalidInput, Source, nearest
 from kb.model.domain import Domain, Kind
@@ -46,13 +46,8 @@ def corrected(
     ]
     if wrong:
         raise InvalidInput(wrong)
-    denials = tuple(Denial(atom, (), (), deduced=False) for atom in gone)
-    change = semantics.deduce(holds, denials, state)
-    _require_agreement(change, holds, gone)
-    if displaced := dynamics.displaced(state - change.ends, change.adds):
-        more = tuple(Denial(atom, (), (), deduced=False) for atom in displaced)
-        change = semantics.deduce(holds, (*denials, *more), state)
-    return ordered((state - change.ends) | change.adds)
+    _require_agreement(semantics.deduce(holds, (), frozenset()), holds, gone)
+    return ordered(dynamics.asserted(state, holds, gone))
 
 
 def following(

@@ -1,13 +1,13 @@
 """States of a cell, and what steps and sudden changes make of them, by the meaning that the checker gives to a domain."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 
 from engine.model.task import Task
 from engine.stages.grounding import ground
 from engine.stages.validation.datalog import Facts, holds, solve
-from engine.stages.validation.semantics import Denial, Semantics, State
+from engine.stages.validation.semantics import Change, Denial, Semantics, State
 from kb.model.conditions import Literal, goal_parts
 from kb.model.problem import Problem
 from kb.model.workflow import advanced
@@ -83,13 +83,31 @@ class Dynamics:
         """
         patterns = tuple(denied)
         gone = sorted((f for f in state.facts if any(fits(pattern, f) for pattern in patterns)), key=str)
-        denials = tuple(Denial(atom, deduced=False) for atom in gone)
-        facts = self._deduced(state.facts, (), denials)
+        facts = self.asserted(state.facts, (), gone)
         for atom in added:
-            if is_ground(atom):
-                displaced = (Denial(each, deduced=False) for each in self.displaced(facts, (atom,)))
-                facts = self._deduced(facts, (atom,), tuple(displaced))
+            facts = self.asserted(facts, (atom,)) if is_ground(atom) else facts
         return replace(state, facts=facts)
+
+    def asserted(self, facts: State, added: Sequence[Atom], gone: Sequence[Atom] = ()) -> State:
+        """Facts after some came true and others ended, with all that follows.
+
+        What is added counts for more than what follows from the end of something: if another tool is held now, the hand is
+        not empty because the old one has left it.
+        """
+        direct = self.semantics.deduce(added, (), frozenset())
+        ending = [Denial(atom, deduced=False) for atom in gone]
+        change = self.semantics.deduce(added, tuple(ending), facts)
+        if displaced := self.displaced(facts - change.ends, change.adds - self._overruled(change, direct)):
+            ending += [Denial(atom, deduced=False) for atom in displaced]
+            change = self.semantics.deduce(added, tuple(ending), facts)
+        return ((facts - change.ends) | change.adds) - self._overruled(change, direct)
+
+    def _overruled(self, change: Change, direct: Change) -> State:
+        """What follows in a change but is denied by what was added itself."""
+        implied = change.adds - direct.adds
+        return frozenset(
+            a for a in implied if any(d.matches(a, self.semantics.statics) for d in direct.denials)
+        )
 
     def displaced(self, facts: State, added: Iterable[Atom]) -> tuple[Atom, ...]:
         """The facts that cannot stand beside new ones, because they would have denied them: a full hand, if it is empty now.
@@ -148,10 +166,6 @@ class Dynamics:
                 named = [substitute_atom(each.atom, solved) for each in fluents if each.positive]
                 return [fact for each in named for fact in self._grounds(each)]
         return []
-
-    def _deduced(self, facts: State, added: tuple[Atom, ...], denials: tuple[Denial, ...]) -> State:
-        change = self.semantics.deduce(added, denials, facts)
-        return (facts - change.ends) | change.adds
 
 
 def fits(pattern: Atom, fact: Atom) -> bool:
