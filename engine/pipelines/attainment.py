@@ -4,7 +4,7 @@ Goals are conjuncts of the goal, and chains up to one of their stages. A chain t
 one that cannot be reached; a chain that waits for another one no longer waits if that one is given up.
 """
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 from engine.model.outcome import Found, Infeasible, Outcome
@@ -20,11 +20,11 @@ IN_ANY_CASE = "it cannot be reached from this state, whatever is done"
 
 
 @dataclass(frozen=True, slots=True)
-class Obstacle:
-    """Something that may keep goals from being reached: what it is, and the problem as it would be without it."""
+class Obstacles:
+    """What may keep goals from being reached: what each of them is, and the problem as it would be without some of them."""
 
-    why: str
-    without: Problem
+    reasons: tuple[str, ...]
+    without: Callable[[frozenset[int]], Problem]
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,14 +59,13 @@ class Part:
 
 def attainable(
     problem: Problem,
-    obstacles: Sequence[Obstacle] = (),
-    free: Problem | None = None,
+    obstacles: Obstacles | None = None,
     limits: Limits = Limits(),
     outcome: Outcome | None = None,
 ) -> Attainable:
     """A plan for as many goals as can be reached, in the order in which they are named. Raises `InvalidInput`.
 
-    `free` is the problem without any obstacle; `outcome` is the answer for all goals, if it is known already.
+    `outcome` is the answer for all goals, if it is known already.
 
     No plan exists if no goal that is still open can be reached. A search that gives up proves nothing: its answer is passed
     on, and no goal is given up for it.
@@ -74,7 +73,7 @@ def attainable(
     outcome = outcome or planning.plan(problem, limits)
     if not isinstance(outcome, Infeasible):
         return Attainable(problem, outcome)
-    search = _Search(problem, obstacles, free, limits)
+    search = _Search(problem, obstacles, limits)
     wanted = search.parts()
     alone = [search.alone(part) for part in wanted]
     kept = search.together([part for part in alone if part is not None])
@@ -89,8 +88,7 @@ def attainable(
 @dataclass(frozen=True)
 class _Search:
     problem: Problem
-    obstacles: Sequence[Obstacle]
-    free: Problem | None
+    obstacles: Obstacles | None
     limits: Limits
 
     def parts(self) -> list[Part]:
@@ -152,12 +150,20 @@ class _Search:
         return next((cut for cut in cuts if not self._infeasible(self.only([*others, cut]))), None)
 
     def _reason(self, part: Part) -> str:
-        """The obstacles without one of which a goal could be reached; all of them if only they together hinder it."""
-        if self.free is not None and self._infeasible(self.only([part], self.free)):
+        """A smallest set of obstacles without which a goal could be reached."""
+        if self.obstacles is None:
             return IN_ANY_CASE
-        found = [o.why for o in self.obstacles if not self._infeasible(self.only([part], o.without))]
-        reasons = found or [each.why for each in self.obstacles]
-        return "; ".join(dict.fromkeys(reasons)) or IN_ANY_CASE
+        removed = frozenset(range(len(self.obstacles.reasons)))
+        if not removed or not self._reachable(part, removed):
+            return IN_ANY_CASE
+        for each in reversed(range(len(self.obstacles.reasons))):
+            if self._reachable(part, removed - {each}):
+                removed -= {each}
+        return "; ".join(dict.fromkeys(self.obstacles.reasons[each] for each in sorted(removed)))
+
+    def _reachable(self, part: Part, removed: frozenset[int]) -> bool:
+        assert self.obstacles is not None
+        return not self._infeasible(self.only([part], self.obstacles.without(removed)))
 
     def _infeasible(self, problem: Problem) -> bool:
         return isinstance(plan_task(ground(problem), replace(self.limits, improvement=0)), Infeasible)

@@ -2,13 +2,15 @@
 
 import functools
 import random
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 from engine.model.cases import Diagnosis, Hypothesis
 from engine.model.outcome import Found
 from engine.model.troubleshooting import Action, Advice
 from engine.pipelines import planning
+from engine.pipelines.barring import barred
+from engine.pipelines.revision import remaining
 from engine.pipelines.simulation import TrueWorld
 from engine.pipelines.troubleshooting import Desk, Opened, Recovery, opened
 from engine.pipelines.troubleshooting.beliefs import Beliefs
@@ -16,15 +18,16 @@ from engine.pipelines.troubleshooting.findings import Findings
 from engine.pipelines.troubleshooting.given import moment
 from engine.stages.diagnosis.knowledge import CURED, Objective
 from engine.stages.diagnosis.session import QUESTION, run
+from engine.stages.grounding import ground
 from engine.stages.validation.datalog import holds
 from kb.asp import ground_term
 from kb.loader.faults import load_faults
-from kb.model.conditions import And, Literal
-from kb.model.faults import FaultModel
+from kb.model.conditions import TRUE, And, Literal, goal_parts
+from kb.model.faults import Cause, FaultModel, FaultTest, Interruption, Repair
 from kb.model.plan import Plan, Step
 from kb.model.problem import Problem
 from kb.model.workflow import lasting
-from kb.terms import Function
+from kb.terms import ANYTHING, Atom, Function
 from tests.places import BUNDLED
 
 
@@ -110,6 +113,28 @@ def carried_out(ended: Ended, recovery: Recovery) -> str:
     return wrong or "; ".join(missing(ended, recovery))
 
 
+def within_reach(ended: Ended, recovery: Recovery) -> Iterator[str]:
+    """The goals given up that could be reached from the true state beside the causes that are still there."""
+    world, problem = ended.world, ended.work.problem
+    lost = {str(term) for cause in world.present for term in world.cell.lost(cause)}
+    if world.helped:
+        lost |= {str(term) for term in world.cell.given_up(world.cell.model.repairs[world.helped])}
+    blocked = [step for cause in world.present for step in world.cell.blocked(cause)]
+    left = remaining(problem, world.state.reached, world.state.facts)
+    given_up = {
+        each.goal for each in recovery.given_up if not each.why.startswith(("it comes after", "not tog"))
+    }
+    wanted = [(str(part), part, ()) for part in goal_parts(left.goal)]
+    for chain in left.chains:
+        cuts = (replace(chain, stages=chain.stages[: n + 1], after=()) for n in range(len(chain.stages)))
+        wanted += [(f"{cut.stages[-1]} of {chain.name}", TRUE, (cut,)) for cut in cuts]
+    for name, goal, chains in wanted:
+        if name in given_up:
+            alone = barred(replace(left, goal=goal, chains=chains), lost, blocked)
+            if isinstance(planning.plan(alone), Found):
+                yield name
+
+
 def missing(ended: Ended, recovery: Recovery) -> Iterator[str]:
     """The goals of the whole problem that are neither reached nor given up."""
     world, problem = ended.world, ended.work.problem
@@ -123,3 +148,44 @@ def missing(ended: Ended, recovery: Recovery) -> Iterator[str]:
     for name, last in lasting(problem.chains, problem.domain).items():
         if last not in facts and f"{last} of {name}" not in given_up:
             yield f"{last} at the end"
+
+
+def random_work(seed: int) -> Work:
+    """Work at the bulkhead cell with a fault base that nobody would write: causes change, lose and block anything."""
+    given, draw = work("bulkhead/both_tools"), random.Random(seed)
+    atoms = [a for a in ground(given.problem).atoms if a.name in given.problem.domain.predicates]
+    names = [f"cause_{n}" for n in range(draw.randint(2, 5))]
+    causes = {name: _cause(name, atoms, draw) for name in names}
+    step = draw.choice(given.plan.steps).operator
+    operator = next(each for each in given.problem.domain.operators if each.name == step.name)
+    exception = Interruption(
+        "trouble", "", dict.fromkeys(names, 1.0), Function(operator.name, tuple(operator.variables))
+    )
+    tests = {f"test_{name}": _test(f"test_{name}", name, atoms, draw) for name in names}
+    repairs = {f"mend_{name}": _repair(f"mend_{name}", name, atoms, draw) for name in names}
+    return Work(
+        given.problem, given.plan, FaultModel("bulkhead", {"trouble": exception}, causes, tests, repairs)
+    )
+
+
+def _some(atoms: Sequence[Atom], most: int, draw: random.Random) -> tuple[Atom, ...]:
+    return tuple(draw.sample(atoms, draw.randint(0, most)))
+
+
+def _cause(name: str, atoms: Sequence[Atom], draw: random.Random) -> Cause:
+    loses = tuple(map(Function, draw.sample(["us_probe", "slra", "t3_746"], draw.choice([0, 0, 0, 1]))))
+    spoils = (Function("measured", (ANYTHING,) * 3),) if draw.random() < 0.3 else ()
+    blocks = draw.choice([None, None, (), (Function("move", (ANYTHING,) * 3),)])
+    said = _some(atoms, 1, draw), _some(atoms, 2, draw), _some(atoms, 2, draw)
+    stops, completes = draw.random() < 0.2, draw.random() < 0.2
+    return Cause(name, name, *said, loses, stops, completes, blocks, spoils)
+
+
+def _test(name: str, cause: str, atoms: Sequence[Atom], draw: random.Random) -> FaultTest:
+    needs = _some([a for a in atoms if a.name in ("at", "holding")], 1, draw)
+    return FaultTest(name, "", draw.randint(1, 9), ("no", "yes"), "no", {cause: {"yes": 1.0}}, needs)
+
+
+def _repair(name: str, cause: str, atoms: Sequence[Atom], draw: random.Random) -> Repair:
+    cures, needs = {cause: draw.choice([1.0, 0.5])}, _some([a for a in atoms if a.name == "at"], 1, draw)
+    return Repair(name, "", draw.randint(1, 9), cures, needs, _some(atoms, 2, draw), _some(atoms, 1, draw))

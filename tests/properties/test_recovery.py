@@ -7,7 +7,16 @@ import pytest
 
 from engine.model.outcome import Found, Infeasible
 from engine.stages.diagnosis.knowledge import Objective
-from tests.properties.recoveries import Ended, carried_out, case, faults, interruptions, work
+from tests.properties.recoveries import (
+    Ended,
+    carried_out,
+    case,
+    faults,
+    interruptions,
+    random_work,
+    within_reach,
+    work,
+)
 
 NAMES = ("bulkhead/both_tools", "themse/one")
 
@@ -33,6 +42,15 @@ def test_recovery_works_beside_a_cause_that_is_there_still(name: str, exception:
     holds_good(_case(name, exception, cause, Objective.ISOLATE))
 
 
+@pytest.mark.parametrize("objective", list(Objective))
+@pytest.mark.parametrize("seed", range(40))
+def test_the_law_holds_for_fault_bases_that_nobody_would_write(seed: int, objective: Objective) -> None:
+    given = random_work(seed)
+    for cause in given.model.causes:
+        step = random.Random(f"{seed} {cause}").choice(interruptions(given, "trouble"))
+        holds_good(case(given, "trouble", step, cause, objective, seed))
+
+
 def _case(name: str, exception: str, cause: str, objective: Objective) -> Ended:
     step = random.Random(f"{name} {exception} {cause}").choice(interruptions(work(name), exception))
     return case(work(name), exception, step, cause, objective)
@@ -44,8 +62,12 @@ def holds_good(ended: Ended) -> None:
     if ended.made.isolated:
         assert believed == truth
     assert believed.facts <= truth.facts
+    dynamics, facts = ended.world.cell.dynamics, believed.facts
+    assert not any(dynamics.displaced(facts - {atom}, (atom,)) for atom in facts), "free of contradictions"
     recovery = ended.desk.recover(ended.made)
     promised = isinstance(recovery.outcome, Found)
     assert promised or isinstance(recovery.outcome, Infeasible)
     assert promised or recovery.given_up, "the stop says why"
+    if ended.made.isolated and recovery.repair is None:
+        assert list(within_reach(ended, recovery)) == [], "what is given up is out of reach"
     assert carried_out(ended, recovery) == ""

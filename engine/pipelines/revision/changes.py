@@ -1,10 +1,10 @@
 """What is known to have changed in a world, as a problem to plan in, and as obstacles that may keep goals from being reached."""
 
-from collections.abc import Collection, Iterator
+from collections.abc import Collection
 from dataclasses import dataclass
 
 from engine.model.cases import Revision
-from engine.pipelines.attainment import Obstacle
+from engine.pipelines.attainment import Obstacles
 from engine.pipelines.barring import barred
 from engine.pipelines.simulation import Dynamics, WorldState
 from engine.stages.validation.changes import State
@@ -27,40 +27,40 @@ class Changes:
 
     def planned_in(self, now: tuple[Atom, ...]) -> Problem:
         """The problem from a state on, without the steps that are not to be taken."""
-        return self._problem(now, self.change.lost, [pattern for pattern, _ in self.change.blocked])
+        return self.obstacles(now).without(frozenset())
 
-    def free(self, now: tuple[Atom, ...]) -> Problem:
-        """The problem as if nothing had been lost, blocked or withdrawn."""
-        facts = [atom for atom, _ in self.change.withdrawn if self._is_fact(atom)]
-        return self._problem(ordered(self._with(now, *facts)), (), ())
+    def obstacles(self, now: tuple[Atom, ...]) -> Obstacles:
+        """Everything that may keep a goal from being reached: losses, steps that are blocked, facts that were withdrawn."""
+        lost = [(f"{name} is lost", name) for name in self.change.lost]
+        blocked = [(why, why) for why in dict.fromkeys(why for _, why in self.change.blocked)]
+        facts = [(why, atom) for atom, why in self._gone() if self._is_fact(atom)]
+        gone = [(f"{atom} does not hold any more ({why})", atom) for why, atom in facts]
+        names: tuple[str | Atom, ...] = (
+            *(name for _, name in lost),
+            *(why for _, why in blocked),
+            *(atom for _, atom in gone),
+        )
 
-    def obstacles(self, now: tuple[Atom, ...]) -> list[Obstacle]:
-        """Everything that may keep a goal from being reached, each with the problem without it."""
-        return [*self._lost(now), *self._blocked(now), *self._withdrawn(now)]
+        def without(removed: frozenset[int]) -> Problem:
+            out = {names[each] for each in removed}
+            return self._problem(now, out)
 
-    def _lost(self, now: tuple[Atom, ...]) -> Iterator[Obstacle]:
-        blocked = [pattern for pattern, _ in self.change.blocked]
-        for name in self.change.lost:
-            others = [each for each in self.change.lost if each != name]
-            yield Obstacle(f"{name} is lost", self._problem(now, others, blocked))
+        return Obstacles(tuple(said for said, _ in (*lost, *blocked, *gone)), without)
 
-    def _blocked(self, now: tuple[Atom, ...]) -> Iterator[Obstacle]:
-        for why in dict.fromkeys(why for _, why in self.change.blocked):
-            others = [pattern for pattern, reason in self.change.blocked if reason != why]
-            yield Obstacle(why, self._problem(now, self.change.lost, others))
+    def _problem(self, now: tuple[Atom, ...], out: Collection[str | Atom]) -> Problem:
+        """The problem from a state on, without some of the obstacles."""
+        lost = [name for name in self.change.lost if name not in out]
+        blocked = [pattern for pattern, why in self.change.blocked if why not in out]
+        back = [atom for atom, _ in self._gone() if atom in out]
+        facts = self.dynamics.changed(WorldState(frozenset(now)), (), back).facts if back else now
+        return barred(self.dynamics.problem.replace(ordered(facts)), lost, blocked)
 
-    def _withdrawn(self, now: tuple[Atom, ...]) -> Iterator[Obstacle]:
-        blocked = [pattern for pattern, _ in self.change.blocked]
-        for atom, why in self.change.withdrawn:
-            if self._is_fact(atom):
-                there = self._problem(ordered(self._with(now, atom)), self.change.lost, blocked)
-                yield Obstacle(f"{atom} does not hold any more ({why})", there)
+    def _gone(self) -> tuple[tuple[Atom, str], ...]:
+        """The facts that do not hold any more, also by deduction."""
+        deduced = (
+            (atom, "it follows from what is known now") for atom, holds in self.change.follows if not holds
+        )
+        return (*self.change.withdrawn, *deduced)
 
     def _is_fact(self, atom: Atom) -> bool:
         return is_ground(atom) and self.dynamics.problem.domain.predicates[atom.name].kind is Kind.FLUENT
-
-    def _with(self, now: tuple[Atom, ...], *facts: Atom) -> State:
-        return self.dynamics.changed(WorldState(frozenset(now)), (), facts).facts
-
-    def _problem(self, now: tuple[Atom, ...], lost: Collection[str], blocked: Collection[Atom]) -> Problem:
-        return barred(self.dynamics.problem.replace(now), lost, blocked)

@@ -30,11 +30,10 @@ def revised_now(
     here = Course.of(barred(rest, losses), left)
     state = observed(here, expected(here, ()), present, absent)
     withdrawn = tuple((atom, "it is observed to be gone") for atom in absent if atom in rest.initial)
-    changes = Changes(Dynamics(rest), Change(withdrawn=withdrawn, lost=losses))
-    found = revise(
-        here, (), state, limits, both, obstacles=changes.obstacles(state), free=changes.free(state)
-    )
-    return found, following(rest.initial, state, (*present, *absent))
+    follows = following(rest.initial, state, (*present, *absent))
+    changes = Changes(Dynamics(rest), Change(withdrawn=withdrawn, lost=losses, follows=follows))
+    found = revise(here, (), state, limits, both, changes.obstacles(state))
+    return found, follows
 
 
 def _resources(text: str, problem: Problem) -> tuple[str, ...]:

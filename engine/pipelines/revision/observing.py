@@ -3,9 +3,10 @@
 from collections.abc import Collection, Iterable, Iterator, Sequence
 
 from engine.pipelines.revision.course import Course
+from engine.pipelines.simulation import Dynamics
 from engine.stages.macros.lifted.execution import changes_of
 from engine.stages.macros.lifted.situation import Situation
-from engine.stages.validation.changes import Change, Denial, State
+from engine.stages.validation.changes import Change, State
 from engine.stages.validation.semantics import Semantics
 from kb.asp import AspError, ground_term
 from kb.diagnostics import Diagnostic, InvalidInput, Source, nearest
@@ -32,23 +33,22 @@ def observed(
 
     Raises `InvalidInput` for atoms that are not of this problem and for those that contradict each other.
     """
-    return corrected(course.gate.semantics(course.problem), here.state, holds, gone)
+    return corrected(Dynamics(course.problem), here.state, holds, gone)
 
 
 def corrected(
-    semantics: Semantics, state: State, holds: Sequence[Atom], gone: Sequence[Atom]
+    dynamics: Dynamics, state: State, holds: Sequence[Atom], gone: Sequence[Atom]
 ) -> tuple[Atom, ...]:
-    """`observed` for a state and the semantics of a problem."""
+    """`observed` for a state of a problem."""
+    semantics = dynamics.semantics
     wrong = [
         *(found for atom in holds for found in _mistyped(atom, semantics, "--holds")),
         *(found for atom in gone for found in _mistyped(atom, semantics, "--gone")),
     ]
     if wrong:
         raise InvalidInput(wrong)
-    denials = tuple(Denial(atom, (), (), deduced=False) for atom in gone)
-    change = semantics.deduce(holds, denials, state)
-    _require_agreement(change, holds, gone)
-    return ordered((state - change.ends) | change.adds)
+    _require_agreement(semantics.deduce(holds, (), frozenset()), holds, gone)
+    return ordered(dynamics.asserted(state, holds, gone))
 
 
 def following(

@@ -15,7 +15,7 @@ from engine.model.replay import early
 from engine.model.stages import STAGE
 from engine.model.task import Bits, GroundOperator, progress
 from engine.pipelines import planning
-from engine.pipelines.attainment import GivenUp, Obstacle, attainable
+from engine.pipelines.attainment import GivenUp, Obstacles, attainable
 from engine.pipelines.revision.course import Course
 from engine.pipelines.revision.remaining import remaining, stages_reached
 from engine.stages.macros.lifted.execution import changes_of
@@ -58,13 +58,12 @@ def revise(
     observed: Sequence[Atom],
     limits: Limits = Limits(),
     both: bool = False,
-    obstacles: Sequence[Obstacle] = (),
-    free: Problem | None = None,
+    obstacles: Obstacles | None = None,
 ) -> PlanRevision:
     """A plan for what is left, after the steps `done`, from the state `observed`; else for the goals that can be reached.
 
-    `both` compares repair with replanning in any case. `obstacles` are possible reasons for goals that are given up, and
-    `free` is the problem without them. Raises `InvalidInput`.
+    `both` compares repair with replanning in any case. `obstacles` are possible reasons for goals that are given up.
+    Raises `InvalidInput`.
     """
     finished = [step for step in course.plan.steps if step.id in set(done)]
     left = [step for step in course.plan.steps if step.id not in set(done)]
@@ -75,7 +74,7 @@ def revise(
     if repaired is not None and repaired.cost <= affordable(left) and not both:
         return _revision(problem, Found(repaired), way, left, repaired.cost, None)
     if repaired is None:
-        return planned_anew(problem, Plan(tuple(left)), limits, obstacles, free)
+        return planned_anew(problem, Plan(tuple(left)), limits, obstacles)
     replanned = planning.plan(problem, limits)
     cost = replanned.plan.cost if isinstance(replanned, Found) else None
     if cost is None or repaired.cost <= cost:
@@ -87,11 +86,10 @@ def planned_anew(
     problem: Problem,
     left: Plan | None = None,
     limits: Limits = Limits(),
-    obstacles: Sequence[Obstacle] = (),
-    free: Problem | None = None,
+    obstacles: Obstacles | None = None,
 ) -> PlanRevision:
     """A new plan for the goals of a problem that can be reached, compared with the steps that were left of an old one."""
-    found = attainable(problem, obstacles, free, limits)
+    found = attainable(problem, obstacles, limits)
     cost = found.outcome.plan.cost if isinstance(found.outcome, Found) else None
     steps = left.steps if left else ()
     made = _revision(found.problem, found.outcome, "replanned", steps, None, cost)

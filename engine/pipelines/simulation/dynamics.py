@@ -2,15 +2,17 @@
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
-from engine.stages.validation.changes import Denial, State
+from engine.model.task import Task
+from engine.stages.grounding import ground
+from engine.stages.validation.changes import Change, Denial, State
 from engine.stages.validation.datalog import Facts, holds, solve
 from engine.stages.validation.semantics import Semantics
 from kb.model.conditions import Literal, goal_parts
 from kb.model.problem import Problem
 from kb.model.workflow import Listed, advanced, begun, holding, reaches
-from kb.terms import Atom, Function, is_ground, match, substitute_atom
+from kb.terms import Atom, Function, is_ground, match, ordered, substitute_atom
 
 Move = tuple[str, int, Atom]  # a chain, the number of its stage that is reached, and the atom that reaches it
 
@@ -94,12 +96,54 @@ class Dynamics:
         """
         patterns = tuple(denied)
         gone = sorted((f for f in state.facts if any(fits(pattern, f) for pattern in patterns)), key=str)
-        denials = tuple(Denial(atom, deduced=False) for atom in gone)
-        facts = self._deduced(state.facts, (), denials)
+        facts = self.asserted(state.facts, (), gone)
         for atom in added:
-            if is_ground(atom):
-                facts = self._deduced(facts, (atom,), ())
+            facts = self.asserted(facts, (atom,)) if is_ground(atom) else facts
         return replace(state, facts=facts)
+
+    def asserted(self, facts: State, added: Sequence[Atom], gone: Sequence[Atom] = ()) -> State:
+        """Facts after some came true and others ended, with all that follows.
+
+        What is added counts for more than what follows from the end of something: if another tool is held now, the hand is
+        not empty because the old one has left it.
+        """
+        direct = self.semantics.deduce(added, (), frozenset())
+        ending = [Denial(atom, deduced=False) for atom in gone]
+        change = self.semantics.deduce(added, tuple(ending), facts)
+        if displaced := self.displaced(facts - change.ends, change.adds - self._overruled(change, direct)):
+            ending += [Denial(atom, deduced=False) for atom in displaced]
+            change = self.semantics.deduce(added, tuple(ending), facts)
+        return ((facts - change.ends) | change.adds) - self._overruled(change, direct)
+
+    def _overruled(self, change: Change, direct: Change) -> State:
+        """What follows in a change but is denied by what was added itself."""
+        implied = change.adds - direct.adds
+        return frozenset(
+            a for a in implied if any(d.matches(a, self.semantics.statics) for d in direct.denials)
+        )
+
+    def displaced(self, facts: State, added: Iterable[Atom]) -> tuple[Atom, ...]:
+        """The facts that cannot stand beside new ones, because they would have denied them: a full hand, if it is empty now.
+
+        A fact that denies another one only when it comes about is none of these: both can be true one after the other.
+        """
+        new = frozenset(added) - facts
+        old = facts - new
+        denied = ((each, self.semantics.deduce((each,), (), new).ends & new) for each in old if new)
+        return ordered(each for each, ends in denied if any(self._exclusive(each, other) for other in ends))
+
+    def _exclusive(self, one: Atom, other: Atom) -> bool:
+        """Whether two atoms are never true at once, as far as steps can make them true at all."""
+        numbers = self._task[1]
+        if one not in numbers or other not in numbers:
+            return True
+        both = 1 << numbers[one] | 1 << numbers[other]
+        return any(group & both == both for group in self._task[0].mutex_groups)
+
+    @cached_property
+    def _task(self) -> tuple[Task, dict[Atom, int]]:
+        task = ground(self.problem)
+        return task, {atom: number for number, atom in enumerate(task.atoms)}
 
     def presupposed(self, step: Function, state: WorldState) -> WorldState:
         """The state, corrected so that a step can have begun in it; as it is if that cannot be told from its precondition.
@@ -135,10 +179,6 @@ class Dynamics:
                 named = [substitute_atom(each.atom, solved) for each in fluents if each.positive]
                 return [fact for each in named for fact in self._grounds(each)]
         return []
-
-    def _deduced(self, facts: State, added: tuple[Atom, ...], denials: tuple[Denial, ...]) -> State:
-        change = self.semantics.deduce(added, denials, facts)
-        return (facts - change.ends) | change.adds
 
 
 def fits(pattern: Atom, fact: Atom) -> bool:

@@ -16,7 +16,8 @@ DONE = ""
 
 @dataclass
 class TrueWorld:
-    """A cell in which `hidden` is there when the exception is noticed. `state` and `present`, the causes still there, change.
+    """A cell in which `hidden` is there when the exception is noticed. `state`, `present`, the causes still there,
+    and `helped`, the repair that put them right, change.
 
     `before` is the state in which the interrupted step began; `chance` settles what the fault base leaves open.
     """
@@ -27,6 +28,7 @@ class TrueWorld:
     chance: random.Random = field(default_factory=lambda: random.Random(0))
     state: WorldState = field(init=False)
     present: tuple[str, ...] = field(init=False)
+    helped: str = field(default="", init=False)
 
     def __post_init__(self) -> None:
         self.present = self.hidden.causes
@@ -61,5 +63,5 @@ class TrueWorld:
         outcome = self._answers.answer(action)
         if action in model.repairs and outcome == CURED:
             self.state = self.cell.cured(self.state, model.repairs[action])
-            self.present = ()
+            self.present, self.helped = (), action
         return outcome

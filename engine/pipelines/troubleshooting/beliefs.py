@@ -1,10 +1,11 @@
 """What the world is believed to be while a case is open: one state for each hypothesis, which all that is done moves on."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import reduce
 
 from engine.model.cases import Hypothesis, Prepared
+from engine.pipelines.barring import barred
 from engine.pipelines.simulation import FaultyCell, WorldState
 from engine.pipelines.troubleshooting.preparations import Preparations
 from engine.stages.diagnosis.knowledge import CURED
@@ -14,6 +15,7 @@ from kb.model.plan import Plan
 from kb.terms import Function
 
 Causes = tuple[str, ...]
+Bars = tuple[tuple[str, ...], tuple[Function, ...]]  # what is lost, and what fails
 NOTHING: Causes = ()
 
 
@@ -30,6 +32,7 @@ class Beliefs:
     deeds: list[Function] = field(default_factory=list)
     helped: Repair | None = None
     _known: dict[Causes, tuple[int, WorldState]] = field(default_factory=dict)
+    _without: dict[Bars, Preparations] = field(default_factory=dict)
 
     def state(self, causes: Causes) -> WorldState:
         """The state if these are the causes, after everything that was done."""
@@ -45,16 +48,29 @@ class Beliefs:
         return reduce(WorldState.common, states) if states else self.state(NOTHING)
 
     def prepare(self, session: Session, action: str) -> Prepared | None:
-        """The steps that bring about what an action needs, whatever the cause is; else for the most probable cause.
+        """The steps that bring about what an action needs, whatever the cause is; else if it is the most probable one.
 
-        None if there is no plan for it.
+        None if there is no plan for it that the causes leave to be taken.
         """
         goal = self.preparations.goal(self._action(action).preconditions)
         believed = [hypothesis for hypothesis, _ in session.belief()]
-        starts = (self.common(believed), self.state(believed[0].causes))
-        plans = (self.preparations.plan_from(start.facts, goal) for start in starts)
-        plan = next((each for each in plans if each is not None), None)
-        return None if plan is None else _prepared(plan)
+        for among in (believed, believed[:1]):
+            plan = self._spared(among).plan_from(self.common(among).facts, goal)
+            if plan is not None:
+                return _prepared(plan)
+        return None
+
+    def _spared(self, among: Sequence[Hypothesis]) -> Preparations:
+        """The preparations that take no step which fails under one of some hypotheses."""
+        causes = tuple(dict.fromkeys(cause for hypothesis in among for cause in hypothesis.causes))
+        lost = tuple(sorted({str(term) for cause in causes for term in self.cell.lost(cause)}))
+        blocked = tuple(dict.fromkeys(step for cause in causes for step in self.cell.blocked(cause)))
+        if not lost and not blocked:
+            return self.preparations
+        if (lost, blocked) not in self._without:
+            problem = barred(self.preparations.problem, lost, blocked)
+            self._without[lost, blocked] = replace(self.preparations, problem=problem, plans={}, states=[])
+        return self._without[lost, blocked]
 
     def repaired(self, session: Session, repair: str) -> "tuple[Beliefs, Prepared] | None":
         """What would be believed after a repair that helps, and the steps that prepare it; None if it cannot be prepared."""

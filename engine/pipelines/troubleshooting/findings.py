@@ -10,6 +10,7 @@ from engine.pipelines.troubleshooting.beliefs import NOTHING, Beliefs, Causes
 from engine.pipelines.troubleshooting.recovery import FirstRepair
 from engine.stages.diagnosis.knowledge import cure_chance
 from engine.stages.diagnosis.session import Session
+from kb.model.domain import Kind
 from kb.model.faults import FaultModel
 from kb.terms import Atom, ordered
 
@@ -68,9 +69,12 @@ class Findings:
             (atom, f"{cause}: {model.causes[cause].say}; step {work.id} made it before that was noticed")
             for cause in self.causes
             for work in cell.spoilt(cause)[0]
-            for atom in (*work.added, *(stage for _, _, stage in work.moved if stage not in work.added))
-            if atom in gone or atom not in self.beliefs.before.facts
+            for atom in work.added
+            if atom in gone or self._is_event(atom)
         )
+
+    def _is_event(self, atom: Atom) -> bool:
+        return self.beliefs.cell.dynamics.problem.domain.predicates[atom.name].kind is Kind.EVENT
 
     def _kept(self, before: frozenset[Atom]) -> Iterator[tuple[Atom, str]]:
         """Work like the work that a cause puts in doubt."""

@@ -105,7 +105,7 @@ def moment(
         read_facts(text, problem.domain, option)
         for text, option in ((seen.holds, "--holds"), (seen.gone, "--gone"))
     )
-    facts = frozenset(corrected(dynamics.semantics, expected.facts, holds, gone))
+    facts = frozenset(corrected(dynamics, expected.facts, holds, gone))
     state = replace(expected, facts=facts)
     before = dynamics.presupposed(step, state) if step is not None else state
     assumed = tuple((atom, f"{step} was under way") for atom in ordered(before.facts - facts))

@@ -72,15 +72,15 @@ def recover(
     dynamics = Dynamics(problem)
     changes = Changes(dynamics, change)
     now = ordered(changes.state() if believed is None else believed)
-    here, obstacles, free = changes.planned_in(now), changes.obstacles(now), changes.free(now)
+    here, obstacles = changes.planned_in(now), changes.obstacles(now)
     if left is None or not executable:
-        found = planned_anew(here, left, limits, obstacles, free)
+        found = planned_anew(here, left, limits, obstacles)
         way = "planned" if left is None else found.way
         return Recovery(
             found.problem, found.outcome, way, found.kept, found.dropped, found.added, found.given_up
         )
     course = Course.of(replace(here, initial=ordered(dynamics.semantics.initial())), left)
-    found = revise(course, (), now, limits, obstacles=obstacles, free=free)
+    found = revise(course, (), now, limits, obstacles=obstacles)
     return Recovery(
         found.problem, found.outcome, found.way, found.kept, found.dropped, found.added, found.given_up
     )
