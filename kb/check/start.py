@@ -121,9 +121,10 @@ def hopeless(
     hint = (
         f"nothing is true of {shown}: add such facts under `initial:`"
         if missing
-        else "look at its initial facts"
+        else "`cellwright explain` tells what is missing"
     )
-    message = f"no goal of {problem.name} or of any other problem can be reached from this initial state"
+    others = " or of any other problem" if len(problems) > 1 else ""
+    message = f"no goal of {problem.name}{others} can be reached from this initial state"
     yield Diagnostic(problem.where, "K313", message, hint, warning=True)
 
 
