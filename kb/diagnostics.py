@@ -41,6 +41,10 @@ CODES = {
     "K309": "declared, but nothing uses it",
     "K310": "a condition that nothing makes true",
     "K311": "almost what the engine reads by convention",
+    "K312": "a rule for a name that nothing reads, but that is almost a declared one",
+    "K313": "an initial state from which no goal can be reached",
+    "K314": "two things where only one fits",
+    "K315": "a fact that is denied and never made true again",
     "K401": "unknown domain, problem or file",
     "K402": "not a plan in the documented format",
     "K403": "existing files are not overwritten",
@@ -165,11 +169,52 @@ class Diagnostic:
         return "\n".join(lines)
 
 
+def in_order(diagnostics: Iterable[Diagnostic]) -> tuple[Diagnostic, ...]:
+    """Each diagnostic once: errors, then warnings; causes before what follows from them; then by place.
+
+    A name that is unknown in several places of a file is told once, with the other lines.
+    """
+    found = sorted(set(diagnostics))
+    unknown: dict[tuple[str, str], list[Diagnostic]] = {}
+    for each in found:
+        if each.code == "K101":
+            unknown.setdefault((each.where.path, each.message), []).append(each)
+    firsts = {same[0]: same for same in unknown.values()}
+    told = [_with_lines(firsts[each]) if each in firsts else each for each in found]
+    kept = (each for each, old in zip(told, found, strict=True) if old.code != "K101" or old in firsts)
+    return tuple(sorted(kept, key=lambda each: (each.warning, _rank(each.code), each)))
+
+
+def _with_lines(same: list[Diagnostic]) -> Diagnostic:
+    """The first of several diagnostics about one name, with the lines of the others in its hint."""
+    first, *others = same
+    lines = sorted({each.where.line for each in others} - {first.where.line})
+    if not lines:
+        return first
+    shown = ", ".join(map(str, lines[:3])) + (f" and {len(lines) - 3} more" if len(lines) > 3 else "")
+    also = f"the same in line{'s' if len(lines) > 1 else ''} {shown}"
+    return Diagnostic(
+        first.where, first.code, first.message, "; ".join(filter(None, [first.hint, also])), first.warning
+    )
+
+
+_CAUSES = (
+    "K0",
+    "K10[4679]|K112",
+    "K101",
+    "K31[0-5]",
+)  # what other findings may follow from, the deepest cause first
+
+
+def _rank(code: str) -> int:
+    return next((rank for rank, codes in enumerate(_CAUSES) if re.match(codes, code)), len(_CAUSES))
+
+
 class InvalidInput(Exception):
-    """The input has errors. The exception carries all diagnostics, in order of place."""
+    """The input has errors. The exception carries all diagnostics, the most important first."""
 
     def __init__(self, diagnostics: Iterable[Diagnostic]) -> None:
-        self.diagnostics = tuple(sorted(set(diagnostics)))
+        self.diagnostics = in_order(diagnostics)
         super().__init__("\n".join(map(str, self.diagnostics)))
 
 

@@ -1,15 +1,17 @@
 """All errors in a domain, its problems, its cell and its fault base, reported in one run."""
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from engine.model.stages import stage_atom
 from engine.model.task import Task
 from engine.plugins import geometry_backend
-from engine.stages.grounding import ground, reachable_operators
+from engine.stages.grounding import default_instances, ground, reachable_atoms, reachable_operators
 from kb.check import check_domain, unreachable
 from kb.check.faults import check_faults
-from kb.diagnostics import Diagnostic, InvalidInput
+from kb.check.start import crowded, hopeless
+from kb.diagnostics import Diagnostic, InvalidInput, in_order
 from kb.loader import CELL_FILE, Loaded, find, load, problem_files
 from kb.loader.faults import FAULTS_FILE, load_faults
 from kb.model.domain import Domain
@@ -19,7 +21,7 @@ from kb.terms import Atom
 
 @dataclass(frozen=True, slots=True)
 class CheckReport:
-    """The files that were checked, and everything that was found in them, sorted by place."""
+    """The files that were checked and everything found in them, the most important first."""
 
     checked: tuple[str, ...]
     diagnostics: tuple[Diagnostic, ...]
@@ -42,8 +44,10 @@ def check(target: str, reach: bool = True) -> CheckReport:
         problems += [each.problem for file in paths[1:] if (each := _loaded(file, found)) and each.problem]
     if loaded is not None and loaded.problem is None:
         found += check_domain(loaded.domain, problems)
-    tasks = [task for problem in problems if (task := _grounded(problem, found)) is not None]
-    if loaded is not None and loaded.problem is None and len(tasks) == len(problems) > 0:
+    grounded = [(each, task) for each in problems if (task := _grounded(each, found)) is not None]
+    tasks = [task for _, task in grounded]
+    lost = [problem for problem, task in grounded if _starts_badly(problem, task, problems, found)]
+    if loaded is not None and loaded.problem is None and len(tasks) == len(problems) > len(lost):
         reached = frozenset[str]().union(*map(reachable_operators, tasks))
         found += unreachable(loaded.domain, reached)
     if loaded is not None and (cell := Path(loaded.domain.path).with_name(CELL_FILE)).is_file():
@@ -53,7 +57,17 @@ def check(target: str, reach: bool = True) -> CheckReport:
     if loaded is not None and (faults := Path(loaded.domain.path).with_name(FAULTS_FILE)).is_file():
         paths.append(faults)
         found += _checked_faults(Path(loaded.domain.path))
-    return CheckReport(tuple(map(str, paths)), tuple(sorted(set(found))))
+    return CheckReport(tuple(map(str, paths)), in_order(found))
+
+
+def _starts_badly(problem: Problem, task: Task, problems: Sequence[Problem], found: list[Diagnostic]) -> bool:
+    """Whether no goal can be reached from the initial state of a problem; everything wrong with that state is added."""
+    found += crowded(problem, task.names(task.initial), default_instances(problem))
+    reached = reachable_atoms(task)
+    first = {stage_atom(chain, 1) for chain in problem.chains if chain.stages}
+    wrong = list(hopeless(problem, reached, bool(first & reached), problems))
+    found += wrong
+    return bool(wrong)
 
 
 def _checked_cell(cell: Path, domain: Domain, reach: bool, atoms: Collection[Atom]) -> list[Diagnostic]:

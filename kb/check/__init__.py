@@ -3,6 +3,7 @@
 from collections.abc import Collection, Iterator
 
 from kb.check.conventions import near_misses, read_by_engine
+from kb.check.oversights import misspelt_heads, never_given_back
 from kb.commands.ambiguity import unclear_words
 from kb.commands.phrases import spoken_of
 from kb.diagnostics import Diagnostic
@@ -17,7 +18,13 @@ def check_domain(domain: Domain, problems: Collection[Problem] = ()) -> list[Dia
     near = near_misses(domain)
     told = {each.where for each in near}
     unused = (each for each in _unused(domain, problems) if each.where not in told)
-    return [*unused, *_never_added(domain, problems), *_not_held(domain), *near, *unclear_words(domain)]
+    return [*unused, *_never_added(domain, problems), *_not_held(domain), *near, *_overlooked(domain)]
+
+
+def _overlooked(domain: Domain) -> Iterator[Diagnostic]:
+    yield from unclear_words(domain)
+    yield from misspelt_heads(domain, {*_read(domain), *_counted(domain)})
+    yield from never_given_back(domain)
 
 
 def unreachable(domain: Domain, reached: Collection[str]) -> list[Diagnostic]:

@@ -25,6 +25,7 @@ from kb.terms import (
     unify,
 )
 
+SOME = "_some_"  # begins the name of an object that stands for `_`
 MOST = 200  # consequences that are followed for one atom
 
 
@@ -63,6 +64,26 @@ class Exclusion:
             return False
         first, second = self._open(one.atom), self._open(other.atom)
         return self._undone(first, second) or self._undone(second, first)
+
+    def interrupted(self, one: Literal, other: Literal) -> bool:
+        """Whether the first cannot hold when the other becomes true: every operator that makes it true needs what excludes it."""
+        if not one.positive or not other.positive:
+            return False
+        first, second = self._open(one.atom), self._open(other.atom)
+        needs = [each for operator in self.domain.operators for each in self._needs(operator, second)]
+        return bool(needs) and all(
+            any(self._undone(first, need) or self._undone(need, first) for need in each if _is_sure(need))
+            for each in needs
+        )
+
+    def _needs(self, operator: Operator, made: Atom) -> Iterator[list[Atom]]:
+        """What an operator needs when it adds an atom, once for each effect that adds it."""
+        rename = self._renaming(operator.variables)
+        conditions = [each.atom for each in _literals(operator.precondition) if each.positive]
+        for effect in operator.effects:
+            bindings = unify(_renamed(effect.atom, rename), made, {}) if effect.adds else None
+            if bindings is not None and self._typed(operator.parameters, rename, bindings):
+                yield [_atom(resolve(_renamed(each, rename), bindings)) for each in conditions]
 
     def _near(self, name: str) -> frozenset[str]:
         """The predicates that a change of one can change, directly or by deduction."""
@@ -180,19 +201,31 @@ class Exclusion:
         return not own or self.domain.is_subtype(own, type_)
 
     def _open(self, atom: Atom) -> Atom:
-        """The atom with a variable of its own for each `_`."""
-        return _atom(self._opened(atom))
+        """The atom with an object for each `_`: the only one of its type, or one that may be any, but is no other."""
+        types = self.domain.predicates[atom.name].arguments if atom.name in self.domain.predicates else ()
+        return Function(
+            atom.name, tuple(self._opened(a, t) for a, t in zip(atom.arguments, types, strict=True))
+        )
 
-    def _opened(self, term: Term) -> Term:
+    def _opened(self, term: Term, type_: str) -> Term:
         if term == ANYTHING:
-            return Variable(f"_{next(self._numbers)}")
-        if isinstance(term, Function) and term.arguments:
-            return Function(term.name, tuple(map(self._opened, term.arguments)))
+            found = [name for name, own in self.objects.items() if self.domain.is_subtype(own, type_)]
+            return Function(found[0] if len(found) == 1 else f"{SOME}{next(self._numbers)}")
+        if isinstance(term, Function) and term.name in self.domain.functions:
+            types = self.domain.functions[term.name].arguments
+            return Function(
+                term.name, tuple(self._opened(a, t) for a, t in zip(term.arguments, types, strict=True))
+            )
         return term
 
     def _renaming(self, variables: Iterable[Variable]) -> dict[Variable, Term]:
         number = next(self._numbers)
         return {each: Variable(f"{each.name}_{number}") for each in variables}
+
+
+def _is_sure(atom: Atom) -> bool:
+    """Whether an atom names all its objects."""
+    return is_ground(atom) and SOME not in str(atom)
 
 
 def _adds(operator: Operator, name: str) -> bool:
@@ -223,6 +256,8 @@ def _comparisons(
 
 def _may_hold(part: Comparison, bindings: Substitution) -> bool:
     left, right = resolve(part.left, bindings), resolve(part.right, bindings)
+    if SOME in str(left) or SOME in str(right):
+        return False  # it may be the other one
     return not (is_ground(left) and is_ground(right)) or compare(left, part.relation, right)
 
 

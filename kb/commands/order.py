@@ -16,7 +16,7 @@ from kb.model.problem import Chain
 from kb.terms import Atom, Term, is_ground
 
 Apart = Callable[[Literal, Literal], bool]
-"""Whether two conditions cannot hold together."""
+"""Whether two conditions cannot hold together, or whether the first cannot hold when the second one becomes true."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,9 +46,9 @@ class NoOrder(Exception):
         self.clause = clause
 
 
-def arrange(acts: Sequence[Act], apart: Apart) -> tuple[Condition, tuple[Chain, ...]]:
+def arrange(acts: Sequence[Act], apart: Apart, interrupted: Apart) -> tuple[Condition, tuple[Chain, ...]]:
     """The goal and the chains for the acts of a sentence. Raises `NoOrder`."""
-    undone = set(_undone(acts, apart))
+    undone = set(_undone(acts, apart, interrupted))
     acts = _joined(acts, undone)
     order = _Order()
     if _is_ordered(acts):
@@ -66,14 +66,24 @@ def arrange(acts: Sequence[Act], apart: Apart) -> tuple[Condition, tuple[Chain, 
     return And(tuple(dict.fromkeys(act.condition for act in ending))), chains.finished()
 
 
-def _undone(acts: Sequence[Act], apart: Apart) -> Iterator[tuple[int, int]]:
-    """Pairs of acts of different clauses that cannot hold together: the later one undoes the earlier one."""
+def _undone(acts: Sequence[Act], apart: Apart, interrupted: Apart) -> Iterator[tuple[int, int]]:
+    """Pairs of acts of different clauses of which the later one undoes the earlier one.
+
+    They cannot hold together. Or "then" stands between them, and the later one cannot be done while the earlier one holds.
+    """
+    thens = list(itertools.accumulate(int(act.then) for act in acts))
     pairs = (
-        (n, m) for n, m in itertools.combinations(range(len(acts)), 2) if acts[n].clause != acts[m].clause
+        pair for pair in itertools.combinations(range(len(acts)), 2) if _are_fluents(*(acts[n] for n in pair))
     )
     for first, second in itertools.islice(pairs, MOST_COMPARED):
-        if any(apart(one, other) for one in acts[first].literals for other in acts[second].literals):
+        both = list(itertools.product(acts[first].literals, acts[second].literals))
+        then = thens[second] > thens[first]
+        if any(apart(*each) for each in both) or (then and any(interrupted(*each) for each in both)):
             yield first, second
+
+
+def _are_fluents(one: Act, other: Act) -> bool:
+    return one.clause != other.clause and not (one.must or other.must)
 
 
 MOST_COMPARED = 100_000  # pairs of acts

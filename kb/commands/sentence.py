@@ -85,7 +85,7 @@ class _Sentence:
         ]
         exclusion = Exclusion(self.domain, self.vocabulary.objects, self.facts)
         try:
-            return arrange(acts, exclusion.apart)
+            return arrange(acts, exclusion.apart, exclusion.interrupted)
         except NoOrder as error:
             clause = in_time[error.clause]
             meaning = self.known[clause.form.phrase]

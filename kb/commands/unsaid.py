@@ -57,7 +57,7 @@ KINDS = {
         "times are in s, min, h or days",
     ),
     "is the number of an object in its row, which a command cannot count": (
-        "third fourth fifth last left-most leftmost rightmost",
+        "first second third fourth fifth last leftmost rightmost",
         "say its number or its name",
     ),
     "says when by the clock, and a command only says what comes before what": (

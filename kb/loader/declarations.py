@@ -2,7 +2,7 @@
 
 import re
 
-from kb.diagnostics import Source, unknown_name
+from kb.diagnostics import Source
 from kb.graphs import components
 from kb.loader.names import Names
 from kb.loader.reader import Reader
@@ -35,7 +35,7 @@ def _read_types(reader: Reader, names: Names) -> None:
             names.types[name] = Type(name, parent, (), where)
             if node.value == TERM:
                 names.term_types.add(name)
-    for name in names.types:
+    for name in list(names.types):
         _check_parent(names, names.types[name], nodes[name])
     graph = {type_.name: [type_.parent] for type_ in names.types.values()}
     _refuse_cycles(graph, {type_.name: type_.where for type_ in names.types.values()}, "type", names)
@@ -61,7 +61,7 @@ def _closed_list(reader: Reader, names: Names, name: str, node: Node, where: Sou
 
 def _check_parent(names: Names, type_: Type, node: Node) -> None:
     if not names.known_type(type_.parent):
-        names.findings.note(unknown_name("type", type_.parent, names.types, node.where))
+        names.miss_type(type_.parent, names.types, node.where)
     elif type_.parent in BUILT_IN_TYPES and type_.parent != OBJECT:
         hint = f"use `{type_.parent}` itself in signatures, or write `{type_.name}: object`"
         names.findings.add(node.where, "K103", f"'{type_.parent}' has no subtypes", hint)
@@ -117,7 +117,7 @@ def _is_new_function(names: Names, signature: Function, key: Node) -> bool:
 
 def _check_result(names: Names, name: str, result: str, node: Node) -> None:
     if not names.known_type(result):
-        names.findings.note(unknown_name("type", result, names.types, node.where))
+        names.miss_type(result, names.types, node.where)
     elif result in BUILT_IN_TYPES and result != OBJECT:
         hint = "choose a type that this file declares"
         names.findings.add(node.where, "K103", f"{name}(...) cannot be of type {result}", hint)
@@ -136,7 +136,7 @@ def _signature(reader: Reader, key: Node, names: Names) -> Function | None:
     for argument in signature.arguments:
         if not names.known_type(str(argument)):
             place = expression.place(argument) if isinstance(argument, Function) else key.where
-            names.findings.note(unknown_name("type", str(argument), [*names.types, *BUILT_IN_TYPES], place))
+            names.miss_type(str(argument), [*names.types, *BUILT_IN_TYPES], place)
     return signature
 
 
@@ -159,7 +159,7 @@ def _check_extensible(names: Names, type_: str, key: Node) -> None:
                 key.where, "K103", f"{type_} is built in: its values are not listed", "remove it"
             )
         else:
-            names.findings.note(unknown_name("type", type_, names.types, key.where))
+            names.miss_type(type_, names.types, key.where)
     elif type_ in names.closed_lists:
         hint = "add the constant where the type is declared"
         names.findings.add(key.where, "K104", f"'{type_}' is a closed list", hint)

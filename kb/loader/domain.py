@@ -1,5 +1,6 @@
 """The `Domain` in `domain.yaml` and the ASP files that it includes."""
 
+import re
 from pathlib import Path
 
 from kb.commands import check_phrases
@@ -42,7 +43,8 @@ def read_domain(path: Path, findings: Findings) -> tuple[Domain, Names]:
         renamed=read_conventions(reader, names),
     )
     for found in check_phrases(domain, reader.place_under("commands")):
-        findings.note(found)
+        if not names.missing & {*re.findall(r"\w+", found.message)}:  # what follows from a missing type
+            findings.note(found)
     return with_named_values(domain), names
 
 

@@ -22,6 +22,9 @@ class Names:
     term_types: set[str] = field(default_factory=set)  # declared with the parent `term`
     closed_lists: set[str] = field(default_factory=set)
     broken: set[str] = field(default_factory=set)  # declared with an error that is already reported
+    missing: set[str] = field(
+        default_factory=set
+    )  # types that are used and not declared: each is reported once
     derived: list[str] = field(
         default_factory=list
     )  # as declared; those that only read statics become static
@@ -35,7 +38,9 @@ class Names:
         return name in self.types or name in BUILT_IN_TYPES
 
     def is_subtype(self, name: str, ancestor: str) -> bool:
-        """Whether `name` is `ancestor` or one of its subtypes."""
+        """Whether `name` is `ancestor` or one of its subtypes. What a missing type is cannot be told: it fits everywhere."""
+        if name in self.missing or ancestor in self.missing:
+            return True
         if ancestor == OBJECT:
             return name not in BUILT_IN_TYPES or name == OBJECT
         seen = 0
@@ -44,6 +49,15 @@ class Names:
                 return False
             name, seen = self.types[name].parent, seen + 1
         return True
+
+    def miss_type(self, name: str, known: Collection[str], where: Source) -> None:
+        """Report a type that is not declared, and take it as one from now on."""
+        if name not in self.missing:
+            found = unknown_name("type", name, known, where)
+            hint = found.hint if "did you mean" in found.hint else f"declare it under `types:`; {found.hint}"
+            self.findings.note(dataclasses.replace(found, hint=hint))
+            self.missing.add(name)
+            self.types[name] = Type(name, OBJECT, (), where)
 
     def add_object(self, name: str, type_: str, where: Source) -> None:
         """Declare an object. It is reported if another object or a function has its name."""

@@ -292,4 +292,4 @@ def narrowed(
         elif names.known_type(str(node.value)):
             typing.types[Variable(variable)] = str(node.value)
         else:
-            names.findings.note(unknown_name("type", str(node.value), names.types, node.where))
+            names.miss_type(str(node.value), names.types, node.where)

@@ -1,7 +1,7 @@
 """The domain that a problem or plan file names with `domain:`."""
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from kb.diagnostics import Diagnostic, InvalidInput, nearest
@@ -29,7 +29,8 @@ def domain_file(reader: Reader) -> Path:
     for candidate in (*near, *own, *typed, *_moved(Path(name), here)):
         if is_file(candidate) and candidate.suffix in SUFFIXES:
             return candidate
-    hint = nearest(name, list(known)) or f"a path, or one of: {', '.join(known)}"
+    beside = [own for each in (here.parent, here) if (own := _name_in(each / DOMAIN_FILE))]
+    hint = nearest(name, [*beside, *known]) or _suggestion(beside, list(known))
     found = Diagnostic(node.where, "K401", f"unknown domain '{name[:60]}'", hint)
     raise InvalidInput([*reader.findings.diagnostics, found])
 
@@ -42,13 +43,32 @@ def _moved(path: Path, here: Path) -> Iterator[Path]:
         yield from (folder / tail for tail in tails if not tail.is_absolute())
 
 
+def _suggestion(beside: Sequence[str], known: Sequence[str]) -> str:
+    if beside:
+        return f"the domain beside this file is '{beside[0]}'; or a path, or one of: {', '.join(known)}"
+    return f"a path, or one of: {', '.join(known)}"
+
+
 def _is_called(path: Path, name: str) -> bool:
     """Whether a file contains the line `domain: name`, as a domain of this name does."""
+    return (
+        re.search(rf"""^domain:\s*(['"]?){re.escape(name)}\1\s*(#.*)?$""", _head(path), re.MULTILINE)
+        is not None
+    )
+
+
+def _name_in(path: Path) -> str:
+    """The name of the domain in a file; empty if there is none."""
+    found = re.search(r"""^domain:\s*['"]?([a-z]\w*)""", _head(path), re.MULTILINE)
+    return found[1] if found else ""
+
+
+def _head(path: Path) -> str:
+    """The part of a file in which its name stands; empty if it cannot be read."""
     if not is_file(path):
-        return False
+        return ""
     try:
         with path.open("rb") as file:
-            text = file.read(HEAD_BYTES).decode("utf-8-sig", "replace").replace("\r", "\n")
+            return file.read(HEAD_BYTES).decode("utf-8-sig", "replace").replace("\r", "\n")
     except OSError:
-        return False
-    return re.search(rf"""^domain:\s*(['"]?){re.escape(name)}\1\s*(#.*)?$""", text, re.MULTILINE) is not None
+        return ""

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from engine.model.measurement import MeasurementPoint
 
 app = typer.Typer(add_completion=False, no_args_is_help=True)
-File = Annotated[Path, typer.Argument(help="a problem file as `import qif` writes it")]
+File = Annotated[Path, typer.Argument(help="a problem file")]
 Name = Annotated[str, typer.Argument(help="the name of the measurement")]
 At = Annotated[tuple[float, float, float], typer.Option("--at", help="the position: x y z in millimetres")]
 Normal = Annotated[

@@ -11,6 +11,7 @@ from engine.stages.grounding.ambiguity import ambiguities
 from engine.stages.grounding.closure import Deduction, deduction
 from engine.stages.grounding.derived import MAX_SUPPORTS, Support, Supports, TooManySupports
 from engine.stages.grounding.goals import Goals
+from engine.stages.grounding.initial import default_instances as default_instances
 from engine.stages.grounding.initial import initial_state
 from engine.stages.grounding.instances import Instances
 from engine.stages.grounding.invariants import mutex_groups
@@ -72,6 +73,16 @@ def findings(problem: Problem) -> list[Diagnostic]:
 def reachable_operators(task: Task) -> frozenset[str]:
     """The names of the operators that have at least one instance in the task."""
     return frozenset(operator.instance.name for operator in task.operators)
+
+
+def reachable_atoms(task: Task) -> frozenset[Atom]:
+    """The atoms that are true at the start or that some operator can add."""
+    added = task.initial
+    for operator in task.operators:
+        added |= operator.adds
+        for effect in operator.conditional:
+            added |= effect.adds
+    return frozenset(task.names(added))
 
 
 @contextmanager

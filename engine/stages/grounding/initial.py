@@ -41,6 +41,19 @@ def initial_state(problem: Problem, vocabulary: Vocabulary) -> tuple[tuple[Atom,
     return universe.names(state.facts), wrong
 
 
+def default_instances(problem: Problem) -> tuple[Atom, ...]:
+    """Every instance of every default, also those that other facts exclude."""
+    if problem.complete:
+        return ()
+    grounder = Grounder()
+    grounder.ground("\n".join(_program(problem)))
+    return tuple(
+        Function(default.atom.name, arguments)
+        for number, default in enumerate(problem.domain.defaults)
+        for arguments in sorted(grounder.atoms(f"_d_{number}", len(default.atom.arguments)), key=str)
+    )
+
+
 def _strange(problem: Problem, grounder: Grounder) -> Iterator[Diagnostic]:
     """Diagnostics for arguments of given facts that are not values of their types.
 

@@ -15,6 +15,7 @@ LINES = [(code, line) for code, lines in REFUSALS.items() for line in lines]
 SHOP = {"duration_matrix": [[1]], "machines_matrix": [[0]]}
 INLINE = (
     "problem: inline\ndomain: bulkhead\nobjects:\n  measurement: [m1]\nstatics:\n  - needs(m1, profile)\n"
+    "initial:\n  - at(t3_746, approach_point(meas(m1)))\n"
 )
 BARE = "domain: bare\ntypes: {lamp: object}\nfluents:\n  lit(lamp): {}\noperators:\n  light(Lamp): {adds: lit(Lamp)}\n"
 DARK = "problem: dark\ndomain: bare\nobjects: {lamp: [left]}\ngoals: [lit(left)]\n"

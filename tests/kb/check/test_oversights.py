@@ -1,0 +1,122 @@
+"""What a domain forgets, and what is wrong with initial states: told where it is so, and nowhere else."""
+
+from pathlib import Path
+
+import pytest
+
+from engine.pipelines.checking import check
+from kb.diagnostics import Diagnostic, InvalidInput, Source, in_order
+from kb.loader import load
+
+CELL = Path(__file__).parents[2] / "data" / "K314_crowded"
+GIVEN_BACK = "  - when: not at(Item, Place)\n    implies: free(Place)\n"
+RULES = "fits(I, P) :- item(I), place(P).\nhome(bolt, table).\nhome(nut, bin).\n"
+
+
+def codes(folder: Path, *changes: tuple[str, str], rules: str = RULES, problem: str = "") -> list[str]:
+    """The codes that `check` tells of the cell with changes in its domain."""
+    text = (CELL / "domain.yaml").read_text("utf-8")
+    for old, new in changes:
+        assert old in text
+        text = text.replace(old, new)
+    (folder / "problems").mkdir(exist_ok=True)
+    (folder / "domain.yaml").write_text(text, "utf-8")
+    (folder / "rules.lp").write_text(rules, "utf-8")
+    goals = problem or "goals:\n  - at(bolt, shelf)\n"
+    (folder / "problems" / "p.yaml").write_text(f"problem: p\ndomain: workshop\n{goals}", "utf-8")
+    return [each.code for each in check(str(folder)).diagnostics]
+
+
+def test_the_sound_cell_is_sound(tmp_path: Path) -> None:
+    assert codes(tmp_path) == []
+
+
+@pytest.mark.parametrize(
+    ("rules", "found"),
+    [
+        (RULES.replace("fits(I, P)", "fit(I, P)") + "fits(bolt, shelf).\n", ["K312"]),
+        (RULES + "fits_in_hand(I, P) :- fits(I, P).\n", []),
+        (RULES.replace("fits(I, P) :-", "spare(I, P) :-") + "fits(I, P) :- spare(I, P).\n", []),
+        (RULES + "hme(nut, P) :- place(P), P = shelf.\n", ["K312"]),
+        (RULES + "helper(I) :- item(I).\n", []),
+    ],
+)
+def test_rules_for_names_that_are_almost_declared(tmp_path: Path, rules: str, found: list[str]) -> None:
+    assert codes(tmp_path, rules=rules) == found
+
+
+@pytest.mark.parametrize(
+    ("problem", "found"),
+    [
+        ("initial:\n  - at(nut, table)\ngoals:\n  - at(bolt, shelf)\n", ["K314"]),
+        ("initial:\n  - at(nut, shelf)\ngoals:\n  - at(bolt, bin)\n", []),
+        ("initial:\n  - at(nut, shelf)\n  - at(bolt, shelf)\ngoals:\n  - at(bolt, bin)\n", ["K314"]),
+        ("complete: true\ninitial:\n  - free(bin)\ngoals:\n  - at(bolt, bin)\n", ["K313"]),
+        ("complete: true\ninitial:\n  - at(nut, table)\ngoals:\n  - at(bolt, bin)\n", ["K313"]),
+        ("complete: true\ninitial:\n  - at(nut, table)\ngoals:\n  - at(nut, table)\n", ["K304"]),
+        ("workflow:\n  - stages: at(bolt, shelf), at(bolt, table)\n", []),
+    ],
+)
+def test_initial_states(tmp_path: Path, problem: str, found: list[str]) -> None:
+    assert codes(tmp_path, problem=problem) == found
+
+
+def test_two_things_with_one_home_are_told_wherever_they_begin(tmp_path: Path) -> None:
+    rules = RULES.replace("home(nut, bin)", "home(nut, table)")
+    elsewhere = "initial:\n  - at(nut, shelf)\ngoals:\n  - at(bolt, bin)\n"
+    assert codes(tmp_path, rules=rules, problem=elsewhere) == ["K314"]
+
+
+def test_room_that_is_never_free_again_is_told(tmp_path: Path) -> None:
+    assert codes(tmp_path, (GIVEN_BACK, "")) == ["K315"]
+
+
+def test_room_that_an_operator_gives_back_is_not_told(tmp_path: Path) -> None:
+    freed = ("    adds: at(Item, To)\n", "    adds: at(Item, To), free(From)\n")
+    assert codes(tmp_path, (GIVEN_BACK, ""), freed) == []
+
+
+def test_a_missing_type_is_told_once(tmp_path: Path) -> None:
+    text = (CELL / "domain.yaml").read_text("utf-8").replace("  item: object\n", "")
+    (tmp_path / "domain.yaml").write_text(text, "utf-8")
+    (tmp_path / "rules.lp").write_text(RULES, "utf-8")
+    with pytest.raises(InvalidInput) as raised:
+        load(tmp_path / "domain.yaml")
+    (found,) = raised.value.diagnostics
+    assert (found.code, found.message) == ("K101", "unknown type 'item'")
+    assert found.hint.startswith("declare it under `types:`")
+
+
+def test_a_name_that_is_unknown_in_many_lines_is_told_once() -> None:
+    found = [
+        Diagnostic(Source("f", line), "K101", "unknown predicate 'att'", "did you mean 'at'?")
+        for line in range(9, 3, -1)
+    ]
+    (told,) = in_order(found)
+    assert told.where.line == 4
+    assert told.hint == "did you mean 'at'?; the same in lines 5, 6, 7 and 2 more"
+
+
+def test_causes_come_before_what_follows_and_errors_before_warnings() -> None:
+    said = ["K304", "K313", "K103", "K101", "K104", "K002"]
+    warnings = ("K304", "K313")
+    found = [
+        Diagnostic(Source("f", line), code, "", "", code in warnings) for line, code in enumerate(said, 1)
+    ]
+    assert [each.code for each in in_order(found)] == ["K002", "K104", "K101", "K103", "K313", "K304"]
+
+
+@pytest.mark.parametrize(
+    ("name", "hint"),
+    [
+        ("wrokshop", "did you mean 'workshop'?"),
+        ("kitchen", "the domain beside this file is 'workshop'; or a path"),
+    ],
+)
+def test_the_domain_beside_a_problem_is_what_it_may_mean(tmp_path: Path, name: str, hint: str) -> None:
+    codes(tmp_path)
+    (tmp_path / "problems" / "p.yaml").write_text(
+        f"problem: p\ndomain: {name}\ngoals:\n  - free(bin)\n", "utf-8"
+    )
+    (found,) = check(str(tmp_path / "problems" / "p.yaml")).diagnostics
+    assert found.hint.startswith(hint)
