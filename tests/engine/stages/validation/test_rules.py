@@ -337,6 +337,19 @@ def test_no_unordered_step_denies_what_another_adds() -> None:
     assert wrong(posed, (step(1, "light"), step(2, "douse", 1))) == []
 
 
+def test_no_unordered_step_denies_by_deduction_what_another_adds_or_needs() -> None:
+    posed = problem("")
+    bin_, table = step(1, "drop(bolt, bin)"), step(2, "drop(bolt, table)")
+    assert wrong(posed, (bin_, table)) == [
+        "K503: steps 1 and 2 are unordered, but drop(bolt, table) denies at(bolt, bin), which drop(bolt, bin) needs or adds"
+    ]
+    assert wrong(posed, (bin_, step(2, "drop(nut, table)"))) == []
+    needing = (step(1, "move(bolt, table, bin)", holds=ARM_BOLT), step(2, "drop(bolt, bin)"))
+    assert wrong(posed, needing, (link(0, "at(bolt, table)", 1),))[-1] == (
+        "K503: steps 1 and 2 are unordered, but drop(bolt, bin) denies at(bolt, table), which move(bolt, table, bin) needs or adds"
+    )
+
+
 def test_no_unordered_step_denies_what_a_link_gives_another() -> None:
     posed = problem("", ("lit",), workflow=("{for: {T: [bolt]}, stages: seen(T)}",))
     found = wrong(posed, (step(1, "look(bolt)"), step(2, "douse")), (link(0, "lit", 1),))
@@ -378,7 +391,7 @@ def test_a_conditional_effect_reads_what_it_depends_on() -> None:
 
 
 CONSEQUENCE = """domain: doors
-fluents: {shut: {}, dark: {}, oiled: {}, latched: {}}
+fluents: {shut: {}, dark: {}, oiled: {}, latched: {}, ajar: {}}
 operators:
   slam: {adds: latched, deletes: shut}
   oil: {adds: oiled}
@@ -386,6 +399,7 @@ operators:
 deductive_operators:
   - {when: not shut, implies: dark}
   - {when: latched, implies: shut}
+  - {when: latched, denies: ajar}
 """
 
 
@@ -412,14 +426,24 @@ fluents:
   on: {{}}
 operators:
   try: {{preconditions: off(s0) | not off(s0), adds: tried}}
+  press: {{preconditions: off(s1) | off(s2), adds: tried}}
   turn(T): {{adds: off(T)}}
 """
     return problem("tried", tuple(f"off({name})" for name in names[1:]), domain)
 
 
-@pytest.mark.parametrize(("count", "accepted"), [(MAX_UNCERTAIN, True), (MAX_UNCERTAIN + 1, False)])
+@pytest.mark.parametrize(
+    ("count", "accepted"), [(3, True), (MAX_UNCERTAIN, True), (MAX_UNCERTAIN + 1, False)]
+)
 def test_all_states_of_a_few_open_atoms_are_tried_and_of_more_none(count: int, accepted: bool) -> None:
     """A tautology is proved by trying; with one atom more the steps count as disturbing each other."""
     found = wrong(switches(count), (step(1, "try"), step(2, "turn(s0)")))
     assert (found == []) == accepted
     assert all(each.startswith("K503") for each in found)
+
+
+def test_what_a_link_proves_is_proved_whatever_else_is_open() -> None:
+    posed = switches(MAX_UNCERTAIN + 3)
+    steps = (step(1, "press"), step(2, "turn(s0)"), step(3, "turn(s2)"))
+    assert wrong(posed, steps, (link(0, "off(s1)", 1),)) == []
+    assert [each[:4] for each in wrong(posed, steps)] == ["K503"]
