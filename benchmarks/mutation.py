@@ -38,7 +38,7 @@ MODULES: dict[
     "checker": (
         ("engine/stages/validation/*.py",),
         (
-            *(f"{VALIDATION}/test_{name}.py" for name in ("rules", "workflow", "semantics", "datalog")),
+            *(f"{VALIDATION}/test_{name}.py" for name in ("rules", "chains", "semantics", "datalog")),
             "tests/properties/test_checker.py",
         ),
     ),

@@ -1,4 +1,7 @@
-"""Finds who fills a port: entry points of the installed packages, the built-in ones registered like any other."""
+"""Finds the implementations of the engine's ports among the entry points of the installed packages.
+
+The engine's own implementations are registered in the same way as those of other packages.
+"""
 
 from collections.abc import Callable
 from importlib import metadata
@@ -11,12 +14,15 @@ GEOMETRY = "cellwright.geometry"
 
 
 def known(group: str) -> list[str]:
-    """The names registered in a group, installed or not."""
+    """The names that are registered in a group. The packages that they need may be missing."""
     return sorted({point.name for point in metadata.entry_points(group=group)})
 
 
 def geometry_backend(name: str = "builtin") -> GeometryBackend:
-    """The geometry backend of this name. Raises `InvalidInput` when it is unknown or its package is not installed."""
+    """The geometry backend of this name.
+
+    Raises `InvalidInput` when it is unknown or its package is not installed.
+    """
     backend: GeometryBackend = _load(GEOMETRY, name)()
     return backend
 

@@ -1,4 +1,4 @@
-"""The replaceable parts of the engine, as Protocols. `engine.plugins` finds who fills them."""
+"""The replaceable parts of the engine, as Protocols. `engine.plugins` finds their implementations."""
 
 from typing import Protocol
 
@@ -6,46 +6,52 @@ from engine.model.geometry import Contact, Floats, Scene, Truths
 
 
 class CollisionChecker(Protocol):
-    """A scene made ready for questions.
+    """Answers questions about collisions and distances in one scene.
 
-    `where` is a batch of configurations (n, k) of the scene's joints or, for a free scene, of poses (n, 4, 4) of its
-    moving carrier in the world. Answers do not depend on how questions are batched.
+    `where` is a batch of configurations (n, k) of the scene's joints. For a free scene it is a batch of poses
+    (n, 4, 4) of the moving carrier in the world. The batch size does not change the answers.
     """
 
     @property
     def scene(self) -> Scene:
-        """What is checked."""
+        """The scene that is checked."""
         ...
 
     def collides(self, where: Floats) -> Truths:
-        """Whether any pair of the scene touches or overlaps, for each of the batch (n,)."""
+        """Whether any pair of bodies touches or overlaps, for each element of the batch (n,)."""
         ...
 
     def clearance(self, where: Floats, beyond_m: float = 1.0) -> Floats:
-        """The least signed distance over all pairs (n,), at most `beyond_m`; negative: the greatest depth."""
+        """The least signed distance over all pairs (n,), in metres, at most `beyond_m`.
+
+        A negative value is a penetration, by the greatest depth over all pairs.
+        """
         ...
 
     def contacts(self, where: Floats, within_m: float = 0.0) -> tuple[Contact, ...]:
-        """For one configuration (k,) or pose (4, 4): every pair of bodies nearer than `within_m`, nearest first.
+        """The pairs of bodies nearer than `within_m` at one configuration (k,) or pose (4, 4), nearest first.
 
-        Of two bodies made of several pieces the nearest (or deepest) pieces are told.
+        If a body consists of several pieces, the contact is that of its nearest (or deepest) piece.
         """
         ...
 
 
 class GeometryBackend(Protocol):
-    """Who computes distances and collisions."""
+    """A library that computes distances and collisions."""
 
     @property
     def name(self) -> str:
-        """How a person asks for it."""
+        """The name by which users choose the backend."""
         ...
 
     @property
     def exact_depths(self) -> bool:
-        """Whether a depth is the least displacement that parts two bodies; if not, it is a local estimate of it."""
+        """Whether depths are exact: the least displacement that separates two bodies.
+
+        If not, they are local estimates.
+        """
         ...
 
     def checker(self, scene: Scene) -> CollisionChecker:
-        """Make a scene ready. Raises `ValueError` when the backend cannot represent it."""
+        """The checker for a scene. Raises `ValueError` when the backend cannot represent the scene."""
         ...

@@ -36,7 +36,7 @@ class Observation:
 
 
 @dataclass(frozen=True, slots=True)
-class Stage:
+class CaseStep:
     """One step of a case: the belief before it, the advice, what was observed, and what that cost."""
 
     belief: tuple[tuple[str, float], ...]
@@ -55,7 +55,7 @@ class Diagnosis:
     """
 
     exception: str
-    stages: tuple[Stage, ...]
+    stages: tuple[CaseStep, ...]
     hypotheses: tuple[tuple[Hypothesis, float], ...]
     cost: float
     isolated: bool

@@ -1,1 +1,1 @@
-"""What joins stages: the ways from a question to its answer."""
+"""What joins the stages: each pipeline leads from one kind of question to its answer."""

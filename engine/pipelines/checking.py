@@ -1,4 +1,4 @@
-"""Everything that is wrong with a domain, its problems, its cell and its fault base, told in one run."""
+"""All errors in a domain, its problems, its cell and its fault base, reported in one run."""
 
 from collections.abc import Collection
 from dataclasses import dataclass
@@ -19,16 +19,16 @@ from kb.terms import Atom
 
 @dataclass(frozen=True, slots=True)
 class CheckReport:
-    """The files that were checked and everything found in them, in order of place."""
+    """The files that were checked, and everything that was found in them, sorted by place."""
 
     checked: tuple[str, ...]
     diagnostics: tuple[Diagnostic, ...]
 
 
 def check(target: str, reach: bool = True) -> CheckReport:
-    """Everything that is wrong with a problem, or with a domain and all its problems, and with the cell beside it.
+    """All errors in a problem, or in a domain and all its problems, and in the cell and the fault base beside it.
 
-    With `reach`, places of the cell that no arm reaches are told, too.
+    With `reach`, places of the cell that no arm reaches are reported, too.
     """
 
     path = find(target)
@@ -57,14 +57,14 @@ def check(target: str, reach: bool = True) -> CheckReport:
 
 
 def _checked_cell(cell: Path, domain: Domain, reach: bool, atoms: Collection[Atom]) -> list[Diagnostic]:
-    """What is wrong with a cell; geometry is imported for domains that have one."""
+    """The errors in a cell. Geometry is imported only for domains that have a cell."""
     from engine.stages.geometry.reach.checking import check_cell
 
     return check_cell(cell, domain, geometry_backend if reach else None, atoms)
 
 
 def _checked_faults(domain: Path) -> list[Diagnostic]:
-    """What is wrong with the fault base beside a domain."""
+    """The errors in the fault base beside a domain."""
 
     try:
         model, warnings = load_faults(domain)

@@ -1,37 +1,38 @@
-"""The gate: every plan that the engine gives out passes the independent checker here, whoever made it.
+"""The gate: every plan that the engine gives out passes the independent checker here, whatever part made it.
 
-A gate keeps the static facts of the cells that it met lately, evaluated by the checker, so that the next plan for such a
-cell is checked in milliseconds. It decides nothing about what becomes of a plan that is refused.
+A gate keeps the evaluated static facts of the last few cells, so that the next plan for one of them is checked in
+milliseconds. It does not decide what happens to a plan that is refused: that is left to its caller.
 """
 
 from engine.stages.validation import findings
-from engine.stages.validation.semantics import Semantics, State
+from engine.stages.validation.changes import State
+from engine.stages.validation.semantics import Semantics
 from kb.diagnostics import Diagnostic
 from kb.model.plan import Plan, in_sequence
 from kb.model.problem import Problem
 
-CELLS = 8  # whose static facts are kept
+CELLS = 8  # the number of cells whose static facts are kept
 UNSHOWN = (
-    "K503",
-    "K506",
-)  # steps may interfere, or reach the stages of a chain in another order than the plan means
+    "K503",  # unordered steps may interfere
+    "K506",  # unordered steps may reach the stages of a chain in another order than planned
+)
 
 
 class InternalError(Exception):
-    """The engine made a plan that its own checker refuses: a bug. Carries the checker's findings."""
+    """The engine made a plan that its own checker refuses. This is a bug. The message holds the checker's findings."""
 
     def __init__(self, diagnostics: list[Diagnostic]) -> None:
         super().__init__("the checker refuses the plan:\n" + "\n".join(map(str, diagnostics)))
 
 
 class PlanGate:
-    """The checker, and what it knows of the cells that were met lately."""
+    """The checker, and what it has evaluated for the last few cells."""
 
     def __init__(self) -> None:
         self._cells: list[Semantics] = []
 
     def semantics(self, problem: Problem, state: State | None = None) -> Semantics:
-        """What the operators of a problem mean; `state` stands for its initial state."""
+        """The semantics of a problem's operators; `state`, if given, replaces the initial state."""
         for place, known in enumerate(self._cells):
             if (found := known.about(problem, state)) is not None:
                 self._cells.insert(0, self._cells.pop(place))
@@ -41,12 +42,15 @@ class PlanGate:
         return fresh if state is None else fresh.about(problem, state) or fresh
 
     def findings(self, problem: Problem, plan: Plan, state: State | None = None) -> list[Diagnostic]:
-        """Everything that the checker has against a plan; `state` stands for the initial state of the problem."""
+        """All errors that the checker finds in a plan; `state`, if given, replaces the initial state."""
         return findings(self.semantics(problem, state), plan)
 
     def settled(self, problem: Problem, plan: Plan) -> tuple[Plan, list[Diagnostic]]:
-        """The plan as it may be given out, and what is wrong with it: as a sequence, if all that the checker cannot show is
-        that some steps need no order."""
+        """The plan as it may be given out, and what is wrong with it.
+
+        The checker may only fail to show that some steps need no order. The plan is then made a sequence and checked
+        again.
+        """
         wrong = self.findings(problem, plan)
         if wrong and all(each.code in UNSHOWN for each in wrong):
             plan = in_sequence(plan)
@@ -62,5 +66,5 @@ class PlanGate:
 
 
 def accepted(problem: Problem, plan: Plan) -> Plan:
-    """`PlanGate.accepted` for a plan that comes alone."""
+    """`PlanGate.accepted` for a single plan."""
     return PlanGate().accepted(problem, plan)

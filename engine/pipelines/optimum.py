@@ -1,4 +1,4 @@
-"""Is there a cheaper plan? Uniform-cost search (Dijkstra 1959) over states, for tasks small enough to be searched."""
+"""Is there a cheaper plan? Uniform-cost search over states (Dijkstra 1959), for small tasks."""
 
 import heapq
 from collections.abc import Callable, Sequence
@@ -14,20 +14,20 @@ from engine.stages.planning.variants import plainly
 from kb.model.plan import Plan
 from kb.model.problem import Problem
 
-MOST = 2_000_000  # questions whether an operator can be done in a state, before the search is given up
+MOST = 2_000_000  # tests of an operator in a state; after so many the search gives up
 
 Interrupted = Callable[[], bool]
 
 
 @dataclass(frozen=True, slots=True)
 class Optimum:
-    """Steps of a cheapest plan; None if none is cheaper than the bound."""
+    """The steps of a cheapest plan; None if no plan is cheaper than the bound."""
 
     steps: tuple[GroundOperator, ...] | None
 
 
 def optimum(task: Task, bound: int, interrupted: Interrupted, most: int = MOST) -> Optimum | None:
-    """A cheapest of all plans that cost less than `bound`; None if that would take too long to find out."""
+    """A cheapest of all plans that cost less than `bound`; None if the search gave up or was interrupted."""
     costs: dict[Bits, int] = {task.initial: 0}
     reached: dict[Bits, tuple[Bits, GroundOperator]] = {}
     queue, asked = [(0, 0, task.initial)], 0
@@ -60,7 +60,7 @@ def _way(reached: dict[Bits, tuple[Bits, GroundOperator]], state: Bits) -> tuple
 
 
 def proved(problem: Problem, found: Found, interrupted: Interrupted) -> Found:
-    """The same answer, or a cheaper one, with the proof that nothing is cheaper; as it is if that takes too long."""
+    """The same answer or a cheaper one, marked as optimal; the answer unchanged if the proof takes too long."""
     if found.optimal or found.plan.cost == 0:
         return replace(found, optimal=True)
     task = ground(problem)

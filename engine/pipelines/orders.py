@@ -1,25 +1,27 @@
 """Is a partially ordered plan valid in every order that it allows?
 
-The checker asks for more: unordered steps must not disturb each other even when they overlap in time, and where it cannot
-show that, it refuses. Here orders are all that counts. What the checker accepts is valid; of the rest, all orders are
-tried at once, step by step: two of them that have done the same steps and reached the same state go on alike.
+The checker asks for more: unordered steps must not disturb each other even when they overlap in time. It refuses a plan
+for which it cannot show that. Here only the orders count. A plan that the checker accepts is valid. For any other plan all
+orders are tried together, step by step. Two orders that have done the same steps and reached the same state are followed as
+one, because they continue in the same way.
 """
 
 from collections.abc import Iterator
 
 from engine.model.order import Counterexample, Verdict
 from engine.stages.validation import validate
+from engine.stages.validation.changes import State
 from engine.stages.validation.datalog import holds
-from engine.stages.validation.semantics import Semantics, State
+from engine.stages.validation.semantics import Semantics
 from kb.model.plan import Plan, Step, StepId
 from kb.model.problem import Problem
 
 Done = frozenset[StepId]
-MOST = 20_000  # states to be looked at before the question is left open
+MOST = 20_000  # states that are looked at; then the question is left open
 
 
 def every_order(problem: Problem, plan: Plan, most: int = MOST) -> Verdict:
-    """Judge a plan by its orders alone; `most` bounds the states that are looked at."""
+    """Whether a plan is valid in every order that it allows; at most `most` states are looked at."""
     orders = _Orders(problem, plan)
     failed = orders.follow()
     if failed is not None:
@@ -35,12 +37,12 @@ class _Orders:
         self.steps = {step.id: step for step in plan.steps}
 
     def in_sequence(self) -> bool:
-        """Whether there is but one order."""
+        """Whether the plan allows only one order."""
         before = self.plan.predecessors()
         return all(len(before[step.id]) == place for place, step in enumerate(self.plan.steps))
 
     def follow(self) -> Counterexample | None:
-        """The order in which the steps are listed, if it fails."""
+        """The order in which the steps are listed, if it fails; else None."""
         state, done = self.semantics.initial(), list[StepId]()
         for step in self.plan.steps:
             done.append(step.id)
@@ -51,7 +53,7 @@ class _Orders:
         return None if self._reached(state) else Counterexample(tuple(done), at_the_goal=True)
 
     def all(self, most: int) -> Verdict:
-        """Every order, breadth first over what has been done and the state reached."""
+        """The verdict over every order: breadth first over pairs of the steps done and the state reached."""
         start: tuple[Done, State] = (frozenset(), self.semantics.initial())
         ways: dict[tuple[Done, State], tuple[StepId, ...]] = {start: ()}
         waiting = [start]

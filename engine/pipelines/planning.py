@@ -1,6 +1,6 @@
-"""The stages in order. What the command line does is one call of a function here.
+"""Planning from the problem to the checked plan: the stages in order. Each command calls one function of a pipeline.
 
-What reads files of our own language is imported by the functions that read them: tasks in PDDL go without it.
+The loaders of our own language are imported inside the functions that use them, because tasks in PDDL do not need them.
 """
 
 import time
@@ -21,7 +21,7 @@ from kb.terms import Atom
 
 
 def problem_of(target: str, goals: str = "", command: str = "") -> Problem:
-    """The problem that a target names, with other goals if some are given, or with those of a command in words.
+    """The problem that a target names. `goals`, or else a `command` in words, replaces its goals.
 
     Raises `InvalidInput`.
     """
@@ -31,7 +31,14 @@ def problem_of(target: str, goals: str = "", command: str = "") -> Problem:
     loaded = load(find(target))
     if goals and command:
         raise InvalidInput(
-            [Diagnostic(Source("--command"), "K409", "goals are given already", "give one of the two")]
+            [
+                Diagnostic(
+                    Source("--command"),
+                    "K409",
+                    "goals are given already",
+                    "give --goals or --command, not both",
+                )
+            ]
         )
     if goals:
         return with_goals(loaded.domain, goals, loaded.problem)
@@ -46,12 +53,12 @@ def problem_of(target: str, goals: str = "", command: str = "") -> Problem:
 
 
 def plan(problem: Problem, limits: Limits = Limits()) -> Outcome:
-    """A checked plan for a problem, the proof that there is none, or where the search stopped. Raises `InvalidInput`."""
+    """A checked plan for a problem, or that there is none, or why the search gave up. Raises `InvalidInput`."""
     return planned(problem, limits)[0]
 
 
 def planned(problem: Problem, limits: Limits = Limits(), macros: Macros = NO_MACROS) -> tuple[Outcome, Task]:
-    """`plan` with MACROPs that serve searches as operators; the ground task, too. Raises `InvalidInput`."""
+    """The outcome of `plan`, and the ground task. The searches may use `macros` as operators. Raises `InvalidInput`."""
     started = time.perf_counter()
     task = ground(problem)
     grounded = time.perf_counter()
@@ -72,13 +79,13 @@ def planned(problem: Problem, limits: Limits = Limits(), macros: Macros = NO_MAC
 
 
 def check_plan(problem: Problem, made: Plan, name: str = "plan") -> list[Diagnostic]:
-    """Everything that the independent checker has against a plan; empty if it is valid. Raises `InvalidInput`."""
+    """All errors that the independent checker finds in a plan; empty if it is valid. Raises `InvalidInput`."""
     require_affordable_statics(problem)
     return validate(problem, made, name)
 
 
 def initial_facts(target: str) -> frozenset[Atom]:
-    """What is true at the start of the problem that a target names; nothing for a domain. Raises `InvalidInput`."""
+    """The initial state of the problem that a target names; empty for a domain. Raises `InvalidInput`."""
     from kb.loader import find, load
 
     problem = load(find(target)).problem

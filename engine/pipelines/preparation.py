@@ -1,6 +1,7 @@
-"""A problem set worked through offline, in parallel processes, so that a store knows it before it is needed.
+"""Work through a set of problems offline, in parallel processes, so that a store holds the answers in advance.
 
-Every problem is planned, which teaches MACROPs; where the domain chooses tools for measurements, their sequence is kept.
+Every problem is planned, and MACROPs are learned from the plans. If the domain chooses tools for measurements, their
+sequence is kept, too.
 """
 
 import contextlib
@@ -30,9 +31,10 @@ SPAWN = multiprocessing.get_context("spawn")
 
 @dataclass(frozen=True, slots=True)
 class KeptSequence:
-    """The sequence that was kept for a problem. `way`: made, kept as it was, or resequenced; `left`: visits not done.
+    """The sequence that is kept for a problem. `left` is the number of visits that are not done.
 
-    `changes` counts the visits that are reordered, moved to another tool, added, dropped or outdated since it was kept before.
+    `way` is `made`, `kept` (as it was) or `resequenced`. `changes` counts the visits that were reordered, moved to another
+    tool, added, dropped or outdated since the last time.
     """
 
     way: str
@@ -42,7 +44,10 @@ class KeptSequence:
 
 @dataclass(frozen=True, slots=True)
 class Prepared:
-    """What became of one problem. `status`: found, infeasible, gave up or bad input; the rest as `Answered` has it."""
+    """The result for one problem. `status`: found, infeasible, gave up or bad input.
+
+    `origin`, `macrop`, `name` and `reason` are those of `Answered`.
+    """
 
     problem: str
     status: str
@@ -57,15 +62,18 @@ class Prepared:
 
 @dataclass(frozen=True, slots=True)
 class Preparation:
-    """A problem set that was worked through. `stale` MACROPs were removed; they name the parts that had changed."""
+    """The results for a set of problems.
+
+    `stale` holds the MACROPs that were removed: for each number the parts of the domain that had changed.
+    """
 
     problems: tuple[Prepared, ...]
     stale: Mapping[int, tuple[str, ...]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)
-class Job:
-    """What one process is told."""
+class PreparationJob:
+    """What one process needs to plan a problem: the problem's file, the store, and the limits of the search."""
 
     path: Path
     store: str
@@ -74,7 +82,7 @@ class Job:
 
 
 def silent(_done: int, _of: int) -> None:
-    """No progress is shown."""
+    """Show no progress."""
 
 
 def prepare(
@@ -84,12 +92,13 @@ def prepare(
     processes: int,
     progress: Callable[[int, int], None] = silent,
 ) -> Preparation:
-    """Plan every problem file and keep what was learned; `limits.interrupted` ends the searches and what is left.
+    """Plan every problem file, and keep what was learned. Stale MACROPs of the domains are removed first.
 
-    A domain's stale MACROPs are removed first. Raises `InvalidInput` where the library refuses.
+    When `limits.interrupted` holds, running searches end and the remaining problems are not planned. Raises `InvalidInput`
+    if the library cannot be used.
     """
     stale = _without_stale(paths, store)
-    jobs = [Job(path, store, limits.expansions, limits.seed) for path in paths]
+    jobs = [PreparationJob(path, store, limits.expansions, limits.seed) for path in paths]
     found: dict[Path, Prepared] = {}
     with contextlib.closing(_run(jobs, processes, limits.interrupted)) as answers:
         for job, prepared in answers:
@@ -109,7 +118,7 @@ def _without_stale(paths: Sequence[Path], store: str) -> dict[int, tuple[str, ..
 
 
 def _domains(paths: Sequence[Path]) -> list[Domain]:
-    """The domains of the problems that can be read, each once; what is wrong with the others is said later."""
+    """The domains of all problems that can be read, each once. Errors in the other files are reported later."""
     found: dict[str, Domain] = {}
     for path in paths:
         with contextlib.suppress(InvalidInput):
@@ -119,9 +128,12 @@ def _domains(paths: Sequence[Path]) -> list[Domain]:
 
 
 def _run(
-    jobs: Sequence[Job], processes: int, interrupted: Callable[[], bool]
-) -> Generator[tuple[Job, Prepared], None, None]:
-    """Answers as they come. Processes are spawned, so that none inherits a connection or a thread's lock."""
+    jobs: Sequence[PreparationJob], processes: int, interrupted: Callable[[], bool]
+) -> Generator[tuple[PreparationJob, Prepared], None, None]:
+    """The jobs with their results, in the order in which they are finished.
+
+    Processes are spawned, so that none inherits a connection or the lock of a thread.
+    """
     if processes == 1:
         for job in jobs:
             yield job, work(job, interrupted)
@@ -129,7 +141,7 @@ def _run(
     stop = SPAWN.Event()
     with _pool(min(processes, len(jobs) or 1), stop) as pool:
         with _deaf():
-            waiting: dict[Future[Prepared], Job] = {pool.submit(work, job): job for job in jobs}
+            waiting: dict[Future[Prepared], PreparationJob] = {pool.submit(work, job): job for job in jobs}
         while waiting and not interrupted():
             done, _ = wait(waiting, timeout=0.2, return_when=FIRST_COMPLETED)
             for each in done:
@@ -141,7 +153,7 @@ def _run(
 
 @contextlib.contextmanager
 def _pool(processes: int, stop: Event) -> Iterator[ProcessPoolExecutor]:
-    """Processes whose searches end when `stop` is set; at the second Ctrl-C they are killed."""
+    """A pool of processes. Their searches end when `stop` is set. A second Ctrl-C kills them."""
     pool = ProcessPoolExecutor(processes, SPAWN, _listen, (stop,))
     try:
         yield pool
@@ -154,7 +166,10 @@ def _pool(processes: int, stop: Event) -> Iterator[ProcessPoolExecutor]:
 
 @contextlib.contextmanager
 def _deaf() -> Iterator[None]:
-    """Processes started here do not hear Ctrl-C, which a terminal sends to them, too; who started them sees to it."""
+    """Processes that are started inside this context ignore Ctrl-C, which a terminal sends to them, too.
+
+    The parent process handles Ctrl-C and tells them to stop.
+    """
     if threading.current_thread() is not threading.main_thread():
         yield
         return
@@ -165,7 +180,7 @@ def _deaf() -> Iterator[None]:
         signal.signal(signal.SIGINT, before)
 
 
-_STOPS: list[Event] = []  # in a process of the pool: what is set when it is to end
+_STOPS: list[Event] = []  # in a process of the pool: the event that tells it to stop
 
 
 def _listen(stop: Event) -> None:
@@ -176,14 +191,14 @@ def _stopped() -> bool:
     return any(each.is_set() for each in _STOPS)
 
 
-def work(job: Job, interrupted: Callable[[], bool] = _stopped) -> Prepared:
-    """Sequence and plan one problem through the store."""
+def work(job: PreparationJob, interrupted: Callable[[], bool] = _stopped) -> Prepared:
+    """Plan one problem with the library in the store, and bring its kept sequence up to date."""
     if interrupted():
         return Prepared(job.path.stem, "gave up", reason="interrupted")
     try:
         problem = load(job.path).problem
         if problem is None:
-            return Prepared(str(job.path), "bad input", reason="this is no problem")
+            return Prepared(str(job.path), "bad input", reason="this is a domain, not a problem")
         kept = _kept(job.store, problem) if chooses_tools(problem.domain) else None
         limits = Limits(job.expansions, seed=job.seed, interrupted=interrupted)
         with Library(job.store) as library, Practice(library, limits) as practice:
@@ -204,7 +219,7 @@ def work(job: Job, interrupted: Callable[[], bool] = _stopped) -> Prepared:
 
 
 def _kept(store: str, problem: Problem) -> KeptSequence:
-    """The sequence of a problem's measurements, brought up to date in the store."""
+    """Bring the kept sequence of a problem's measurements up to date in the store, and report on it."""
     found = carry_on(store, problem)
     counts = {
         "reordered": len(found.reordered),

@@ -1,8 +1,8 @@
-"""From a problem to a timetable: plan, schedule, plan again as scheduled, and check. Joins planning and scheduling.
+"""From a problem to a timetable: plan, schedule, make a plan of the schedule, and check it.
 
-A schedule is always also a valid plan: its steps are put in the order of their starts, freed of orders that they do not
-need, and passed through the gate. Where a plan has no structure that could be scheduled, its own order is what remains, and
-the plan as it was given passes the gate.
+A schedule is always also a valid plan: the steps are put in the order of their starts, orders that they do not need are
+removed, and the result passes the gate. Some plans have no structure that can be scheduled. Such a plan keeps its own
+order, and passes the gate as it was given.
 """
 
 import time
@@ -39,7 +39,7 @@ from kb.terms import Function, Number, Term
 
 
 def subject_of(target: str, goals: str = "", command: str = "") -> tuple[Problem, Plan | None]:
-    """The problem that a target names, and the plan if it is the file of one. Raises `InvalidInput`."""
+    """The problem that a target names, and the plan if the target is the file of a plan. Raises `InvalidInput`."""
     if is_plan(Path(target)):
         return load_plan(Path(target))
     return problem_of(target, goals, command), None
@@ -51,7 +51,7 @@ def timetable(
     planning: Limits = Limits(),
     limits: ScheduleLimits = ScheduleLimits(),
 ) -> Timetable | Infeasible | GaveUp:
-    """The times of the steps of `plan`, or of one made for the problem. Raises `InvalidInput`."""
+    """The timetable of `plan`, or of a new plan for the problem if none is given. Raises `InvalidInput`."""
     started = time.perf_counter()
     outcome, task = (Found(plan), ground(problem)) if plan is not None else planned(problem, planning)
     if not isinstance(outcome, Found):
@@ -71,10 +71,10 @@ def timetable(
 def timed(
     problem: Problem, task: Task, plan: Plan, limits: ScheduleLimits = ScheduleLimits()
 ) -> Timetable | Infeasible | GaveUp:
-    """The timetable of a plan: as scheduled, or in its own order if that cannot be given up.
+    """The timetable of a plan: as scheduled, or in the plan's own order if it cannot be scheduled.
 
-    Where longest stays are asked for, the plan's own order is no answer: then there may be none. Raises `InvalidInput` if the
-    plan's own order remains and the checker refuses the plan.
+    If the scheduler finds no schedule and longest stays limit some waits, its answer is returned as it is, because the
+    plan's own order may break these limits. Raises `InvalidInput` if the plan keeps its own order and is not valid.
     """
     gate = PlanGate()
     wishes = wishes_of(gate.semantics(problem).statics, problem.domain.conventions)
@@ -87,12 +87,12 @@ def timed(
             return _as_plan(gate, problem, task, goals, work, found)
         return found if _dwells(work.shop) else in_its_order(_sound(gate, problem, plan), found.reason)
     except (Unstructured, Mislaid) as error:
-        unwatched = "; nobody watches longest stays" if wishes.longest_stay else ""
+        unwatched = "; longest stays are not checked" if wishes.longest_stay else ""
         return in_its_order(_sound(gate, problem, plan), f"{error}{unwatched}")
 
 
 def _sound(gate: PlanGate, problem: Problem, plan: Plan) -> Plan:
-    """A plan that was given, as it may be given out. Raises `InvalidInput` if it may not."""
+    """A plan as it may be given out. Raises `InvalidInput` if the checker refuses it."""
     settled, wrong = gate.settled(problem, plan)
     if wrong:
         raise InvalidInput(wrong)
@@ -106,7 +106,7 @@ def _dwells(shop: Shop) -> bool:
 def _as_plan(
     gate: PlanGate, problem: Problem, task: Task, goals: Bits, work: CellWork, found: Scheduled
 ) -> Timetable:
-    """The schedule as a plan that the checker accepts. Raises `Mislaid`."""
+    """The schedule as a plan that the checker accepts. Raises `Mislaid` if it refuses the plan."""
     steps = timed_steps(task, work, found.schedule)
     plan = deorder(task, [step.operator for step in steps], goals)
     starts = {made.id: step.start for made, step in zip(plan.steps, steps, strict=True)}
@@ -117,17 +117,18 @@ def _as_plan(
 
 
 def _require_order(plan: Plan, starts: Mapping[StepId, int], steps: Sequence[TimedStep]) -> None:
-    """Every step starts after those that the plan puts before it have ended."""
+    """Check that every step starts only after all steps that it waits for have ended. Raises `Mislaid`."""
     ends = {made.id: step.end for made, step in zip(plan.steps, steps, strict=True)}
     for step in plan.steps:
         if any(ends[before] > starts[step.id] for before in step.after):
-            raise Mislaid(f"{step.operator} starts before what it waits for has ended")
+            raise Mislaid(f"{step.operator} starts before a step that it waits for has ended")
 
 
 def operators_of(task: Task, plan: Plan) -> tuple[list[GroundOperator], Bits]:
-    """The ground operators of a plan's steps in its order, without conditional effects, and the goal they reach.
+    """The ground operators of a plan's steps in its order, without conditional effects, and the goal that they reach.
 
-    Of the ways to support a step that are open in its state, one that reaches most stages is taken.
+    Several ground operators of a step may be applicable in its state. One that reaches most stages is taken. Raises
+    `Unstructured` if the plan cannot be followed in the ground task.
     """
     variants: dict[Function, list[GroundOperator]] = {}
     for operator in task.operators:
@@ -137,23 +138,23 @@ def operators_of(task: Task, plan: Plan) -> tuple[list[GroundOperator], Bits]:
     for step in plan.steps:
         fitting = [each for each in variants.get(step.operator, ()) if each.preconditions & ~state == 0]
         if not fitting:
-            raise Unstructured(f"step {step.id} {step.operator} cannot be followed")
+            raise Unstructured(f"step {step.id} {step.operator} cannot be followed in the ground task")
         found.append(max(fitting, key=lambda each: (each.adds & stages).bit_count()))
         state = progress(state, found[-1])
     met = [goal for goal in task.goals if _visible(task, goal) & ~state == 0]
     if not met:
-        raise Unstructured("the goals are reached in a way that cannot be followed")
+        raise Unstructured("the ground task does not show how the plan reaches its goals")
     return plainly(task, found), _visible(task, met[0])
 
 
 def _visible(task: Task, goal: Bits) -> Bits:
-    """A goal without atoms that only grounding knows."""
+    """A goal without the internal atoms that grounding has added, except those of stages."""
     hidden = [n for n, atom in enumerate(task.atoms) if atom.name.startswith("_") and atom.name != STAGE]
     return goal & ~bitset(hidden)
 
 
 def wishes_of(statics: Facts, words: Conventions) -> Wishes:
-    """What the static facts say that are about time by convention."""
+    """What the static facts say about times: travel, longest stays, releases, due dates and priorities."""
 
     def numbers(name: str) -> dict[Term, int]:
         facts = [atom.arguments for atom in statics.named(name) if len(atom.arguments) == 2]
@@ -165,7 +166,7 @@ def wishes_of(statics: Facts, words: Conventions) -> Wishes:
 
 
 def in_its_order(plan: Plan, note: str) -> Timetable:
-    """The plan with every step as early as its own order allows; the bound is that of its causal links and resources."""
+    """The plan with every step as early as its own order allows. Its bound considers only causal links and resources."""
     starts = earliest_starts(plan)
     stages = {
         step.id: Stage(f"{step.id} {step.operator}", step.duration, tuple(map(str, step.resources)))

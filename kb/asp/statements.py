@@ -18,7 +18,7 @@ Place = Callable[[int, int], Source]
 
 
 @dataclass(frozen=True, slots=True)
-class Parsed:
+class ParsedStatement:
     """A statement, with its tree from clingo's parser, for `kb.asp.compiled`."""
 
     statement: Statement
@@ -26,7 +26,7 @@ class Parsed:
 
 
 @dataclass(frozen=True, slots=True)
-class Refused:
+class RefusedStatement:
     """A statement that domain files may not contain, and why."""
 
     where: Source
@@ -35,7 +35,7 @@ class Refused:
     code: str = "K202"
 
 
-def statements(text: str, place: Place, pools: bool = False) -> Iterator[Parsed | Refused]:
+def statements(text: str, place: Place, pools: bool = False) -> Iterator[ParsedStatement | RefusedStatement]:
     """The statements of an ASP file, in order. Raises `AspError` for what is not ASP.
 
     Rules with pools become several rules; with `pools` they are kept as they are.
@@ -43,7 +43,7 @@ def statements(text: str, place: Place, pools: bool = False) -> Iterator[Parsed 
     if (found := suspicion(text, MAX_LENGTH)) is not None:
         line = text.count("\n", 0, found.offset) + 1
         column = found.offset - text.rfind("\n", 0, found.offset)
-        yield Refused(place(line, column), found.message, found.hint, found.code)
+        yield RefusedStatement(place(line, column), found.message, found.hint, found.code)
         return
     messages, nodes = Messages(), list[ast.AST]()
     try:
@@ -67,31 +67,31 @@ _REFUSED = {
 }
 
 
-def _statement(node: ast.AST, where: Source, pools: bool) -> Iterator[Parsed | Refused]:
+def _statement(node: ast.AST, where: Source, pools: bool) -> Iterator[ParsedStatement | RefusedStatement]:
     if node.ast_type == ast.ASTType.Definition:
-        yield Parsed(Statement(str(node), where, constant=node.name), node)
+        yield ParsedStatement(Statement(str(node), where, constant=node.name), node)
     elif node.ast_type != ast.ASTType.Rule:
         other = f"{node.ast_type.name} statements are not part of the language", ALONE
-        yield Refused(where, *_REFUSED.get(node.ast_type, other))
+        yield RefusedStatement(where, *_REFUSED.get(node.ast_type, other))
     elif (fact := plain_fact(str(node), where)) is not None:
-        yield Parsed(fact, node)
+        yield ParsedStatement(fact, node)
     else:
         yield from _rules(node, where, pools)
 
 
-def _rules(node: ast.AST, where: Source, pools: bool) -> Iterator[Parsed | Refused]:
+def _rules(node: ast.AST, where: Source, pools: bool) -> Iterator[ParsedStatement | RefusedStatement]:
     """The rules of a statement: one, or several if it has pools."""
     reading = Reading()
     made = rule(node, where, reading)
     if why := strange(node, reading):
-        yield Refused(where, *why)
+        yield RefusedStatement(where, *why)
     elif reading.pools and not pools:
         yield from (rule(each, where, Reading()) for each in node.unpool())
     else:
         yield made
 
 
-def rule(node: ast.AST, where: Source, reading: Reading) -> Parsed | Refused:
+def rule(node: ast.AST, where: Source, reading: Reading) -> ParsedStatement | RefusedStatement:
     """The value of a rule without pools. `reading` collects its parts."""
     head, body = node.head, list(node.body)
     reading.head(head)
@@ -103,7 +103,7 @@ def rule(node: ast.AST, where: Source, reading: Reading) -> Parsed | Refused:
     if kind == ast.ASTType.SymbolicAtom and head.atom.symbol.ast_type == ast.ASTType.Function:
         defines, said = signature(head.atom), str(head)
     elif kind != ast.ASTType.BooleanConstant or head.atom.value:
-        return Refused(
+        return RefusedStatement(
             where, "a rule's head must be one atom", "choices and disjunctions have no single answer"
         )
     made = Statement(
@@ -118,7 +118,7 @@ def rule(node: ast.AST, where: Source, reading: Reading) -> Parsed | Refused:
         tuple(reading.names),
         counts,
     )
-    return Parsed(made, node)
+    return ParsedStatement(made, node)
 
 
 def plain_fact(text: str, where: Source) -> Statement | None:

@@ -8,7 +8,7 @@ from math import prod
 
 from clingo import SymbolType, ast
 
-from kb.model.statement import Constant, Sign, Signature, Use
+from kb.model.statement import Constant, PredicateUse, Sign, Signature
 
 MAX_ALTERNATIVES = 10_000
 MAX_RANGE = 1_000_000
@@ -23,7 +23,7 @@ class Reading:
         self.names: list[str] = []
         self.variables: list[str] = []
         self.constants: list[Constant] = []
-        self.uses: list[Use] = []
+        self.uses: list[PredicateUse] = []
         self.strange: list[Strange] = []
         self.counts = False  # whether arithmetic or a range was found
         self.pools = False
@@ -66,7 +66,7 @@ class Reading:
             return
         arguments = list(symbol.arguments)
         predicate = (symbol.name, len(arguments))
-        self.uses.append(Use(predicate, self._sign))
+        self.uses.append(PredicateUse(predicate, self._sign))
         self.names.append(predicate[0])
         for number, argument in enumerate(arguments):
             if (name := constant(argument)) is not None:

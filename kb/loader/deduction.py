@@ -26,12 +26,13 @@ FIELDS = {"implies": True, "denies": False}
 def read_deductive_operators(reader: Reader, names: Names) -> tuple[DeductiveOperator, ...]:
     """All deductive operators that can be read."""
     found = (
-        _Rule(reader, names, index).read() for index, _ in enumerate(reader.items("deductive_operators"))
+        _DeductionReader(reader, names, index).read()
+        for index, _ in enumerate(reader.items("deductive_operators"))
     )
     return tuple(operator for operator in found if operator is not None)
 
 
-class _Rule:
+class _DeductionReader:
     """Reads one deductive operator. Its clauses share the variable types of the trigger and of `where:`."""
 
     def __init__(self, reader: Reader, names: Names, index: int) -> None:

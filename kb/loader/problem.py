@@ -16,7 +16,8 @@ from kb.loader.workflow import read_chains
 from kb.model.conditions import TRUE, And, Condition, free_variables
 from kb.model.domain import Domain, Kind
 from kb.model.problem import Problem
-from kb.syntax import MAX_LENGTH, MAX_NESTING, Parsed
+from kb.syntax import Parsed
+from kb.syntax.checks import MAX_LENGTH, MAX_NESTING
 from kb.terms import Atom, Function, is_ground, variables
 
 

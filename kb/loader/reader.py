@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from kb.asp import AspError
-from kb.asp.statements import Refused, statements
+from kb.asp.statements import RefusedStatement, statements
 from kb.diagnostics import NOWHERE, Diagnostic, InvalidInput, Source
 from kb.loader.tree import File, Node, read_tree
 from kb.model.statement import Statement
@@ -185,7 +185,7 @@ def _read_aggregate(text: str, offset: int) -> Statement:
     except AspError as error:
         hint = "write it as in ASP: #count { X : p(X) }"
         raise ExpressionError(offset, f"in '{text}': {error}", hint) from None
-    if isinstance(read, Refused):
+    if isinstance(read, RefusedStatement):
         raise ExpressionError(offset, read.message, read.hint, read.code)
     return read.statement
 

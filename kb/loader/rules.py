@@ -6,7 +6,7 @@ from pathlib import Path
 
 from kb.asp import AspError
 from kb.asp.compiled import NotCompilable, compiled
-from kb.asp.statements import Parsed, Refused, statements, unsafe
+from kb.asp.statements import ParsedStatement, RefusedStatement, statements, unsafe
 from kb.diagnostics import Source, nearest
 from kb.files import File, is_file, read_file
 from kb.graphs import components
@@ -16,7 +16,7 @@ from kb.loader.tree import Node
 from kb.model.domain import BUILT_IN_TYPES, NUMERIC_TYPES, OBJECT, Kind, Rule
 from kb.model.statement import Sign, Signature, Statement
 
-Read = list[Parsed]
+Read = list[ParsedStatement]
 
 
 def read_rules(reader: Reader, names: Names, folder: Path) -> tuple[list[Statement], list[Rule]]:
@@ -57,7 +57,7 @@ def _statements(file: File, names: Names) -> Read:
     found: Read = []
     try:
         for each in statements(file.text, file.line):
-            if isinstance(each, Refused):
+            if isinstance(each, RefusedStatement):
                 names.findings.add(each.where, each.code, each.message, each.hint)
             else:
                 found.append(each)
@@ -189,7 +189,7 @@ def _sorted(read: Read, fluent: set[Signature], names: Names) -> tuple[list[Stat
     return asp, rules
 
 
-def _rule(parsed: Parsed, name: str, where: Source, names: Names) -> Iterator[Rule]:
+def _rule(parsed: ParsedStatement, name: str, where: Source, names: Names) -> Iterator[Rule]:
     predicate = names.predicates.get(name)
     if predicate is None:
         hint = f"declare `{name}` with its types under `derived:`"

@@ -25,7 +25,7 @@ class Sign(Enum):
     COUNTED = "counted"
 
 
-class Use(NamedTuple):
+class PredicateUse(NamedTuple):
     """A predicate that a body reads.
 
     If the sign is not positive, all atoms of the predicate must be known before.
@@ -57,7 +57,7 @@ class Statement:
     defines: Signature | None = field(default=None, compare=False)
     head: str = field(default="", compare=False)
     body: tuple[str, ...] = field(default=(), compare=False)
-    uses: tuple[Use, ...] = field(default=(), compare=False)
+    uses: tuple[PredicateUse, ...] = field(default=(), compare=False)
     constants: tuple[Constant, ...] = field(default=(), compare=False)
     variables: tuple[str, ...] = field(default=(), compare=False)
     names: tuple[str, ...] = field(default=(), compare=False)
@@ -76,7 +76,7 @@ class Statement:
 
 def derivation(head: Atom, body: Sequence[Atom]) -> Statement:
     """The statement `head :- body`. Its atoms have no texts and no arithmetic, and none is negated."""
-    uses = tuple(Use((atom.name, len(atom.arguments)), Sign.POSITIVE) for atom in body)
+    uses = tuple(PredicateUse((atom.name, len(atom.arguments)), Sign.POSITIVE) for atom in body)
     parts = tuple(map(str, body))
     made = Statement("", head=str(head), body=parts)
     return Statement(

@@ -32,23 +32,15 @@ from kb.model.conditions import (
     free_variables,
 )
 from kb.model.statement import Statement
+from kb.syntax.checks import ExpressionError, check_brackets, check_size
 from kb.terms import Function, Number, Operation, Term, Text, Variable, variables
+
+__all__ = ["STARTS", "ExpressionError", "Parsed", "ReadAggregate", "parse", "unit_seconds"]
 
 GRAMMAR = Path(__file__).with_name("expressions.lark")
 STARTS = ["header", "trigger", "conditions", "body", "clauses", "atoms", "atom", "term", "terms", "signature"]
-MAX_LENGTH = 65_536  # characters of one expression
-MAX_NESTING = 50  # brackets in brackets
-MAX_OPERATIONS = 100  # arithmetic signs in one expression
 LARGEST = 2**31 - 1  # clingo counts in 32 bits, and overflows silently
 SECONDS = {"ms": Fraction(1, 1000), "s": Fraction(1), "min": Fraction(60), "h": Fraction(3600)}
-
-
-class ExpressionError(Exception):
-    """The text is not an expression. `offset` is the first character that does not fit; `code` is the diagnostic code."""
-
-    def __init__(self, offset: int, message: str, hint: str = "", code: str = "K107") -> None:
-        super().__init__(message)
-        self.offset, self.message, self.hint, self.code = offset, message, hint, code
 
 
 ReadAggregate = Callable[[str, int], Statement]
@@ -204,8 +196,8 @@ def parse(start: str, text: str, time_unit: str = "s", read_aggregate: ReadAggre
 
     What stands inside an aggregate is ASP; it is unknown where nobody reads it.
     """
-    _check_size(text)
-    _check_brackets(text)
+    check_size(text)
+    check_brackets(text)
     reader = _Reader(time_unit, read_aggregate)
     try:
         value = reader.transform(_grammar().parse(text, start))
@@ -216,24 +208,6 @@ def parse(start: str, text: str, time_unit: str = "s", read_aggregate: ReadAggre
     except UnexpectedInput as error:
         raise _explained(error, text, start) from None
     return Parsed(value, reader.places)
-
-
-def _check_size(text: str) -> None:
-    if len(text) > MAX_LENGTH:
-        hint = "split it, or generate facts with rules"
-        raise ExpressionError(0, f"longer than {MAX_LENGTH} characters", hint, "K007")
-    for number, found in enumerate(re.finditer(r"[-+*/\\]", without_texts(text)), 1):
-        if number > MAX_OPERATIONS:
-            hint = "compute it beforehand"
-            raise ExpressionError(found.start(), f"more than {MAX_OPERATIONS} operations", hint, "K007")
-
-
-def without_texts(text: str) -> str:
-    """The same characters with every quoted text replaced by blanks."""
-    return _TEXT.sub(lambda found: " " * len(found[0]), text)
-
-
-_TEXT = re.compile(r'"(?:\\.|[^"\\\n])*"')
 
 
 _READABLE = {
@@ -293,24 +267,3 @@ _TOKEN_HINTS = {
     ":": "write rules in .lp files; `p(X) : q(X)` is a condition",
     "|": "write `a(X) | b(X)` between atoms of a condition",
 }
-_CLOSING = {"(": ")", "{": "}", "[": "]"}
-
-
-def _check_brackets(text: str) -> None:
-    open_at: list[tuple[str, int]] = []
-    for found in re.finditer(r'[](){}["]', without_texts(text)):
-        character, offset = found[0], found.start()
-        if character == '"':
-            raise ExpressionError(offset, "this text is never closed", 'end it with "', "K106")
-        if character in _CLOSING:
-            open_at.append((_CLOSING[character], offset))
-        elif not open_at or open_at.pop()[0] != character:
-            raise ExpressionError(offset, f"'{character}' closes no open bracket", _SPLIT_HINT, "K106")
-        if len(open_at) > MAX_NESTING:
-            raise ExpressionError(offset, f"nested deeper than {MAX_NESTING} brackets", _DEPTH_HINT, "K007")
-    if open_at:
-        raise ExpressionError(open_at[-1][1], "this bracket is never closed", _SPLIT_HINT, "K106")
-
-
-_DEPTH_HINT = "no term needs so many"
-_SPLIT_HINT = "write the whole expression as one string: YAML splits [a(X, Y)] at its comma and cuts at ' #'"

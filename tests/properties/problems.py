@@ -10,8 +10,9 @@ from collections.abc import Iterator
 
 from hypothesis import strategies as st
 
+from engine.stages.validation.changes import State
 from engine.stages.validation.datalog import holds
-from engine.stages.validation.semantics import Semantics, State
+from engine.stages.validation.semantics import Semantics
 from kb.model.conditions import TRUE, And, Condition, Exists, ForAll, Literal, Not, Or, Parameter
 from kb.model.domain import (
     Consequence,

@@ -6,8 +6,9 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from engine.stages.validation import validate
+from engine.stages.validation.changes import State
 from engine.stages.validation.datalog import holds
-from engine.stages.validation.semantics import Semantics, State
+from engine.stages.validation.semantics import Semantics
 from kb.model.conditions import And
 from kb.model.plan import GOAL, START, CausalLink, Plan, in_sequence
 from kb.model.problem import Problem

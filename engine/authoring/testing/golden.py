@@ -23,7 +23,7 @@ FOLDER = "golden"
 
 
 @dataclass(frozen=True, slots=True)
-class Comparison:
+class GoldenComparison:
     """The answer to one problem and its golden file. `verdict` is same, different, new, or orphan (no such problem)."""
 
     name: str
@@ -43,7 +43,7 @@ def problems(target: str) -> tuple[Path, list[Path]]:
     return path.parent / FOLDER, problem_files(path)
 
 
-def compare_all(target: str) -> Iterator[Comparison]:
+def compare_all(target: str) -> Iterator[GoldenComparison]:
     """A comparison for each problem of a target, then one for each golden file without a problem. Raises `InvalidInput`."""
     folder, files = problems(target)
     wrong: list[Diagnostic] = []
@@ -58,20 +58,24 @@ def compare_all(target: str) -> Iterator[Comparison]:
         known = {file.stem for file in files}
         for file in sorted(folder.glob("*.json")):
             if file.stem not in known:
-                yield Comparison(file.stem, file, "orphan", ("there is no problem of this name any more",))
+                yield GoldenComparison(
+                    file.stem, file, "orphan", ("there is no problem of this name any more",)
+                )
 
 
-def compare(problem_file: Path, golden: Path) -> Comparison:
+def compare(problem_file: Path, golden: Path) -> GoldenComparison:
     """Plan one problem and compare the answer with its golden file. Raises `InvalidInput`."""
     text = answer(problem_file)
     if not golden.is_file():
-        return Comparison(problem_file.stem, golden, "new", ("no answer has been accepted yet",), text=text)
+        return GoldenComparison(
+            problem_file.stem, golden, "new", ("no answer has been accepted yet",), text=text
+        )
     accepted = golden.read_text("utf-8", "replace")
     if accepted == text:
-        return Comparison(problem_file.stem, golden, "same", text=text)
+        return GoldenComparison(problem_file.stem, golden, "same", text=text)
     before, after = _parsed(accepted, golden), json.loads(text)
     diff = tuple(difflib.unified_diff(listing(before), listing(after), "golden", "now", lineterm="", n=2))
-    return Comparison(problem_file.stem, golden, "different", tuple(meaning(before, after)), diff, text)
+    return GoldenComparison(problem_file.stem, golden, "different", tuple(meaning(before, after)), diff, text)
 
 
 def answer(problem_file: Path) -> str:
@@ -89,7 +93,7 @@ def _parsed(text: str, file: Path) -> Any:
         raise InvalidInput([Diagnostic(Source(str(file)), "K413", f"not JSON: {error}", hint)]) from None
 
 
-def update(comparison: Comparison) -> None:
+def update(comparison: GoldenComparison) -> None:
     """Accept an answer: write its golden file (completely or not at all), or remove an orphan. Raises `OSError`."""
     if comparison.verdict == "orphan":
         comparison.file.unlink()

@@ -20,12 +20,12 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 def pytest_collect_file(file_path: Path, parent: pytest.Collector) -> pytest.Collector | None:
     """A domain with golden plans is a collection of tests."""
     if file_path.name == "domain.yaml" and (file_path.parent / "golden").is_dir():
-        found: pytest.Collector = DomainFile.from_parent(parent, path=file_path)
+        found: pytest.Collector = GoldenDomain.from_parent(parent, path=file_path)
         return found
     return None
 
 
-class DomainFile(pytest.File):
+class GoldenDomain(pytest.File):
     """The problems of one domain."""
 
     def collect(self) -> Iterator[pytest.Item]:

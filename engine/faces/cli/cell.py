@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 app = typer.Typer(add_completion=False, no_args_is_help=True)
 
 
-class Picture(StrEnum):
+class PictureForm(StrEnum):
     """The forms in which a cell is shown."""
 
     TEXT = "text"
@@ -66,16 +66,16 @@ def show(
     target: Target,
     configuration: Configurations = None,
     place: AtPlace = "",
-    format: Annotated[Picture, typer.Option("--format", help="how it is shown")] = Picture.TEXT,
+    format: Annotated[PictureForm, typer.Option("--format", help="how it is shown")] = PictureForm.TEXT,
     output: Output = None,
     azimuth: Azimuth = None,
     elevation: Elevation = None,
 ) -> None:
     """Show the cell of TARGET at the start of its problem, with the arms in a configuration; mark collisions."""
-    form = Form.JSON if format is Picture.JSON else Form.TEXT
-    if form is Form.JSON or format is Picture.TEXT:
+    form = Form.JSON if format is PictureForm.JSON else Form.TEXT
+    if form is Form.JSON or format is PictureForm.TEXT:
         refuse_idle({"--output": output}, "without a picture: give --format png, svg or gltf")
-    if format not in (Picture.PNG, Picture.SVG):
+    if format not in (PictureForm.PNG, PictureForm.SVG):
         turned = {"--azimuth": azimuth is not None, "--elevation": elevation is not None}
         refuse_idle(turned, "without an image: give --format png or svg")
     seen = (AZIMUTH if azimuth is None else azimuth, ELEVATION if elevation is None else elevation)
@@ -86,7 +86,7 @@ def _show(
     target: str,
     configurations: list[str],
     place: str,
-    kind: Picture,
+    kind: PictureForm,
     output: Path | None,
     seen: tuple[float, float],
 ) -> Answer:
@@ -108,18 +108,18 @@ def _show(
     return Answer("ok", content, lambda: Text(f"{said}\n{output}"))
 
 
-def _drawn(shown: "View", kind: Picture, seen: tuple[float, float]) -> str | bytes | None:
+def _drawn(shown: "View", kind: PictureForm, seen: tuple[float, float]) -> str | bytes | None:
     from math import radians
 
     from engine.stages.geometry.pictures import view
 
     azimuth, elevation = map(radians, seen)
     match kind:
-        case Picture.PNG:
+        case PictureForm.PNG:
             return view.as_png(shown, azimuth, elevation)
-        case Picture.SVG:
+        case PictureForm.SVG:
             return view.as_svg(shown, azimuth, elevation)
-        case Picture.GLTF:
+        case PictureForm.GLTF:
             return view.as_gltf(shown)
         case _:
             return None

@@ -38,7 +38,7 @@ def _check(target: str, reach: bool) -> Answer:
     return Answer(status, {"checked": list(report.checked)}, lambda: Text(said), code, found)
 
 
-class Kind(StrEnum):
+class SchemaKind(StrEnum):
     """The kinds of files that have a schema."""
 
     DOMAIN = "domain"
@@ -49,12 +49,12 @@ class Kind(StrEnum):
     FAULTS = "faults"
 
 
-def schema(kind: Annotated[Kind, typer.Argument(help="the kind of file")]) -> None:
+def schema(kind: Annotated[SchemaKind, typer.Argument(help="the kind of file")]) -> None:
     """Print the JSON Schema of a kind of file, for editors."""
     give(lambda: _schema(kind), Form.TEXT)
 
 
-def _schema(kind: Kind) -> Answer:
+def _schema(kind: SchemaKind) -> Answer:
     import json
 
     from kb.schema import json_schema

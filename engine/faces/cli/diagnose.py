@@ -15,8 +15,7 @@ if TYPE_CHECKING:
     from engine.model.cases import Diagnosis
     from engine.model.troubleshooting import Action, Advice
     from engine.pipelines.troubleshooting import Desk
-    from engine.stages.diagnosis.session import Answer as Answerer
-    from engine.stages.diagnosis.session import Session
+    from engine.stages.diagnosis.session import Answerer, Session
 
 
 class DiagnosisForm(StrEnum):

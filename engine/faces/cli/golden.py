@@ -12,7 +12,7 @@ from engine.faces.cli.options import Format, Target
 if TYPE_CHECKING:
     from rich.console import RenderableType
 
-    from engine.authoring.testing.golden import Comparison
+    from engine.authoring.testing.golden import GoldenComparison
 
 
 def golden_plans(
@@ -46,7 +46,7 @@ def _test(target: str, update: bool) -> Answer:
     )
 
 
-def _entry(compared: "Comparison") -> dict[str, Any]:
+def _entry(compared: "GoldenComparison") -> dict[str, Any]:
     return {
         "problem": compared.name,
         "verdict": compared.verdict,
@@ -58,7 +58,7 @@ def _entry(compared: "Comparison") -> dict[str, Any]:
 _COLOURS = {"+": "green", "-": "red", "@": "cyan"}
 
 
-def _text(compared: "list[Comparison]", updated: bool) -> "RenderableType":
+def _text(compared: "list[GoldenComparison]", updated: bool) -> "RenderableType":
     from rich.text import Text
 
     text = Text()

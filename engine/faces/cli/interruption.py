@@ -25,7 +25,7 @@ class Interruption:
         self.deadline = self.started + seconds if seconds is not None else None
         self.heard = False
         self._before: dict[signal.Signals, Callable[[int, FrameType | None], Any] | int | None] = {}
-        self._progress = _Progress() if sys.stderr.isatty() else None
+        self._progress = _ProgressLine() if sys.stderr.isatty() else None
 
     def __enter__(self) -> "Interruption":
         self._before = {each: signal.signal(each, self._hear) for each in (signal.SIGINT, signal.SIGTERM)}
@@ -57,7 +57,7 @@ class Interruption:
         self.heard = True
 
 
-class _Progress:
+class _ProgressLine:
     """One line on standard error that shows how long a long search has taken so far."""
 
     def __init__(self) -> None:

@@ -81,8 +81,8 @@ def plan(
         refuse_idle({"--strategy": strategy}, "with --race, which runs all of them: leave one of the two out")
     _refuse_unseen(format, stats, folded, store)
     form = Form.JSON if format is PlanForm.JSON else Form.TEXT
-    wanted = Wanted(target, goals, command, task)
-    work = Work(
+    wanted = PlanRequest(target, goals, command, task)
+    work = SearchOptions(
         time_limit, memory_limit, expansions, seed, "race" if race else strategy, anytime, store, folded
     )
     give(lambda: _plan(wanted, format, stats, work), form)
@@ -99,7 +99,7 @@ def _refuse_unseen(form: PlanForm, stats: bool, folded: bool, store: str) -> Non
 
 
 @dataclass(frozen=True, slots=True)
-class Wanted:
+class PlanRequest:
     """What is to be planned: a target, and goals or a command that replace its own."""
 
     target: str
@@ -109,7 +109,7 @@ class Wanted:
 
 
 @dataclass(frozen=True, slots=True)
-class Work:
+class SearchOptions:
     """The limits of the search (seconds, megabytes, expansions), and how it searches."""
 
     seconds: float | None
@@ -122,7 +122,7 @@ class Work:
     folded: bool = False
 
 
-def _read_task(wanted: "Wanted") -> "PddlProblem | None":
+def _read_task(wanted: "PlanRequest") -> "PddlProblem | None":
     if not wanted.pddl:
         return None
     from engine.formats.interop.pddl import read_pddl
@@ -130,7 +130,7 @@ def _read_task(wanted: "Wanted") -> "PddlProblem | None":
     return read_pddl(Path(wanted.target), wanted.pddl)
 
 
-def _plan(wanted: Wanted, form: PlanForm, stats: bool, work: Work) -> Answer:
+def _plan(wanted: PlanRequest, form: PlanForm, stats: bool, work: SearchOptions) -> Answer:
     from engine.faces.cli.interruption import Interruption, limit_memory
     from engine.faces.cli.origin import planned
     from engine.formats.report import json
@@ -250,7 +250,7 @@ def validate(
     )
     refuse_idle({"--pddl": pddl and export}, "with --export, which takes one file")
     if export:
-        give(lambda: _validate_export(file, Wanted(export, goals, command), ground), format)
+        give(lambda: _validate_export(file, PlanRequest(export, goals, command), ground), format)
     give(
         lambda: (
             _validate(file, problem) if not (pddl and task and made) else _validate_pddl(file, task, made)
@@ -259,7 +259,7 @@ def validate(
     )
 
 
-def _validate_export(file: Path, wanted: Wanted, ground: bool) -> Answer:
+def _validate_export(file: Path, wanted: PlanRequest, ground: bool) -> Answer:
     from engine.formats.interop.pddl.files import read_exported_plan
     from engine.pipelines import planning
 

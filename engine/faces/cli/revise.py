@@ -12,7 +12,7 @@ from engine.faces.cli.options import Expansions, Format, Seed, TimeLimit
 if TYPE_CHECKING:
     from rich.console import RenderableType
 
-    from engine.pipelines.revision import Revision
+    from engine.pipelines.revision import PlanRevision
 
 
 def revise(
@@ -63,7 +63,7 @@ def _revise(
 NAMES = ("holds", "gone")
 
 
-def _entry(found: "Revision") -> dict[str, Any]:
+def _entry(found: "PlanRevision") -> dict[str, Any]:
     parts = {"kept": found.kept, "dropped": found.dropped, "added": found.added}
     return {
         "way": found.way,
@@ -73,7 +73,7 @@ def _entry(found: "Revision") -> dict[str, Any]:
     }
 
 
-def _text(found: "Revision") -> "RenderableType":
+def _text(found: "PlanRevision") -> "RenderableType":
     from rich.console import Group
     from rich.text import Text
 

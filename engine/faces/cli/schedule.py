@@ -66,12 +66,15 @@ def schedule(
     form = Form.JSON if format is ScheduleForm.JSON else Form.TEXT
     if format is ScheduleForm.SVG:
         refuse_idle({"--stats": stats}, "on svg, only on text and json")
-    wanted = Wanted(target, goals, command, instance)
-    give(lambda: _schedule(wanted, format, stats, Effort(time_limit, work, race, expansions, seed)), form)
+    wanted = ScheduleRequest(target, goals, command, instance)
+    give(
+        lambda: _schedule(wanted, format, stats, EffortOptions(time_limit, work, race, expansions, seed)),
+        form,
+    )
 
 
 @dataclass(frozen=True, slots=True)
-class Wanted:
+class ScheduleRequest:
     """What is to be scheduled."""
 
     target: str
@@ -81,7 +84,7 @@ class Wanted:
 
 
 @dataclass(frozen=True, slots=True)
-class Effort:
+class EffortOptions:
     """The limits: seconds, work of the solver, workers, expansions of the planner; and the seed."""
 
     seconds: float | None
@@ -91,7 +94,7 @@ class Effort:
     seed: int
 
 
-def _schedule(wanted: Wanted, form: ScheduleForm, stats: bool, effort: Effort) -> Answer:
+def _schedule(wanted: ScheduleRequest, form: ScheduleForm, stats: bool, effort: EffortOptions) -> Answer:
     from engine.faces.cli.interruption import Interruption
     from engine.formats.interop.shops import shop_of
     from engine.pipelines import timetable

@@ -91,8 +91,7 @@ def sequence(
     format: Shown = TourForm.TEXT,
 ) -> None:
     """Print the best order found for the visits of TARGET, with a lower bound on the cost of any order."""
-    if closed and open_:
-        raise typer.BadParameter("a tour is either closed or open")
+    back = _returns(closed, open_)
     news = (done or [], lost or [], bad or [], restored or [])
     kept = {"--next": next_, "--anew": anew, **dict(zip(NEWS, news, strict=True))}
     given = {"--closed": closed, "--start": start, "--end": end, "--format svg": format is TourForm.SVG}
@@ -110,8 +109,14 @@ def sequence(
     if joints:
         refuse_idle({**given, "--open": open_}, "with --cost joints, whose tours are closed")
         give(lambda: _posed(target, effort), form)
-    back = closed if closed or open_ else None
     give(lambda: _sequence(target, method, (back, start, end), effort, format), form)
+
+
+def _returns(closed: bool, open_: bool) -> bool | None:
+    """Whether the tour returns to its first visit; None if the options leave that to TARGET."""
+    if closed and open_:
+        raise typer.BadParameter("a tour is either closed or open")
+    return closed if closed or open_ else None
 
 
 def _sequence(

@@ -41,7 +41,7 @@ class Verbs(TyperGroup):
 
     def __init__(self, **settings: Any) -> None:
         super().__init__(**settings)
-        self.commands = _Loaded(self.commands)
+        self.commands = _LazyCommands(self.commands)
 
     def main(self, *arguments: Any, **settings: Any) -> Any:
         """Run the command line. A page of help can also fail on a full disk."""
@@ -69,7 +69,7 @@ class Verbs(TyperGroup):
             refuse(wrong.format_message(), wrong.ctx.command_path if wrong.ctx else "cellwright", code)
 
 
-class _Loaded(MutableMapping[str, Any]):
+class _LazyCommands(MutableMapping[str, Any]):
     """Commands by name, made when they are first asked for."""
 
     def __init__(self, made: MutableMapping[str, Any]) -> None:

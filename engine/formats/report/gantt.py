@@ -19,7 +19,7 @@ STYLES = ("blue", "red", "green", "magenta", "yellow", "cyan", "bright_blue", "b
 NARROWEST = 30  # width in characters of the part with the bars
 
 
-class Kind(StrEnum):
+class BarKind(StrEnum):
     """What a bar means."""
 
     STAGE = "stage"
@@ -34,7 +34,7 @@ class Bar:
     start: int
     end: int
     label: str
-    kind: Kind
+    kind: BarKind
     job: int = -1
     detail: str = ""
 
@@ -68,7 +68,7 @@ def rows(shop: Shop, schedule: Schedule) -> tuple[Row, ...]:
 def _stage_bar(shop: Shop, schedule: Schedule, name: str, job: int) -> Bar:
     start, stage = schedule.starts[name], shop.stages[name]
     owner = shop.owners[name].name
-    return Bar(start, start + stage.duration, _short(name, owner), Kind.STAGE, job, name)
+    return Bar(start, start + stage.duration, _short(name, owner), BarKind.STAGE, job, name)
 
 
 def _short(stage: str, job: str) -> str:
@@ -81,13 +81,13 @@ def _resource_bars(shop: Shop, schedule: Schedule, resource: str, number: Mappin
         if resource in stage.resources:
             owner = shop.owners[stage.name].name
             start = schedule.starts[stage.name]
-            yield Bar(start, start + stage.duration, owner, Kind.STAGE, number[owner], stage.name)
+            yield Bar(start, start + stage.duration, owner, BarKind.STAGE, number[owner], stage.name)
     for hold in (each for each in shop.holds if each.resource == resource):
         yield _hold_bar(shop, schedule, hold, number)
     for each in schedule.adjustments:
         if shop.device[each.device].operator == resource:
             yield Bar(
-                each.start, each.end, each.device, Kind.CHANGE, -1, f"{each.device}: {each.change.after}"
+                each.start, each.end, each.device, BarKind.CHANGE, -1, f"{each.device}: {each.change.after}"
             )
 
 
@@ -96,7 +96,7 @@ def _hold_bar(shop: Shop, schedule: Schedule, hold: Hold, number: Mapping[str, i
     end = schedule.starts[hold.end.stage] + hold.end.offset if hold.end else schedule.makespan
     moment = hold.begin or hold.end
     owner = shop.owners[moment.stage].name if moment else ""
-    return Bar(begin, end, owner, Kind.HOLD, number.get(owner, -1), f"{owner} in {hold.resource}")
+    return Bar(begin, end, owner, BarKind.HOLD, number.get(owner, -1), f"{owner} in {hold.resource}")
 
 
 def _units(bars: Sequence[Bar]) -> list[list[Bar]]:
@@ -151,7 +151,7 @@ def _line(row: Row, scale: float, width: int) -> Text:
 
 
 def _bar(bar: Bar, width: int) -> str:
-    fill = {Kind.STAGE: "█", Kind.HOLD: "░", Kind.CHANGE: "▒"}[bar.kind]
+    fill = {BarKind.STAGE: "█", BarKind.HOLD: "░", BarKind.CHANGE: "▒"}[bar.kind]
     return f"{bar.label} ".ljust(width, fill) if len(bar.label) < width else fill * width
 
 

@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from xml.sax.saxutils import escape
 
-from engine.formats.report.gantt import Bar, Kind, Row, rows, summary
+from engine.formats.report.gantt import Bar, BarKind, Row, rows, summary
 from engine.formats.report.svg import COLOURS, INK, PAPER
 from engine.model.schedule import Schedule
 from engine.model.shop import Shop
@@ -68,7 +68,7 @@ def _row(row: Row, y: float, left: float, scale: float) -> Iterator[str]:
 
 def _bar(bar: Bar, x: float, y: float, width: float) -> str:
     colour = COLOURS[bar.job % len(COLOURS)] if bar.job >= 0 else "#8a8f98"
-    opacity = {Kind.STAGE: 0.85, Kind.HOLD: 0.35, Kind.CHANGE: 0.85}[bar.kind]
+    opacity = {BarKind.STAGE: 0.85, BarKind.HOLD: 0.35, BarKind.CHANGE: 0.85}[bar.kind]
     tooltip = escape(f"{bar.detail}, {bar.start} to {bar.end}")
     rect = (
         f'<rect class="bar" x="{x:.1f}" y="{y:.0f}" width="{width:.1f}" height="{HEIGHT}" rx="2" fill="{colour}" '
@@ -76,6 +76,6 @@ def _bar(bar: Bar, x: float, y: float, width: float) -> str:
     )
     if len(bar.label) * CHARACTER + 4 > width:
         return rect
-    fill = "#ffffff" if bar.kind is Kind.STAGE else INK
+    fill = "#ffffff" if bar.kind is BarKind.STAGE else INK
     label = f'<text x="{x + 3:.1f}" y="{y + 15:.0f}" fill="{fill}" pointer-events="none">{escape(bar.label)}</text>'
     return rect + label

@@ -1,4 +1,7 @@
-"""Why there is no plan: which goals, what is missing, and the smallest change that helps, proved by planning with it."""
+"""Why there is no plan: the goals that have none, what is missing, and the smallest changes that help.
+
+Each change is proved by a plan for the changed problem.
+"""
 
 import re
 from collections.abc import Iterator
@@ -16,10 +19,10 @@ from kb.model.plan import GOAL, Plan, StepId
 from kb.model.problem import Problem
 from kb.terms import Atom, Function
 
-MAX_CHANGES = 5  # shown
-MAX_TRIALS = 60  # planned with
-MAX_SIZE = 3  # facts in one change
-MAX_MODELS = 400
+MAX_CHANGES = 5  # the most changes that are shown
+MAX_TRIALS = 60  # the most changes of one kind that are tried by planning
+MAX_SIZE = 3  # the most facts in one change
+MAX_MODELS = 400  # the most sets of assumptions of one size that are considered
 
 
 def explain(problem: Problem, limits: Limits = Limits()) -> Explanation:
@@ -43,7 +46,7 @@ def explain(problem: Problem, limits: Limits = Limits()) -> Explanation:
 
 
 @dataclass(frozen=True, slots=True)
-class Goal:
+class GoalPart:
     """A conjunct of the goal, or a chain up to one of its stages."""
 
     condition: Condition | None = None
@@ -60,14 +63,17 @@ class _Inquiry:
     problem: Problem
     limits: Limits
     initial: tuple[Atom, ...]
-    known: frozenset[Function]  # operator instances that could be reached as things are
+    known: frozenset[Function]  # operator instances that can be reached without a change
     trials: int = field(default=0)
 
-    def minimal_goals(self) -> list[Goal]:
-        """A set of goals that has no plan while any part of it has one: a single goal, else by deletion filtering."""
-        kept = [Goal(part, text=str(part)) for part in goal_parts(self.problem.goal)]
+    def minimal_goals(self) -> list[GoalPart]:
+        """A minimal set of goals without a plan: when any goal is removed from it, the others have a plan.
+
+        If a single goal has no plan, it is that goal. Otherwise the set is found by deletion filtering.
+        """
+        kept = [GoalPart(part, text=str(part)) for part in goal_parts(self.problem.goal)]
         kept += [
-            Goal(None, c.name, len(c.stages), _chain_text(c.name, c.stages)) for c in self.problem.chains
+            GoalPart(None, c.name, len(c.stages), _chain_text(c.name, c.stages)) for c in self.problem.chains
         ]
         alone = next((goal for goal in kept if self._infeasible(self._only([goal]))), None)
         if alone is not None:
@@ -78,18 +84,18 @@ class _Inquiry:
                 kept = rest
         return kept
 
-    def _shortened(self, goal: Goal) -> Goal:
-        """A chain cut after the first stage that cannot be reached."""
+    def _shortened(self, goal: GoalPart) -> GoalPart:
+        """A goal that is a chain, cut after the first stage that cannot be reached; any other goal as it is."""
         chain = next((each for each in self.problem.chains if each.name == goal.chain), None)
         for length in range(1, goal.stages):
             assert chain is not None
-            cut = Goal(None, goal.chain, length, _chain_text(goal.chain, chain.stages[:length]))
+            cut = GoalPart(None, goal.chain, length, _chain_text(goal.chain, chain.stages[:length]))
             if self._infeasible(self._only([cut])):
                 return cut
         return goal
 
-    def _only(self, goals: list[Goal]) -> Problem:
-        """The problem with some of its goals alone."""
+    def _only(self, goals: list[GoalPart]) -> Problem:
+        """The problem with only these goals."""
         lengths = {goal.chain: goal.stages for goal in goals if goal.chain}
         chains = [
             replace(
@@ -106,8 +112,8 @@ class _Inquiry:
     def _infeasible(self, problem: Problem) -> bool:
         return isinstance(_planned(problem, self.limits), Infeasible)
 
-    def exclusions(self, goals: list[Goal]) -> Iterator[str]:
-        """Which pairs of these goals are never true at once, by a mutex group."""
+    def exclusions(self, goals: list[GoalPart]) -> Iterator[str]:
+        """The pairs of these goals that can never be true at once, because they belong to the same mutex group."""
         if len(goals) < 2:
             return
         task = ground(self._only(goals))
@@ -118,8 +124,8 @@ class _Inquiry:
                 if any(group & bit and group & other_bit for group in task.mutex_groups):
                     yield f"{one} and {other} are never true at once"
 
-    def changes(self, goals: list[Goal]) -> list[Amendment]:
-        """The smallest changes that give the whole problem a plan, at most `MAX_CHANGES` of one size."""
+    def changes(self, goals: list[GoalPart]) -> list[Amendment]:
+        """The smallest changes with which the whole problem has a plan; at most `MAX_CHANGES`."""
         single = [*self._try(self._removals()), *self._try(self._abduced(1))]
         found = single or [each for size in range(2, MAX_SIZE + 1) for each in self._try(self._abduced(size))]
         if len(goals) > 1 or not found:
@@ -130,11 +136,11 @@ class _Inquiry:
     def _removals(self) -> Iterator[Amendment]:
         return (Amendment("remove initial", (fact,)) for fact in self.problem.initial)
 
-    def _drops(self, goals: list[Goal]) -> Iterator[Amendment]:
+    def _drops(self, goals: list[GoalPart]) -> Iterator[Amendment]:
         return (Amendment("drop goal", goal=str(goal)) for goal in goals)
 
     def _abduced(self, size: int) -> Iterator[Amendment]:
-        """Facts to add, first those that speak of what the goals speak of."""
+        """Changes that add facts. Facts that share most words with the goals come first."""
         if self.limits.interrupted():
             return
         if assumptions(self.problem, self.initial, 0, 1) and size > 1:
@@ -156,7 +162,7 @@ class _Inquiry:
                 yield Amendment(f"add {kinds.pop()}", facts)
 
     def _try(self, candidates: Iterator[Amendment]) -> Iterator[Amendment]:
-        """Those candidates with which there is a plan."""
+        """The candidates with which the problem has a plan."""
         found = 0
         self.trials = 0
         for change in candidates:
@@ -171,7 +177,11 @@ class _Inquiry:
                 )
 
     def _chain(self, plan: Plan, change: Amendment) -> Iterator[str]:
-        """From the goal down to the first step that was out of reach before, and what it needs."""
+        """Why the change is needed, line by line.
+
+        The lines lead from a goal along causal links to the first step that was out of reach before, and to the facts of
+        the change that this step needs.
+        """
         first = next((step.id for step in plan.steps if step.operator not in self.known), None)
         if first is None or not change.facts:
             return
@@ -190,7 +200,7 @@ class _Inquiry:
 
 
 def changed(problem: Problem, change: Amendment) -> Problem:
-    """The problem with a change made."""
+    """The problem after a change."""
     match change.kind:
         case "add static":
             return replace(problem, statics=(*problem.statics, *change.facts))

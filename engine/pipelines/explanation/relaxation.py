@@ -1,7 +1,8 @@
-"""Which facts would make the goals reachable if nothing were ever denied: abduction over the relaxed task in ASP.
+"""The facts that would make the goals reachable in the relaxed task: abduction in ASP.
 
-Every static predicate that is given by facts, and every fluent, may be assumed beyond what the problem says. Sets of
-assumptions are enumerated by size; whether one really gives a plan is for the planner to say.
+In the relaxed task no fact ever becomes false. Further facts may be assumed: those of every static predicate that is given
+by facts, and those of every fluent that is not a goal. Sets of assumptions are enumerated by size. The planner finds out
+which of them really give a plan.
 """
 
 from collections.abc import Iterator, Sequence
@@ -42,7 +43,7 @@ def assumptions(
 
 
 def relaxed_program(problem: Problem, initial: Sequence[Atom]) -> str:
-    """The problem without denials and negative conditions, as a program that is consistent if all goals are reachable."""
+    """The problem without denials and negative conditions, as a program. It has a model if all goals are reachable."""
     normaliser = Normaliser()
     vocabulary = Vocabulary(problem.domain)
     made = list(schemas(problem.domain, normaliser, vocabulary))
@@ -73,7 +74,7 @@ def relaxed_program(problem: Problem, initial: Sequence[Atom]) -> str:
 
 
 def _new_defaults(problem: Problem) -> Iterator[str]:
-    """Defaults that apply only under the assumptions; those that applied before are in the initial state or denied."""
+    """Rules for defaults that apply only under the assumptions. All others are in the initial state already, or denied."""
     if problem.complete:
         return
     rules, bodies = [], []
@@ -119,7 +120,7 @@ def _declared(domain: Domain, vocabulary: Vocabulary) -> Iterator[str]:
 
 
 def _choices(problem: Problem) -> Iterator[str]:
-    """What may be assumed: unknown facts of extensional predicates, and initial facts that are not goals themselves."""
+    """The facts that may be assumed: static facts of extensional predicates, and initial facts that are no goals."""
     wanted = {name for part in goal_parts(problem.goal) for name in _names(part)}
     wanted |= {stage.name for chain in problem.chains for stage in chain.stages}
     yield from _values(problem)
@@ -142,7 +143,7 @@ def _names(condition: Condition) -> set[str]:
 
 
 def extensional(domain: Domain, predicate: Predicate) -> bool:
-    """Whether a static predicate is given by facts, not defined by rules."""
+    """Whether a static predicate is given by facts only, and not defined by rules."""
     signature = (predicate.name, len(predicate.arguments))
     return not any(each.defines == signature and each.body for each in domain.asp)
 
@@ -154,7 +155,7 @@ def _guards(predicate: Predicate) -> Iterator[str]:
 
 
 def _values(problem: Problem) -> Iterator[str]:
-    """The numbers and texts that statics mention, and the numbers beside them."""
+    """Facts for the values that may be assumed: numbers and texts in the static facts, and each number plus one."""
     grounder = Grounder()
     grounder.ground(static_program(problem))
     found = {inner for atom in grounder.everything() for inner in _leaves(atom)}

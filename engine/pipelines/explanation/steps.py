@@ -1,4 +1,4 @@
-"""Why a step is in a plan, and why it stands where it does."""
+"""Why a step is in a plan, and why it comes before and after other steps."""
 
 from collections.abc import Iterator, Sequence
 
@@ -10,7 +10,7 @@ from kb.terms import Atom, Function
 
 
 def why(task: Task, plan: Plan, number: int, name: str = "plan") -> StepReason:
-    """The purposes of a step, each followed to a goal, and the reason of each of its orders. Raises `InvalidInput`."""
+    """The purposes of a step, each traced to a goal, and the reason for each of its orders. Raises `InvalidInput`."""
     step = next((each for each in plan.steps if each.id == number), None)
     if step is None:
         hint = f"steps are numbered from 1 to {len(plan.steps)}"
@@ -32,7 +32,7 @@ class _Reasons:
                 deletes.update(task.atoms[index] for index in indices(operator.deletes & ~operator.adds))
 
     def purposes(self, number: StepId) -> Iterator[Purpose]:
-        """What the step achieves for whom, and how that serves a goal: the shortest way along causal links."""
+        """What the step provides, to which step or goal, and the shortest path of causal links from there to a goal."""
         for link in self.plan.links:
             if link.producer == number:
                 yield Purpose(link.condition, self._consumer(link), tuple(self._to_goal(link)))
@@ -41,7 +41,7 @@ class _Reasons:
         return None if link.consumer == GOAL else self.steps[link.consumer]
 
     def _to_goal(self, link: CausalLink) -> Sequence[CausalLink]:
-        """Links from the consumer of `link` to the goal, as few as possible."""
+        """The shortest path of causal links from the consumer of `link` to the goal."""
         paths: list[list[CausalLink]] = [[link]]
         seen = {link.consumer}
         for path in paths:
@@ -88,5 +88,5 @@ class _Reasons:
 
 
 def _denied(condition: Atom, adds: set[Atom]) -> bool:
-    """Whether a negative condition ends because its atom is added."""
+    """Whether `condition` is negative and ends because its atom is added."""
     return condition.name == "not" and len(condition.arguments) == 1 and condition.arguments[0] in adds

@@ -1,7 +1,8 @@
-"""From measurements to tours: rules part the measurements by tool, the sequencer orders them.
+"""From measurements to tours: rules assign the measurements to tools, and the sequencer orders them.
 
-What a domain of this kind declares stands in `kb.model.conventions`: above all which tool is `chosen` for a measurement
-and which are `refused`, the `position` of each in micrometres, and what a `change` of tools costs as a way.
+`kb.model.conventions` lists the predicates that such a domain declares. The main ones: the tool that is `chosen` for a
+measurement, the tools that are `refused` for it, its `position` in micrometres, and the cost of a `change` of tools, as a
+distance in micrometres.
 """
 
 from collections.abc import Collection, Mapping
@@ -24,7 +25,7 @@ NO_POSITION = "its position is not known"
 
 @dataclass(frozen=True, slots=True)
 class Partition:
-    """The measurements of a problem: by tool what is to be done, what is done, and what is impossible, with the reason."""
+    """The measurements of a problem: those to be made, by tool; those done; those impossible, with the reason."""
 
     groups: Mapping[str, tuple[str, ...]]
     done: tuple[str, ...]
@@ -37,9 +38,10 @@ def chooses_tools(domain: Domain) -> bool:
 
 
 def partition(problem: Problem, placed: Collection[str] | None = None) -> Partition:
-    """Which tool takes which measurement, by the rules of the domain. Raises `InvalidInput`.
+    """The measurements by tool, as the rules of the domain choose. Raises `InvalidInput`.
 
-    Where a measurement is says its `position`, or `placed` names those of which it is known otherwise.
+    A measurement without a `position` is impossible. If `placed` is given, it names the measurements whose place is known
+    from another source, and the `position` facts are not consulted.
     """
     _require_choice(problem)
     words, grounder, measurements = problem.domain.conventions, _grounded(problem), measurements_of(problem)
@@ -84,7 +86,7 @@ def _grounded(problem: Problem) -> Grounder:
 
 
 def _reasons(grounder: Grounder, words: Conventions) -> dict[str, list[str]]:
-    """For each measurement why it cannot be made: what its file says, else what each tool that would fit says."""
+    """Why measurements cannot be made, by name: their `impossible` fact, or else why each tool is `refused`."""
     found = {str(name): [_plain(why)] for name, why in grounder.atoms(words.impossible, 2)}
     told: dict[str, list[str]] = {}
     refused = ((str(m), str(t), _plain(w)) for t, m, w in grounder.atoms(words.refused, 3))
@@ -98,7 +100,7 @@ def _plain(term: Term) -> str:
 
 
 def tour_problem(problem: Problem, parts: Partition) -> TourProblem:
-    """All measurements that a tool takes, by straight lines in micrometres, changes of tools as the domain says."""
+    """The tour of all measurements that some tool takes: straight lines in micrometres, tool changes as the domain says."""
     words, grounder = problem.domain.conventions, _grounded(problem)
     where = _positions(grounder, words)
     changes = {(str(a), str(b)): int(_number(way)) for a, b, way in grounder.atoms(words.change, 3)}
@@ -107,7 +109,7 @@ def tour_problem(problem: Problem, parts: Partition) -> TourProblem:
 
 
 def positions(problem: Problem) -> dict[str, tuple[float, ...]]:
-    """Where the measurements are whose position is given, whatever tool takes them: metres."""
+    """The given positions of measurements, in metres, by name. Measurements without a position are left out."""
     return _positions(_grounded(problem), problem.domain.conventions)
 
 
@@ -119,7 +121,7 @@ def _positions(grounder: Grounder, words: Conventions) -> dict[str, tuple[float,
 def straight(
     name: str, visits: tuple[Visit, ...], changes: Mapping[tuple[str, str], int], start: int | None = None
 ) -> TourProblem:
-    """An open tour of visits whose positions are known, in metres: straight lines between them, in micrometres."""
+    """An open tour of visits with known positions in metres. Travel costs are straight distances in micrometres."""
     places = np.array([visit.position for visit in visits], float).reshape(-1, 3)
     travel = (
         np.stack([np.linalg.norm(places - place, axis=1) for place in places]) if visits else np.zeros((0, 0))

@@ -1,4 +1,4 @@
-"""Sequences that are kept in a store between calls, whoever else uses it."""
+"""Sequences that are kept in a store between calls. Several processes may use the store at the same time."""
 
 from collections.abc import Collection
 
@@ -12,9 +12,10 @@ from kb.store.sequences import SequencePlan, Sequences
 def carry_on(
     store: str, problem: Problem, news: News = News(), limits: Limits = Limits(), anew: bool = False
 ) -> Progress:
-    """Bring the kept sequence of a problem up to date, or make it; `anew` forgets what was kept. Raises `InvalidInput`.
+    """Bring the kept sequence of a problem up to date, or make one; `anew` forgets the kept one. Raises `InvalidInput`.
 
-    Where another process has written in the meantime the news are told to what it wrote: nothing is lost.
+    If another process has written the sequence in the meantime, the news is applied to what it wrote, so that nothing is
+    lost.
     """
     problem = with_places(problem)
     with Sequences(store) as sequences:
@@ -29,7 +30,7 @@ def carry_on(
 def told_of_losses(store: str, problem: Problem, lost: Collection[str]) -> Progress | None:
     """The kept sequence of a problem after tools or resources were lost; None if none is kept. Raises `InvalidInput`.
 
-    What is lost but neither an object nor a resource of the problem is no matter of sequences.
+    Names in `lost` that are neither objects nor resources of the problem do not concern the sequence, and are ignored.
     """
     with Sequences(store) as sequences:
         if sequences.of(problem.domain.name, problem.name) is None:

@@ -1,4 +1,4 @@
-"""What can still be measured when tools or other resources are lost."""
+"""The measurements that are still possible when tools or other resources are lost."""
 
 from collections.abc import Collection, Sequence
 from dataclasses import replace
@@ -10,10 +10,10 @@ from kb.terms import Function, Term, Variable
 
 
 def parted(problem: Problem, lost: Collection[str]) -> Partition:
-    """The partition without what is lost. Raises `InvalidInput`.
+    """The partition of the measurements when some resources are lost. Raises `InvalidInput`.
 
-    Where the domain declares `unavailable(tool)`, its rules may choose another tool; what they still give to a tool that
-    cannot be used is impossible.
+    If the domain declares `unavailable(tool)`, its rules may choose another tool. A measurement that is still assigned to
+    an unusable tool is impossible.
     """
     gone, unavailable = unusable(problem, lost), problem.domain.conventions.unavailable
     declared = problem.domain.predicates.get(unavailable)
@@ -30,7 +30,7 @@ def parted(problem: Problem, lost: Collection[str]) -> Partition:
 
 
 def unusable(problem: Problem, lost: Collection[str]) -> frozenset[str]:
-    """What is lost, and every object that measures only together with some other resource that is lost."""
+    """The lost resources, and every object that can only measure together with a lost one."""
     if not lost:
         return frozenset()
     measured = problem.domain.conventions.measured
@@ -45,14 +45,14 @@ def unusable(problem: Problem, lost: Collection[str]) -> frozenset[str]:
 
 
 def _possible(name: str, choices: Sequence[frozenset[str]], lost: Collection[str]) -> bool:
-    """Whether an object can be one of the resources of an operator, with others for the rest, none of them lost."""
+    """Whether an object can be a resource of an operator while none of the operator's resources is lost."""
     if name in lost or not any(name in each for each in choices):
         return False
     return all(name in each or each - set(lost) for each in choices)
 
 
 def _candidates(operator: Operator, resource: Term, problem: Problem) -> frozenset[str]:
-    """The objects that a resource of an operator may stand for."""
+    """The objects that a resource of an operator, which may be a variable, can be."""
     if not isinstance(resource, Variable):
         return frozenset({str(resource)})
     return _of_type(problem, next(each.type for each in operator.parameters if each.variable == resource))

@@ -1,4 +1,4 @@
-"""Measurements whose position only the cell knows."""
+"""Positions of measurements that only the cell file gives."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -16,9 +16,9 @@ from kb.terms import Function, Number
 
 
 def with_places(problem: Problem) -> Problem:
-    """The problem with a `position` for each measurement that has none of its own but a place in the cell.
+    """The problem with a `position` added for each measurement that has none but has a place in the cell.
 
-    Positions are those of the places in the world, in micrometres. Raises `InvalidInput` for a bad cell.
+    The position is that of the place in the world frame, in micrometres. Raises `InvalidInput` for a bad cell.
     """
     path = Path(problem.domain.path).with_name(CELL_FILE) if problem.domain.path else None
     words, names = problem.domain.conventions, measurements_of(problem)

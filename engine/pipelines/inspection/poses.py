@@ -1,7 +1,7 @@
-"""Measurements whose places a cell describes: their configurations by inverse kinematics, toured tool by tool.
+"""Tours of measurements whose places a cell describes, one tool at a time, with configurations by inverse kinematics.
 
-What a move costs is the time of its slowest joint; joints of unknown speed are taken to move at 1 rad/s. Collisions on
-the way are not looked at here, those at the places are.
+The cost of a move is the time of its slowest joint. A joint of unknown speed is assumed to move at 1 rad/s. Collisions at
+the places are checked here. Collisions on the way between them are not.
 """
 
 from collections.abc import Mapping
@@ -26,7 +26,7 @@ SPEED = 1.0
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PosedTour:
-    """A closed tour of one tool from the arm's home, and the configurations (n, k) in its order."""
+    """A closed tour of one tool that starts at the arm's home."""
 
     tool: str
     arm: str
@@ -35,7 +35,7 @@ class PosedTour:
 
     @property
     def configurations(self) -> Floats:
-        """Joint values in the order of the tour."""
+        """The joint values (n, k) in the order of the tour: n visits, k joints."""
         chosen = zip(self.tour.order, self.tour.poses, strict=True)
         return np.array([self.problem.poses[visit][pose] for visit, pose in chosen])
 
@@ -43,9 +43,9 @@ class PosedTour:
 def posed_tours(
     problem: Problem, cell: Cell, backend: GeometryBackend, limits: Limits = Limits()
 ) -> tuple[tuple[PosedTour, ...], Partition]:
-    """For each tool a tour of all measurements that its arm reaches, and how the measurements are parted.
+    """For each tool and arm a tour of all measurements that the arm reaches, and the partition of the measurements.
 
-    A measurement that the arm does not reach is impossible, with the reason. Raises `InvalidInput`.
+    A measurement that the arm does not reach is listed as impossible, with the reason. Raises `InvalidInput`.
     """
     named = {name: problem.domain.conventions.place(name) for name in problem.objects}
     places = {name: cell.places[place] for name, place in named.items() if place in cell.places}

@@ -1,7 +1,7 @@
-"""A sequence under way: what is done stays as it is; when something changes, the rest is sequenced anew.
+"""A sequence under way: visits that are done stay as they are. If something changes, the rest is sequenced anew.
 
-A kept sequence is compared with the problem whenever it is used, so that points that were added, removed, placed
-elsewhere or given to another tool are noticed.
+A kept sequence is compared with the problem whenever it is used. This shows which measurements were added, removed, moved
+or assigned to another tool.
 """
 
 from bisect import bisect_left
@@ -24,7 +24,7 @@ Visits = tuple[PlannedVisit, ...]
 
 @dataclass(frozen=True, slots=True)
 class News:
-    """What has happened: visits done, tools and resources lost, visits found bad with the reason, and what is well again."""
+    """What has happened: visits done; tools and resources lost; visits found bad, with the reason; and names restored."""
 
     done: tuple[str, ...] = ()
     lost: tuple[str, ...] = ()
@@ -34,11 +34,12 @@ class News:
 
 @dataclass(frozen=True, slots=True)
 class Progress:
-    """How a sequence goes on. `way`: made, kept as it was, or resequenced.
+    """How a sequence goes on. `way`: `made`, `kept` (as it was) or `resequenced`.
 
-    `problem` and `tour` are those of the rest, which begin at the last visit done if there is one. Of the rest as it
-    was, `kept` are in the old order among each other, `reordered` are not, `moved` have another tool (old, new) and
-    `dropped` are out, with the reason. `outdated` are visits done that the problem has otherwise now.
+    `problem` and `tour` are those of the rest, and begin at the last visit done if there is one. The visits of the old
+    rest fall into four groups: `kept` are in the old order relative to each other, `reordered` are not, `moved` have
+    another tool (old, new), and `dropped` are left out, with the reason. `added` are new visits. `outdated` are visits
+    done whose position in the problem has changed or that the problem no longer has.
     """
 
     plan: SequencePlan
@@ -61,7 +62,7 @@ class Progress:
 def carried_on(
     plan: SequencePlan, problem: Problem, news: News = News(), limits: Limits = Limits()
 ) -> Progress:
-    """The sequence after some news, held against the problem as it is now. Raises `InvalidInput`."""
+    """The sequence after some news, compared with the problem as it is now. Raises `InvalidInput`."""
     if _empty(plan) and news != News():
         plan = carried_on(plan, problem, limits=limits).plan
     _known(problem, plan, news)
@@ -85,7 +86,7 @@ def _empty(plan: SequencePlan) -> bool:
 
 
 def _known(problem: Problem, plan: SequencePlan, news: News) -> None:
-    """Refuse names that mean nothing."""
+    """Raise `InvalidInput` for names in the news that are not known."""
     measurements = {*measurements_of(problem)} | {each.name for each in (*plan.done, *plan.rest)}
     others = resources(problem)
     for option, names, known in (
@@ -104,7 +105,7 @@ def _known(problem: Problem, plan: SequencePlan, news: News) -> None:
 
 
 def resources(problem: Problem) -> set[str]:
-    """What can be lost: the objects that are no measurements, and the resources of operators."""
+    """The names that can be lost: objects other than measurements, and the resources of operators."""
     named = {str(each) for operator in problem.domain.operators for each in operator.resources}
     return {*problem.domain.objects, *problem.objects, *named}.difference(measurements_of(problem))
 
@@ -114,7 +115,10 @@ def _kind(option: str) -> str:
 
 
 def _done(plan: SequencePlan, visits: Visits, parts: Partition, news: News) -> Visits:
-    """What is done: as it was, then what the problem says is done, then what the news say, each in order."""
+    """The visits done: those of the kept sequence, then those that the problem says are done, then those in the news.
+
+    Raises `InvalidInput` for a visit that is left out of the sequence.
+    """
     finished = {each.name for each in plan.done}
     recorded = {each.name: each for each in (*visits, *plan.rest)}
     said = [each.name for each in plan.rest if each.name in set(parts.done)]
@@ -136,7 +140,12 @@ def _done(plan: SequencePlan, visits: Visits, parts: Partition, news: News) -> V
 
 def _not_done(done: set[str], news: News) -> None:
     wrong = [
-        Diagnostic(Source("--bad"), "K411", f"'{name}' is done already", "what is done is left alone")
+        Diagnostic(
+            Source("--bad"),
+            "K411",
+            f"'{name}' is done already",
+            "only visits that are not done can be left out",
+        )
         for name in news.bad
         if name in done
     ]
@@ -145,7 +154,7 @@ def _not_done(done: set[str], news: News) -> None:
 
 
 def _sequenced(old: SequencePlan, now: SequencePlan, wanted: Visits, limits: Limits) -> Progress:
-    """The rest in the order it had, if that is still the rest from where we are; else in the best order found."""
+    """The rest in its old order if nothing about it has changed; else in the best order found."""
     behind = len(now.done) - len(old.done)
     problem, first = _tours(now, wanted)
     standing = old.rest[behind:]
@@ -162,7 +171,7 @@ def _sequenced(old: SequencePlan, now: SequencePlan, wanted: Visits, limits: Lim
 
 
 def _tours(plan: SequencePlan, rest: Visits) -> tuple[TourProblem, int]:
-    """The tour problem of the rest, and how many visits before it are done: the last one, if any."""
+    """The tour problem of the rest, and 1 if it starts with the last visit done, else 0."""
     before = plan.done[-1:]
     visits = tuple(Visit(each.name, each.position, each.tool) for each in (*before, *rest))
     changes = {(a, b): cost for a, b, cost in plan.changes}
@@ -170,7 +179,7 @@ def _tours(plan: SequencePlan, rest: Visits) -> tuple[TourProblem, int]:
 
 
 def _inserted(problem: TourProblem, wanted: Visits, old: Visits, first: int) -> tuple[int, ...]:
-    """The old order of what is still wanted as it was, with every other visit put in where that costs least."""
+    """The wanted visits in their old order. Each visit that is not in the old order is inserted where that costs least."""
     number = {each: index + first for index, each in enumerate(wanted)}
     order = [*range(first), *(number[each] for each in old if each in number)]
     arcs = problem.arcs
@@ -180,7 +189,7 @@ def _inserted(problem: TourProblem, wanted: Visits, old: Visits, first: int) -> 
 
 
 def _cheapest(arcs: Longs, order: Sequence[int], visit: int, first: int) -> int:
-    """Where one more visit costs least in an open tour whose first visits are given."""
+    """The position where one more visit costs least in an open tour whose first `first` visits are fixed."""
     if not order:
         return 0
     ways = [int(arcs[a, visit] + arcs[visit, b] - arcs[a, b]) for a, b in pairwise(order)]
@@ -191,7 +200,7 @@ def _cheapest(arcs: Longs, order: Sequence[int], visit: int, first: int) -> int:
 
 
 def _steadier(problem: TourProblem, order: tuple[int, ...], found: object) -> Tour:
-    """The tour that was found if it is shorter than the order there was."""
+    """The tour that was found if it is cheaper than `order`, else `order`: with equal costs nothing changes."""
     cost = cost_of(problem, order) if order else 0
     if not isinstance(found, Tour):
         return Tour(order, cost, 0)
@@ -199,7 +208,7 @@ def _steadier(problem: TourProblem, order: tuple[int, ...], found: object) -> To
 
 
 def _compared(old: SequencePlan, made: Progress, problem: Problem) -> Progress:
-    """What became of the visits that were left."""
+    """The progress, with what has become of the visits of the old rest."""
     tools, now = {each.name: each.tool for each in old.rest}, made.plan
     done = {each.name for each in now.done}
     rest = {each.name: each for each in now.rest}
@@ -224,7 +233,7 @@ def _compared(old: SequencePlan, made: Progress, problem: Problem) -> Progress:
 
 
 def _rising(names: Sequence[str], place: Mapping[str, int]) -> tuple[str, ...]:
-    """A longest subsequence whose places rise (Fredman 1975)."""
+    """A longest subsequence of names whose places increase (Fredman 1975)."""
     ends: list[int] = []
     tails: list[tuple[str, ...]] = []
     for name in names:
@@ -236,6 +245,6 @@ def _rising(names: Sequence[str], place: Mapping[str, int]) -> tuple[str, ...]:
 
 
 def _outdated(plan: SequencePlan, problem: Problem) -> tuple[str, ...]:
-    """Visits done that are elsewhere now, or that the problem no longer has."""
+    """The visits done whose position has changed since, or that the problem no longer has."""
     places = positions(problem) if plan.done else {}
     return tuple(each.name for each in plan.done if places.get(each.name) != each.position)

@@ -1,8 +1,8 @@
-"""Plans composed of MACROPs: a problem of many like parts is served part by part, each from where the last one ended.
+"""Plans composed of MACROPs: a problem with many similar parts is solved part by part, each from where the last one ended.
 
-A part is a chain of the workflow, or a goal that does not hold yet. What parts do twice is dropped from the whole (Nakhost &
-Müller 2010), and orders are made anew, so that parts overlap where they may. Nothing hangs on it: where parts disturb each
-other, the planner plans the whole.
+A part is a chain of the workflow, or a goal that does not hold yet. Steps that the whole plan does not need are dropped
+(Nakhost & Müller 2010). The orders between steps are computed anew, so that parts may overlap in time. If parts disturb
+each other, no plan is composed, and the planner plans the whole problem.
 """
 
 import dataclasses
@@ -23,14 +23,14 @@ from kb.model.plan import Plan, Step, StepId
 from kb.model.problem import Problem
 from kb.terms import ordered
 
-ALIKE = 3  # parts of one signature that make composing worth while
-LOOK = 4  # parts that are looked up before the cheapest is taken
-MISSES = 3  # parts that may have to be planned before composing is given up
+ALIKE = 3  # so many parts with the same signature make composing worth while
+LOOK = 4  # the number of parts that are looked up at a time; the cheapest of them is taken
+MISSES = 3  # the most parts that may need planning; with more, composing is given up
 
 
 @dataclass(frozen=True, slots=True)
-class Part:
-    """Steps that came from one MACROP: its number and name, what the instance is for, and the steps."""
+class PlanPart:
+    """Steps of a plan that came from one MACROP: its number and name, the purpose of the steps, and the steps."""
 
     macrop: int | None
     name: str
@@ -40,16 +40,16 @@ class Part:
 
 @dataclass(frozen=True, slots=True)
 class Composed:
-    """A plan and its parts in the order in which they were made."""
+    """A plan, its parts in the order in which they were made, and the situation `after` the plan."""
 
     plan: Plan
-    parts: tuple[Part, ...]
+    parts: tuple[PlanPart, ...]
     after: Situation
 
 
 @dataclass(frozen=True, slots=True)
 class Served:
-    """What serving one part gave."""
+    """A plan for one part, the MACROP that gave it if any, the situation after it, and whether it had to be planned."""
 
     plan: Plan
     macrop: int | None
@@ -58,31 +58,32 @@ class Served:
     name: str = ""
 
 
-Serve = Callable[[Problem, Situation, bool], Served | None]  # the last one: whether to plan on a miss
+Serve = Callable[[Problem, Situation, bool], Served | None]  # the flag: whether to plan on a miss
 
 
 def parts_of(problem: Problem, asked: Query) -> list[Problem]:
-    """The parts of a problem: a problem for each chain of the workflow and for each open goal."""
+    """The parts of a problem: one problem for each chain of the workflow and for each goal that does not hold yet."""
     chains = [dataclasses.replace(problem, goal=TRUE, chains=(each,)) for each in problem.chains]
     goals = [dataclasses.replace(problem, goal=And((each,)), chains=()) for each in asked.goals]
     return [*chains, *goals]
 
 
 def kinds_of(asked: Query) -> Counter[str]:
-    """The signatures of a query's parts, counted."""
+    """The signatures of a query's parts, and how often each occurs."""
     kinds = [signature((), [chain.stages]) for chain in asked.chains]
     return Counter([*kinds, *(signature([goal], ()) for goal in asked.goals)])
 
 
 def worth_composing(asked: Query) -> bool:
-    """Whether enough parts are alike, so that what is learned from one serves the others."""
+    """Whether enough parts are alike, so that a MACROP learned from one serves the others."""
     return max(kinds_of(asked).values(), default=0) >= ALIKE
 
 
 def compose(problem: Problem, asked: Query, serve: Serve) -> Composed | None:
-    """A checked plan of parts, each served by `serve`; None if some part cannot be, or disturbs another.
+    """A checked plan of parts, each solved by `serve`; None if a part cannot be solved or disturbs another one.
 
-    The next part is the cheapest of the few that stand first; one that is as cheap as its kind was before is taken at once.
+    The next part is the cheapest of the first few. A part that costs no more than the cheapest one of its kind so far is
+    taken at once.
     """
     line = _Line(parts_of(problem, asked), asked.situation, serve)
     while line.waiting:
@@ -96,7 +97,7 @@ def compose(problem: Problem, asked: Query, serve: Serve) -> Composed | None:
 
 @dataclass
 class _Line:
-    """Parts that wait to be served, and those that were."""
+    """The parts that are still to be solved, and those that are solved."""
 
     waiting: list[Problem]
     here: Situation
@@ -108,7 +109,7 @@ class _Line:
         self._cheapest: dict[str, int] = {}
 
     def advance(self) -> bool:
-        """Serve one part more; whether that was possible."""
+        """Solve one more part. False if that was not possible, or if too many parts had to be planned."""
         found = self._next()
         if found is None:
             return False
@@ -155,7 +156,7 @@ def _sequence(plans: Iterable[Sequence[Step]]) -> Plan:
 
 
 def _slim(problem: Problem, asked: Query, made: Sequence[tuple[Problem, Served]]) -> Composed | None:
-    """The whole without needless steps, partially ordered anew."""
+    """The plan of all parts without needless steps, with its partial order computed anew; None if it fails a check."""
     task = ground(problem.replace(ordered(asked.facts)))
     origin = [number for number, (_, served) in enumerate(made) for _ in served.plan.steps]
     steps = [step.operator for _, served in made for step in served.plan.steps]
@@ -171,7 +172,7 @@ def _slim(problem: Problem, asked: Query, made: Sequence[tuple[Problem, Served]]
         return None
     owners = [origin[position] for position in kept]
     parts = tuple(
-        Part(
+        PlanPart(
             served.macrop,
             served.name,
             _purpose(part),
@@ -183,7 +184,7 @@ def _slim(problem: Problem, asked: Query, made: Sequence[tuple[Problem, Served]]
 
 
 def _ordered_anew(task: Task, operators: Sequence[GroundOperator]) -> tuple[Plan, list[int]] | None:
-    """The plan of the steps that are needed, and their positions."""
+    """The plan of the steps that are needed, and their positions in `operators`; None if there is no such plan."""
     state = task.initial
     for operator in operators:
         state = progress(state, operator)

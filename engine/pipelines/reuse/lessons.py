@@ -1,4 +1,4 @@
-"""Plans in files become MACROPs in a library; MACROPs go from library to library as files."""
+"""Learn MACROPs from plans in files, and exchange MACROPs between libraries as files."""
 
 import json
 from collections.abc import Iterable
@@ -21,7 +21,7 @@ VERSION = 1
 
 @dataclass(frozen=True, slots=True)
 class Lesson:
-    """What was learned from one plan: the number of its MACROP, or the reason why there is none."""
+    """What was learned from one plan: the number and name of its MACROP, or the reason why there is none."""
 
     file: Path
     macrop: int | None = None
@@ -36,7 +36,7 @@ class Lesson:
 
 
 def lesson(file: Path, library: Library) -> Lesson:
-    """Learn from the plan in a file, if the independent checker has nothing against it. Raises `InvalidInput`."""
+    """Learn from the plan in a file if the independent checker accepts it. Raises `InvalidInput`."""
     problem, plan = load_plan(file)
     wrong = planning.check_plan(problem, plan, str(file))
     if wrong:
@@ -46,11 +46,11 @@ def lesson(file: Path, library: Library) -> Lesson:
     except NotGeneral as error:
         return Lesson(file, reason=str(error))
     (number,) = library.add(records([learned]))
-    return Lesson(file, number, str(learned.name), "" if number is not None else "the library has it")
+    return Lesson(file, number, str(learned.name), "" if number is not None else "the library has it already")
 
 
 def records(macrops: Iterable[Macrop]) -> list[Record]:
-    """MACROPs as a library keeps them."""
+    """MACROPs as records of a library."""
     return [Record(each, SIGNATURE) if each.subsequence else record_of(each) for each in macrops]
 
 
@@ -64,7 +64,7 @@ def write(file: Path, macrops: Iterable[Macrop]) -> None:
 
 
 def read(file: Path) -> list[Macrop]:
-    """The MACROPs in a file that `write` made. Raises `InvalidInput`."""
+    """The MACROPs in a file that `write` has made. Raises `InvalidInput` if it cannot be read or is no such file."""
     try:
         whole = json.loads(file.read_text(encoding="utf-8"))
         if whole["version"] != VERSION:
@@ -73,7 +73,7 @@ def read(file: Path) -> list[Macrop]:
     except OSError as error:
         raise _refused(file, "K001", f"cannot be read: {error.strerror}") from error
     except (NotationError, ValueError, KeyError, TypeError, RecursionError) as error:
-        raise _refused(file, "K413", f"these are no MACROPs: {error}") from error
+        raise _refused(file, "K413", f"the file does not hold MACROPs: {error}") from error
 
 
 def _refused(file: Path, code: str, message: str) -> InvalidInput:

@@ -1,4 +1,4 @@
-"""Lookup before planning, learning after it."""
+"""Look problems up in a library before they are planned, and learn from their plans."""
 
 import time
 from dataclasses import dataclass, replace
@@ -8,7 +8,7 @@ from engine.model.forecast import makespan
 from engine.model.outcome import Found, Outcome, Statistics
 from engine.pipelines import planning
 from engine.pipelines.gate import PlanGate
-from engine.pipelines.reuse.composition import Part, Served, compose, kinds_of, worth_composing
+from engine.pipelines.reuse.composition import PlanPart, Served, compose, kinds_of, worth_composing
 from engine.pipelines.reuse.subsequences import Subsequences
 from engine.stages.grounding.initial import initial_state
 from engine.stages.grounding.limits import require_affordable_statics
@@ -28,18 +28,18 @@ from kb.model.problem import Problem
 from kb.store import Library
 from kb.terms import ordered
 
-LONG_SEARCH = 5_000  # expansions that it is worth while to spare
-LARGEST = 100  # steps of a plan that is learned: to generalise takes time that grows with their square
-DEARER, LONGER = 1.05, 1.1  # of what the planner's plan costs, and lasts, a composed one may
+LONG_SEARCH = 5_000  # a search of so many expansions is long: it is worth while to avoid it
+LARGEST = 100  # the most steps of a plan that is learned: the time of generalising grows with their square
+DEARER, LONGER = 1.05, 1.1  # the most that a composed plan may cost and last, relative to the planner's
 
 
 @dataclass(frozen=True, slots=True)
 class Answered:
-    """An outcome and where it comes from: `library`, `planner`, `parts` (composed of MACROPs), or `state` when nothing was
-    left to do.
+    """An outcome, and where it comes from.
 
-    `macrop` is the number of the MACROP that was used, or of the one that was learned. `reason` says why a plan was not
-    learned. `after` is the situation that the plan leads to; where nothing is learned, only who gave a situation is told.
+    `origin` is `library`, `planner`, `parts` (composed of MACROPs) or `state` (the goals hold already). `macrop` is the
+    number of the MACROP that was used, or of the one that was learned. `reason` says why the plan was not learned. `after`
+    is the situation that the plan leads to. It may be None if nothing is learned and the caller gave no situation.
     """
 
     outcome: Outcome
@@ -48,14 +48,17 @@ class Answered:
     name: str = ""
     reason: str = ""
     after: Situation | None = None
-    parts: tuple[Part, ...] = ()
+    parts: tuple[PlanPart, ...] = ()
 
 
 class Practice:
-    """A library at work. Problems of one cell share its statics; situations move on from plan to plan."""
+    """A library in use.
+
+    Problems of the same cell share its evaluated static facts. The situation after one plan can be the start of the next.
+    """
 
     def __init__(self, library: Library, limits: Limits = Limits(), learns: bool = True) -> None:
-        """Without `learns` the library is used and stays as it is."""
+        """Without `learns`, the MACROPs of the library are used, and no new ones are learned."""
         self.library, self.limits = library, limits
         self.learns = learns and library.writable
         self._gate = PlanGate()
@@ -72,12 +75,12 @@ class Practice:
         self.flush()
 
     def flush(self) -> None:
-        """Tell the library how often its MACROPs served."""
+        """Write to the library how often its MACROPs were used."""
         for each in self._repertoires:
             each.flush()
 
     def repertoire(self, domain: Domain) -> Repertoire:
-        """What the library holds for a domain."""
+        """The MACROPs that the library holds for whole problems of a domain."""
         found = next((each for each in self._repertoires if each.domain is domain), None)
         if found is None:
             found = Repertoire(self.library, domain)
@@ -85,7 +88,7 @@ class Practice:
         return found
 
     def subsequences(self, domain: Domain) -> Subsequences:
-        """The sub-sequences that the library holds for a domain."""
+        """The MACROPs that the library holds for sub-sequences of plans of a domain."""
         found = next((each for each in self._subsequences if each.domain is domain), None)
         if found is None:
             found = Subsequences(self.library, domain)
@@ -93,13 +96,13 @@ class Practice:
         return found
 
     def folded(self, problem: Problem, found: Answered) -> Answered:
-        """An answer with the parts of its plan: those that it is composed of, else the sub-sequences in it."""
+        """An answer with the parts of its plan: the MACROPs that it is composed of, else the known sub-sequences in it."""
         if found.parts or not isinstance(found.outcome, Found):
             return found
         return replace(found, parts=self.subsequences(problem.domain).folded(found.outcome.plan))
 
     def situation(self, problem: Problem) -> Situation:
-        """The initial state of a problem, in its world. Raises `InvalidInput` as grounding would."""
+        """The initial state of a problem, with the static facts of its cell. Raises `InvalidInput` as grounding does."""
         require_affordable_statics(problem)
         state, contradicted = initial_state(problem, Vocabulary(problem.domain))
         if contradicted:
@@ -107,7 +110,7 @@ class Practice:
         return Situation.of(self._worlds.of(problem), state)
 
     def plan(self, problem: Problem, situation: Situation | None = None) -> Answered:
-        """A checked plan for a problem, from a situation if that is given, else from its own initial state.
+        """A checked plan for a problem, from `situation` if one is given, else from the problem's initial state.
 
         Raises `InvalidInput`.
         """
@@ -123,7 +126,7 @@ class Practice:
         return found
 
     def _known(self, problem: Problem, here: Situation) -> Answered | None:
-        """An answer by what is known: nothing is left to do, or MACROPs do it."""
+        """An answer without a search for the whole: nothing is left to do, or MACROPs solve the problem; else None."""
         asked = query(problem, here)
         if asked is None:
             return None
@@ -136,9 +139,10 @@ class Practice:
         return None if found is None or here.world.violated else found
 
     def _composed_if_it_pays(self, problem: Problem, asked: Query) -> Answered | None:
-        """A composed plan, unless composing for such goals failed or did not pay more often than it did.
+        """A composed plan, unless composing for such goals has failed more often than it has paid off.
 
-        The first one has to stand beside the planner's plan for the same problem, and is not tried where nothing is learned.
+        The first composed plan for such goals is compared with the planner's plan for the same problem. This trial is not
+        made if nothing is to be learned.
         """
         kinds = " + ".join(sorted(kinds_of(asked)))
         successes, failures = self.library.trials(problem.domain.name, kinds)
@@ -180,7 +184,7 @@ class Practice:
         )
 
     def _serve(self, part: Problem, here: Situation, may_plan: bool) -> Served | None:
-        """One part, looked up or, where its plan can be learned, planned."""
+        """A plan for one part from the library; if there is none, from the planner if its plan can be learned."""
         part = _alone(part)
         asked = query(part, here)
         if asked is None or asked.served:
@@ -203,11 +207,11 @@ class Practice:
         seconds = {"lookup": time.perf_counter() - started}
         outcome = Found(hit.plan, Statistics({}, seconds))
         assert isinstance(hit.key, int)
-        parts = tuple(Part(None, part.name, "", part.steps) for part in hit.macrop.parts)
+        parts = tuple(PlanPart(None, part.name, "", part.steps) for part in hit.macrop.parts)
         return Answered(outcome, "library", hit.key, str(hit.macrop.name), after=hit.after, parts=parts)
 
     def _approved(self, problem: Problem, here: Situation, plan: Plan) -> bool:
-        """Whether the gate lets a plan out; one that it refuses is looked for elsewhere, at last by the planner."""
+        """Whether the gate accepts a plan. If not, the plan is sought in the next way; the planner is the last one."""
         return not self._gate.findings(problem, plan, here.state)
 
     def _planned(self, problem: Problem, here: Situation, whole: bool = True) -> Answered:
@@ -215,8 +219,10 @@ class Practice:
         return self._learned(problem, outcome, seconds, here)
 
     def _searched(self, problem: Problem, here: Situation, whole: bool = True) -> tuple[Outcome, float]:
-        """The planner's answer, with sub-sequences among its operators, and the seconds that it took; plans of whole problems
-        are searched for more of them."""
+        """The planner's answer, and the seconds that it took.
+
+        The planner may use known sub-sequences as operators. New ones are learned from plans for whole problems.
+        """
         started = time.perf_counter()
         inner = self.subsequences(problem.domain)
         outcome, task = planning.planned(problem, self.limits, inner.offered())
@@ -228,35 +234,39 @@ class Practice:
         return outcome, seconds
 
     def _learned(self, problem: Problem, outcome: Outcome, seconds: float, here: Situation) -> Answered:
-        """The planner's answer, and what was learned from it."""
+        """The planner's answer, with what was learned from it."""
         if not isinstance(outcome, Found):
             return Answered(outcome, "planner")
         if not self.learns:
-            idle = "nothing is to be learned" if self.library.writable else "the library may only be read"
+            idle = "learning is off" if self.library.writable else "the library may only be read"
             return Answered(outcome, "planner", reason=idle)
         left = executed(outcome.plan, here)
         if len(outcome.plan.steps) > LARGEST:
             return Answered(
-                outcome, "planner", reason=f"{len(outcome.plan.steps)} steps are too many", after=left
+                outcome,
+                "planner",
+                reason=f"{len(outcome.plan.steps)} steps are too many to learn",
+                after=left,
             )
         try:
             learned = generalise(problem, outcome.plan, here.world, here.state).macrop
         except NotGeneral as error:
             return Answered(outcome, "planner", reason=str(error), after=left)
         number = self.repertoire(problem.domain).learn(learned, seconds)
-        reason = "" if number is not None else "the library has it"
+        reason = "" if number is not None else "the library has it already"
         return Answered(outcome, "planner", number, str(learned.name), reason, left)
 
 
 def _alone(part: Problem) -> Problem:
-    """A part whose chains wait for none of another part."""
+    """A part without the waits of its chains for chains of other parts."""
     return replace(part, chains=tuple(replace(chain, after=()) for chain in part.chains))
 
 
 def _pays(composed: Outcome, rival: Outcome) -> bool:
-    """Whether a composed plan was worth it: hardly dearer or longer than the planner's, and cheaper or a long search spared.
+    """Whether a composed plan is worth while.
 
-    Judged by work, not by the clock, so that the same input gives the same plan.
+    It may be only a little dearer and longer than the planner's plan, and must be cheaper or avoid a long search. A search
+    is long if it has many expansions. Its time does not count, so that the same input gives the same plan.
     """
     if not isinstance(rival, Found) or not isinstance(composed, Found):
         return True

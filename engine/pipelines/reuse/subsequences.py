@@ -1,8 +1,9 @@
 """Sub-sequences of a domain's plans as MACROPs inside planning: learned from plans, tried, offered, and dropped.
 
-A sub-sequence that recurs in a plan is generalised like any plan, by explanation. It is kept if the task that the plan is for
-takes less work with it, and offered to the kinds of search in which it did. Trials go on for the first few tasks of a
-domain; after that uses are counted, and what is offered in vain is offered no more.
+A sub-sequence that recurs in a plan is generalised like any plan, by explanation. The plan's task is then solved again
+with it. If a kind of search needs less work with the sub-sequence, it is kept, and offered to that kind of search. Such
+trials are made for the first few tasks of a domain. After that only uses are counted. A sub-sequence that is offered often
+but seldom used is no longer offered.
 """
 
 import hashlib
@@ -12,7 +13,7 @@ from functools import cached_property
 
 from engine.model.outcome import Statistics
 from engine.model.task import Task
-from engine.pipelines.reuse.composition import Part
+from engine.pipelines.reuse.composition import PlanPart
 from engine.stages.macros.learning.generalise import NotGeneral, generalise
 from engine.stages.macros.learning.subsequences import (
     LARGEST,
@@ -42,33 +43,33 @@ from kb.terms import Function, ordered
 
 SIGNATURE = "(sub-sequence)"
 SEARCHES = ("backward", "forward")
-CANDIDATES = 12  # sub-sequences of one plan that are tried
-OFTEN = 2  # times that they recur in it
-LESSONS = 8  # tasks of a domain that are trained on
-OPERATORS = 20_000  # that such a task may have
-FAILED = 3  # trials after which a MACROP that pays in no search is dropped
+CANDIDATES = 12  # the most sub-sequences of one plan that are tried
+OFTEN = 2  # the fewest times that a sub-sequence must occur in the plan
+LESSONS = 8  # the number of tasks of a domain on which trials are made
+OPERATORS = 20_000  # the most ground operators of such a task
+FAILED = 3  # after so many trials a MACROP that pays in no search is dropped
 NO_UTILITY = Utility()
 
 
 @dataclass(frozen=True, slots=True)
-class Known:
-    """A sub-sequence in the library, with its figures by kind of search."""
+class KnownSubsequence:
+    """A sub-sequence in the library, with its measured utility for each kind of search."""
 
     stored: Stored
     utilities: dict[str, Utility]
 
     @property
     def pattern(self) -> Pattern:
-        """Its steps."""
+        """The steps of the sub-sequence."""
         return pattern_of(self.stored.macrop)
 
     def pays(self, search: str) -> bool:
-        """Whether it is worth offering to a kind of search."""
+        """Whether the sub-sequence is worth offering to a kind of search."""
         return self.utilities.get(search, NO_UTILITY).pays
 
 
 class Subsequences:
-    """The sub-sequences that a library holds for one domain as it is now."""
+    """The sub-sequences that a library holds for the present version of a domain."""
 
     def __init__(self, library: Library, domain: Domain) -> None:
         self.domain = domain
@@ -77,31 +78,31 @@ class Subsequences:
 
     @cached_property
     def _lessons(self) -> str:
-        """What the tasks that were trained on are counted under: other operators begin anew."""
+        """The key under which trials are counted. It depends on the operators: when they change, the count begins anew."""
         names = sorted({operator.name for operator in self.domain.operators})
         operators = "".join(self._digests.of(f"operator {name}") for name in names)
         return f"{SIGNATURE} {hashlib.sha256(operators.encode()).hexdigest()[:16]}"
 
-    def _fetched(self) -> list[Known]:
-        """Those that are not stale."""
+    def _fetched(self) -> list[KnownSubsequence]:
+        """The stored sub-sequences that are not stale."""
         stored = self._library.serving(self.domain.name, SIGNATURE)
         figures = self._utilities.of(self.domain.name) if stored else {}
         return [
-            Known(each, {s: figures[each.id, s] for s in SEARCHES if (each.id, s) in figures})
+            KnownSubsequence(each, {s: figures[each.id, s] for s in SEARCHES if (each.id, s) in figures})
             for each in stored
             if self._digests.fresh(each.macrop.depends)
         ]
 
     def offered(self) -> Macros:
-        """What searches are to have as operators: the few that spare the greatest share of work."""
+        """The sub-sequences that the searches may use as operators: the few that save the greatest share of work."""
         return Macros(*(tuple(each.pattern for each in self._paying(search)) for search in SEARCHES))
 
-    def _paying(self, search: str) -> list[Known]:
+    def _paying(self, search: str) -> list[KnownSubsequence]:
         found = [each for each in self._known if each.pays(search)]
         return sorted(found, key=lambda each: (each.utilities[search].share, each.stored.id))[:TOGETHER]
 
     def note(self, statistics: Statistics) -> None:
-        """Count what the search that answered was offered, and what it used."""
+        """Count which sub-sequences were offered to the search that found the answer, and which of them it used."""
         offer = statistics.offer
         self._count(
             {
@@ -116,24 +117,24 @@ class Subsequences:
             self._utilities.note(more)
             self._known = self._fetched()
 
-    def folded(self, plan: Plan) -> tuple[Part, ...]:
-        """A plan as sub-sequences, the longest first where they overlap, and the steps that are in none."""
-        parts: list[Part] = []
+    def folded(self, plan: Plan) -> tuple[PlanPart, ...]:
+        """The plan split into known sub-sequences and single steps. Of sub-sequences that overlap the longest is taken."""
+        parts: list[PlanPart] = []
         taken: set[StepId] = set()
         order = Order(plan)
         for each in sorted(self._known, key=lambda known: (-len(known.pattern), known.stored.id)):
             for steps in occurring(order, each.pattern, taken):
                 purpose = ", ".join(str(step.operator) for step in steps)
-                parts.append(Part(each.stored.id, str(each.stored.macrop.name), purpose, _ids(steps)))
+                parts.append(PlanPart(each.stored.id, str(each.stored.macrop.name), purpose, _ids(steps)))
                 taken.update(parts[-1].steps)
         single = [
-            Part(None, str(each.operator), "", (each.id,)) for each in plan.steps if each.id not in taken
+            PlanPart(None, str(each.operator), "", (each.id,)) for each in plan.steps if each.id not in taken
         ]
         places = {step.id: place for place, step in enumerate(plan.steps)}
         return tuple(sorted([*parts, *single], key=lambda part: places[part.steps[0]]))
 
     def study(self, problem: Problem, plan: Plan, task: Task, here: Situation, stop: Interrupted) -> None:
-        """Learn from the plan for a task from a situation: try what recurs in it and what is known."""
+        """Learn from a plan for `task` from the situation `here`: try its recurring sub-sequences and the known ones."""
         tasks = sum(self._library.trials(self.domain.name, self._lessons))
         small = len(task.operators) <= OPERATORS and 1 < len(plan.steps) <= LARGEST
         if tasks >= LESSONS or not small or stop():
@@ -152,7 +153,7 @@ class Subsequences:
         self._drop()
 
     def _strangers(self, plan: Plan) -> list[Recurring]:
-        """What recurs in a plan and is not known."""
+        """The sub-sequences that recur in a plan and are not known yet."""
         often = [each for each in recurring(plan) if each.count >= OFTEN]
         return [each for each in often if not any(_is(known, each) for known in self._known)][:CANDIDATES]
 
@@ -172,7 +173,7 @@ class Subsequences:
         }
 
     def _drop(self) -> None:
-        """Remove what was tried often enough and pays nowhere."""
+        """Remove the sub-sequences that were tried often enough and pay in no kind of search."""
         gone = [
             each.stored.id
             for each in self._known
@@ -193,21 +194,24 @@ def _ids(steps: Sequence[Step]) -> tuple[StepId, ...]:
     return tuple(step.id for step in steps)
 
 
-def _is(known: Known, found: Recurring) -> bool:
+def _is(known: KnownSubsequence, found: Recurring) -> bool:
     return len(known.pattern) == len(found.operators) and fits(known.pattern, found.operators)
 
 
-def _times(order: Order, known: Known) -> int:
+def _times(order: Order, known: KnownSubsequence) -> int:
     return sum(1 for _ in occurring(order, known.pattern))
 
 
 def _distinct(macrops: Iterable[Macrop | None]) -> list[Macrop]:
-    """One of each shape."""
+    """One MACROP of each shape."""
     return list({shape(pattern_of(each)): each for each in macrops if each is not None}.values())
 
 
 def lifted(found: Recurring, problem: Problem, here: Situation) -> Macrop | None:
-    """A sub-sequence generalised as the plan that it is, from where it begins to what it adds; None if it cannot be."""
+    """The MACROP of a sub-sequence; None if it cannot be generalised.
+
+    The sub-sequence is generalised like a plan: from the situation where it begins, with the facts that it adds as goals.
+    """
     start = executed(Plan(found.before), here)
     own = _in_sequence(found.steps)
     end = executed(own, start) if start is not None else None
@@ -225,7 +229,7 @@ def lifted(found: Recurring, problem: Problem, here: Situation) -> Macrop | None
 
 
 def _in_sequence(steps: Sequence[Step]) -> Plan:
-    """Steps numbered anew, each after the one before."""
+    """The steps as a plan: numbered from 1, each after the one before it."""
     return Plan(
         tuple(
             replace(step, id=StepId(place + 1), after=(StepId(place),) if place else ())
@@ -235,7 +239,7 @@ def _in_sequence(steps: Sequence[Step]) -> Plan:
 
 
 def _parts(macrop: Macrop, known: Sequence[tuple[str, Pattern]]) -> tuple[MacroPart, ...]:
-    """The shorter MACROPs that a body contains, the longest first, none overlapping another."""
+    """The shorter MACROPs inside a MACROP's steps. The longest are taken first, and none overlaps another."""
     pattern, found = pattern_of(macrop), []
     free = [True] * len(pattern)
     for name, part in sorted(known, key=lambda each: -len(each[1])):

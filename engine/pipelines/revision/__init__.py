@@ -1,7 +1,7 @@
-"""Plan revision: when the world has changed in the middle of a plan, keep what still serves and replan the gap."""
+"""Plan revision: when the world changes in the middle of a plan, keep the steps that still serve and plan the rest anew."""
 
 from engine.pipelines.revision.course import Course
 from engine.pipelines.revision.remaining import remaining
-from engine.pipelines.revision.revise import Revision, revise
+from engine.pipelines.revision.revise import PlanRevision, revise
 
-__all__ = ["Course", "Revision", "remaining", "revise"]
+__all__ = ["Course", "PlanRevision", "remaining", "revise"]

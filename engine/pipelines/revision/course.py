@@ -1,6 +1,7 @@
-"""A plan under way: its steps as ground operators, and what each tail of it needs to lead to the goal.
+"""A plan under way: its steps as ground operators, and the conditions under which its last steps lead to the goal.
 
-What a tail needs is its kernel in the triangle table of Fikes, Hart & Nilsson (1972): the goal regressed through it.
+The last steps of a plan, from any position on, are called a tail. The conditions that a tail needs are its kernel in the
+triangle table (Fikes, Hart & Nilsson 1972): the goal regressed through the tail.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -21,7 +22,7 @@ from kb.terms import Atom, Function
 
 @dataclass(frozen=True)
 class Course:
-    """A problem, the plan that is being executed for it, the task and world that they live in, and the gate for repairs."""
+    """A problem, the plan that is being executed, the ground task, the start situation, and the gate for repairs."""
 
     problem: Problem
     plan: Plan
@@ -31,7 +32,7 @@ class Course:
 
     @classmethod
     def of(cls, problem: Problem, plan: Plan) -> "Course":
-        """Ground the problem once, so that revising need not. Raises `InvalidInput`."""
+        """Ground the problem once, so that revisions need not ground it again. Raises `InvalidInput`."""
         gate = PlanGate()
         start = Situation.of(CellDomain(problem), gate.semantics(problem).initial())
         return cls(problem, plan, ground(problem), start, gate)
@@ -47,7 +48,7 @@ class Course:
         return instances(self.task)
 
     def bits(self, observed: Iterable[Atom], reached: Mapping[str, int]) -> Bits:
-        """A state of the task: what is observed, the stages reached, complements; atoms it does not know are left out."""
+        """A state of the task: the observed atoms that the task has, the stages reached, and complements."""
         found = sum({1 << self.index[atom] for atom in observed if atom in self.index})
         for chain in self.problem.chains:
             found |= 1 << self.index[stage_atom(chain, reached[chain.name])]
@@ -62,18 +63,18 @@ class Course:
         return found
 
     def executed(self, state: Bits, steps: Iterable[Function]) -> list[GroundOperator] | None:
-        """The ground operators of instances taken one after another from a state; None if one cannot be taken."""
+        """The ground operators of `steps`, executed one after another from `state`; None if one is not applicable."""
         return replayed(self.instances, state, steps)
 
     def kernels(self, steps: Sequence[GroundOperator], goals: Bits) -> list[Bits]:
-        """What must hold so that the steps from each position on lead to the goals; the last one is the goals."""
+        """For each position, the atoms that the steps from there on need to reach the goals; the last are the goals."""
         found = [goals]
         for operator in reversed(steps):
             found.append((found[-1] & ~operator.adds) | operator.preconditions)
         return found[::-1]
 
     def reached_goals(self, state: Bits) -> Bits | None:
-        """The alternative of the goals that holds in a state."""
+        """The alternative of the goals that holds in a state; None if none holds."""
         return reached_goals(self.task, state)
 
     def named(self, bits: Bits) -> tuple[Atom, ...]:

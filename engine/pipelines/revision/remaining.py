@@ -1,4 +1,4 @@
-"""What is left of a problem when some steps of a plan are done."""
+"""The problem that is left when some steps of a plan are done."""
 
 import dataclasses
 from collections.abc import Iterable, Mapping, Sequence
@@ -11,7 +11,7 @@ from kb.terms import Atom, ordered
 
 
 def stages_reached(chains: Sequence[Chain], changes: Iterable[StepChange]) -> dict[str, int]:
-    """How many stages of each chain steps have reached, each as soon as possible."""
+    """How many stages of each chain the steps have reached. A stage counts as reached as soon as possible."""
     reached = dict.fromkeys((chain.name for chain in chains), 0)
     for change in changes:
         moved, _ = advanced(chains, reached, change.events, change.adds)
@@ -21,7 +21,10 @@ def stages_reached(chains: Sequence[Chain], changes: Iterable[StepChange]) -> di
 
 
 def remaining(problem: Problem, reached: Mapping[str, int], observed: Iterable[Atom]) -> Problem:
-    """The problem of what is left: chains without the stages reached, goals for what finished chains must leave behind."""
+    """The problem of what is left, from the observed state on.
+
+    Chains lose the stages that are reached. What a finished chain must leave behind becomes a goal.
+    """
     done = finished(problem.chains, reached)
     wanted = lasting(problem.chains, problem.domain)
     lasts: list[Condition] = [Literal(stage) for name, stage in wanted.items() if name in done]

@@ -1,8 +1,8 @@
 """Repair or replan, whichever is cheaper.
 
-What can be done at once: the shortest tail whose kernel holds. Else the planner closes the gap from what is observed to the
-kernel of some tail, over the task that is grounded already. Steps that the new situation makes needless are dropped
-(Nakhost & Müller 2010). Replanning from nothing is asked where repair fails, or costs more than it should.
+If the kernel of a tail holds in the observed state, the plan goes on with the shortest such tail. Otherwise the planner
+plans from the observed state to the kernel of some tail; the task is grounded already. Steps that the new situation makes
+needless are dropped (Nakhost & Müller 2010). The problem is replanned as a whole if repair fails or costs too much.
 """
 
 import dataclasses
@@ -26,18 +26,16 @@ from kb.model.plan import CausalLink, Plan, Step, StepId
 from kb.model.problem import Problem
 from kb.terms import Atom, Function, Number, Text
 
-GAPS = 3  # tails to which a gap is planned
-SLACK = (
-    5  # steps or a quarter of what was left: so much dearer may a repair be before replanning is asked, too
-)
+GAPS = 3  # the most tails to which a gap is planned
+SLACK = 5  # a repair may cost so much more than the steps left, or a quarter more if that is more
 
 
 @dataclass(frozen=True, slots=True)
-class Revision:
-    """What is to be done now. `way`: done, continued, repaired or replanned.
+class PlanRevision:
+    """How the plan goes on. `way`: done, continued, repaired or replanned.
 
-    `problem` is what was left to do, `outcome` the answer for it. `kept`, `dropped` and `added` compare steps with those
-    that were left of the old plan. Costs are None where a way was not tried or led nowhere.
+    `problem` is the problem that was left, and `outcome` is the answer for it. `kept`, `dropped` and `added` compare the
+    new steps with the steps that were left of the old plan. A cost is None if that way was not tried or gave no plan.
     """
 
     problem: Problem
@@ -56,16 +54,16 @@ def revise(
     observed: Sequence[Atom],
     limits: Limits = Limits(),
     both: bool = False,
-) -> Revision:
+) -> PlanRevision:
     """A plan for what is left, after the steps `done`, from the state `observed`.
 
-    `both` compares repair with replanning in any case. Raises `InvalidInput`.
+    With `both`, repair is always compared with replanning. Raises `InvalidInput`.
     """
     finished = [step for step in course.plan.steps if step.id in set(done)]
     left = [step for step in course.plan.steps if step.id not in set(done)]
     reached = stages_reached(course.problem.chains, changes_of(course.start, finished))
     problem = remaining(course.problem, reached, observed)
-    repair = _Repair(course, problem, reached, left, limits)
+    repair = _PlanRepair(course, problem, reached, left, limits)
     repaired, way = repair.plan()
     if repaired is not None and repaired.cost <= affordable(left) and not both:
         return _revision(problem, Found(repaired), way, left, repaired.cost, None)
@@ -77,7 +75,7 @@ def revise(
 
 
 def affordable(left: Sequence[Step]) -> int:
-    """What a repair may cost before replanning is asked, too."""
+    """The most that a repair may cost before replanning is tried, too."""
     wanted = sum(step.cost for step in left)
     return wanted + max(SLACK, wanted // 4)
 
@@ -89,15 +87,15 @@ def _revision(
     left: Sequence[Step],
     repair: int | None,
     replanning: int | None,
-) -> Revision:
+) -> PlanRevision:
     steps = outcome.plan.steps if isinstance(outcome, Found) else ()
     kept, added = _common(steps, left)
     _, dropped = _common(left, steps)
-    return Revision(problem, outcome, way, kept, dropped, added, repair, replanning)
+    return PlanRevision(problem, outcome, way, kept, dropped, added, repair, replanning)
 
 
 def _common(steps: Sequence[Step], others: Sequence[Step]) -> tuple[tuple[Step, ...], tuple[Step, ...]]:
-    """Which steps are among the others, each matched once, and which are not."""
+    """The steps that occur among the others, each matched once, and the steps that do not."""
     free = Counter(step.operator for step in others)
     shared, own = [], []
     for step in steps:
@@ -110,7 +108,7 @@ def _common(steps: Sequence[Step], others: Sequence[Step]) -> tuple[tuple[Step, 
 
 
 @dataclass(frozen=True)
-class _Repair:
+class _PlanRepair:
     course: Course
     problem: Problem
     reached: dict[str, int]
@@ -118,7 +116,7 @@ class _Repair:
     limits: Limits
 
     def plan(self) -> tuple[Plan | None, str]:
-        """The cheapest repaired plan that passes the gate, and how it was made."""
+        """The repaired plan, and how it was made: done, continued or repaired; None if no repair passes the gate."""
         here = self.course.bits(self.problem.initial, self.reached)
         if self.course.reached_goals(here) is not None and self._passed(Plan(())) is not None:
             return Plan(()), "done"
@@ -134,7 +132,7 @@ class _Repair:
         return self._over_a_gap(here, steps, goals, kernels), "repaired"
 
     def _tail(self) -> tuple[Bits, list[GroundOperator]] | None:
-        """The steps that were left as ground operators, and the goals that they lead to as planned."""
+        """The goals that the plan was to reach, and the steps that were left, as ground operators; None if they fail."""
         finished = [step for step in self.course.plan.steps if step not in self.left]
         operators = self.course.executed(
             self.course.task.initial, [s.operator for s in [*finished, *self.left]]
@@ -151,9 +149,10 @@ class _Repair:
     def _over_a_gap(
         self, here: Bits, steps: Sequence[GroundOperator], goals: Bits, kernels: Sequence[Bits]
     ) -> Plan | None:
-        """A plan for a gap with the tail behind it: the first that is no detour, else the cheapest of a few.
+        """A plan that leads to the kernel of a tail, followed by that tail.
 
-        Tails that miss least and are shortest come first.
+        Tails come first whose kernels miss few atoms and which cost little. The first affordable plan is taken, else the
+        cheapest of a few.
         """
 
         def promise(n: int) -> tuple[int, int]:
@@ -178,7 +177,7 @@ class _Repair:
         return self._made(here, [*gap, *tail], goals) if gap is not None else None
 
     def _made(self, here: Bits, steps: Sequence[GroundOperator], goals: Bits) -> Plan | None:
-        """A plan of the steps that are needed, if it passes the gate."""
+        """A plan of those steps that are needed; None if it does not pass the gate."""
         task = dataclasses.replace(self.course.task, initial=here)
         kept = eliminate(here, plainly(task, steps), goals)
         made = deorder(task, kept, goals)
@@ -186,12 +185,12 @@ class _Repair:
         return self._passed(shifted)
 
     def _passed(self, plan: Plan) -> Plan | None:
-        """The plan as the gate lets it out; None if the checker refuses it, and something else must be found."""
+        """The plan as it may be given out; None if the checker refuses it, so that another plan must be found."""
         settled, wrong = self.course.gate.settled(self.problem, plan)
         return None if wrong else settled
 
     def _shifted(self, link: CausalLink) -> CausalLink:
-        """A link whose stage is counted from what was reached already."""
+        """A causal link; if its condition is a stage, the stages reached already are not counted."""
         condition = link.condition
         if condition.name != STAGE:
             return link

@@ -1,6 +1,7 @@
-"""Where diagnosis meets planning: set-up costs are plans, and what was found out goes back to the planner.
+"""Diagnosis with planning: plans give the set-up costs of tests, and the planner continues after the diagnosis.
 
-Here the exception handler's questions ("what does it take to do this test now?", "how do we go on?") are put to the planner.
+The exception handler asks two kinds of questions: "what does it take to do this test now?" and "how does the work go on?".
+Here the planner answers them.
 """
 
 import math
@@ -35,7 +36,7 @@ from kb.terms import Atom, Function, Term, Variable
 
 __all__ = ["Desk", "Preparations", "Recovery", "after", "desk", "fault_model", "recover"]
 
-FAR = 1e6  # seconds: what cannot be brought about from where an earlier test has led
+FAR = 1e6  # seconds: the cost of preconditions that cannot be achieved after an earlier test
 WORK = Limits(expansions=20_000, improvement=0)
 
 State = frozenset[Atom]
@@ -43,19 +44,20 @@ State = frozenset[Atom]
 
 @dataclass
 class Preparations:
-    """What bringing about the preconditions of tests and repairs costs, from the present state and from each other."""
+    """The cost of achieving the preconditions of tests and repairs, from the present state and from each other."""
 
     problem: Problem
     binding: Binding = field(default_factory=dict)
     limits: Limits = WORK
     plans: dict[tuple[State, Condition], Plan | None] = field(default_factory=dict)
-    states: list[State] = field(default_factory=list)  # the situations by number, which stay when others join
+    states: list[State] = field(default_factory=list)  # by number, which stays when others are appended
 
     def __call__(self, preconditions: Sequence[tuple[Atom, ...]]) -> Setup:
-        """The situations: the present one, and after preparing each of the conditions in turn.
+        """The costs of preparing actions, and the situations to which the preparations lead.
 
-        Cost i, j is the duration of the steps of a plan from situation i to the preconditions of action j; infinite
-        from the present one where there is none.
+        Situation 0 is the present one. The others are reached from it by preparing one action. Cost i, j is the duration,
+        in seconds, of the steps of a plan from situation i to the preconditions of action j. If there is no plan, the cost
+        is infinite from the present situation, and `FAR` from the others.
         """
         goals = [self.goal(each) for each in preconditions]
         if not self.states:
@@ -72,12 +74,12 @@ class Preparations:
         return Setup(tuple(costs), tuple(following))
 
     def plan_for(self, preconditions: tuple[Atom, ...]) -> Plan | None:
-        """The plan that prepares an action from the present state; None if there is none."""
+        """A plan from the present state to the preconditions of an action; None if there is none."""
         present = self.states[0] if self.states else frozenset(Semantics(self.problem).initial())
         return self._plan(present, self.goal(preconditions))
 
     def goal(self, preconditions: Iterable[Atom]) -> Condition:
-        """The condition: what the interrupted step does not bind is some object of its type."""
+        """The preconditions as a goal. A variable that the interrupted step leaves open is some object of its type."""
         atoms = bound(preconditions, self.binding)
         types: dict[Variable, str] = {}
         for atom in atoms:
@@ -86,7 +88,11 @@ class Preparations:
         return Exists(tuple(Parameter(v, t) for v, t in types.items()), goal) if types else goal
 
     def _situation(self, state: State, goal: Condition) -> int:
-        """Where preparing a goal leads; what a plan leaves otherwise is taken for what it leaves from the present state."""
+        """The number of the situation to which preparing a goal leads.
+
+        A plan from another situation may end in a state that has no number. Then the situation that a plan from the present
+        state leads to is taken instead.
+        """
         for reached in (self._after(state, goal), self._after(self.states[0], goal)):
             if reached in self.states:
                 return self.states.index(reached)
@@ -113,7 +119,7 @@ class Preparations:
 
 
 def after(problem: Problem, state: State, plan: Plan) -> State:
-    """The state that the steps of a plan lead to, by the semantics of the independent checker."""
+    """The state after the steps of a plan, by the semantics of the independent checker."""
     semantics = Semantics(problem)
     for step in plan.steps:
         found = semantics.binding(step.operator)
@@ -125,7 +131,7 @@ def after(problem: Problem, state: State, plan: Plan) -> State:
 
 
 def _infer(term: Term, expected: Sequence[str], domain: Domain, types: dict[Variable, str]) -> None:
-    """Types of the variables in a term's arguments, from signatures; the narrower one counts."""
+    """Add to `types` the types of the variables in a term, from signatures. The narrower of two types is kept."""
     if not isinstance(term, Function):
         return
     for argument, type_ in zip(term.arguments, expected, strict=True):
@@ -138,38 +144,41 @@ def _infer(term: Term, expected: Sequence[str], domain: Domain, types: dict[Vari
 
 @dataclass
 class Desk:
-    """One case with everything around it: the fault base, the problem it happened in, and what the step binds."""
+    """A case and what belongs to it: the fault base, the problem in which it happened, and the bindings of the step."""
 
     model: FaultModel
     session: Session
     binding: Binding
     problem: Problem | None = None
-    left: Plan | None = None  # of the plan that failed, the steps that were not done
+    left: Plan | None = None  # the steps of the failed plan that were not done
 
     def says(self, name: str) -> str:
-        """What people call a test or a repair."""
+        """The wording of a test or a repair for people; empty if it has none."""
         found = self.model.tests.get(name) or self.model.repairs.get(name)
         return found.say if found else ""
 
     def certainties(self, made: Diagnosis) -> dict[Atom, float]:
-        """How certain the assertions are that some cause puts in doubt."""
+        """The certainty, from 0 to 1, of each assertion that some cause puts in doubt."""
         return certainties(self.model, made.hypotheses, self.binding)
 
     def revision(self, made: Diagnosis) -> Revision:
-        """What the case changes in the world model."""
+        """The changes to the world model that follow from the case."""
         repaired = made.cured if made.cured in self.model.repairs else None
         return revision(self.model, made, self.binding, repaired)
 
     def recover(self, change: Revision, store: str = "") -> Recovery:
-        """Plan on; a kept sequence of the problem is told what was lost. Raises `InvalidInput` without a problem."""
+        """Plan the rest of the work. A kept sequence of the problem is updated by what was lost.
+
+        Raises `InvalidInput` without a problem.
+        """
         if self.problem is None:
-            hint = "give a problem as the target: its goals are planned for"
+            hint = "give a problem as the target, because a plan needs its goals"
             raise InvalidInput([Diagnostic(Source("--recover"), "K404", "a domain has no goals", hint)])
         found = recover(self.problem, change, left=self.left)
         return told(found, self.problem, change.lost, store) if store else found
 
     def keep(self, made: Diagnosis, store: str) -> None:
-        """Learn from a case whose cause is known."""
+        """Store the case as closed if its cause is known."""
         causes = made.hypotheses[0][0].causes if made.isolated and made.hypotheses else ()
         if causes:
             seen = tuple((each.action, each.outcome) for each in made.observations)
@@ -187,9 +196,10 @@ def desk(
     interrupted: Interrupted = never,
     failed: Failed | None = None,
 ) -> Desk:
-    """Open a case. With a problem as target, set-up is planned in it; a domain alone has none. Raises `InvalidInput`.
+    """Open a case. Raises `InvalidInput`.
 
-    With the plan that failed, set-up and recovery begin where it was interrupted.
+    If the target is a problem, set-up costs are planned in it. If it is a domain, there are none. If `failed` names the
+    plan that failed, set-up and recovery begin where that plan was interrupted.
     """
     loaded = load(find(target))
     problem, left = left_of(loaded, failed) if failed else (loaded.problem, None)

@@ -1,4 +1,4 @@
-"""What is given to a case in words: the interrupted step, scripted outcomes, hidden causes, counts to import."""
+"""Read the texts that describe a case: the interrupted step, scripted outcomes, hidden causes, counts to import."""
 
 import json
 from collections.abc import Collection
@@ -10,7 +10,7 @@ from engine.pipelines import planning
 from engine.pipelines.revision.observing import read_steps
 from engine.pipelines.troubleshooting.recovery import rest_of
 from engine.stages.diagnosis.knowledge import CURED, NOT_CURED
-from engine.stages.diagnosis.session import QUESTION, Answer
+from engine.stages.diagnosis.session import QUESTION, Answerer
 from kb.asp import AspError, ground_term
 from kb.diagnostics import Diagnostic, InvalidInput, Source, unknown_name
 from kb.files import read_file
@@ -27,9 +27,9 @@ STEP = Source("--step")
 
 @dataclass(frozen=True, slots=True)
 class Failed:
-    """The plan that failed, as it is given: its file, the step that was interrupted, and the steps done (`1..4, 7`).
+    """The plan that failed, as texts: its file, the step that was interrupted, and the steps done (`1..4, 7`).
 
-    Without `done` what stands before the interrupted step in the plan is done.
+    If `done` is empty, the steps listed before the interrupted step are done.
     """
 
     file: Path
@@ -38,7 +38,7 @@ class Failed:
 
 
 def left_of(loaded: Loaded, failed: Failed) -> tuple[Problem, Plan]:
-    """What was left of a problem when its plan failed, and the steps that were. Raises `InvalidInput`."""
+    """The problem that was left when its plan failed, and the steps that were left. Raises `InvalidInput`."""
     problem, plan = load_plan(failed.file)
     where = Source(str(failed.file))
     if loaded.problem is None or (problem.domain.name, problem.name) != (
@@ -46,7 +46,9 @@ def left_of(loaded: Loaded, failed: Failed) -> tuple[Problem, Plan]:
         loaded.problem.name,
     ):
         hint = "give the problem as the target, and a plan for it"
-        raise InvalidInput([Diagnostic(where, "K412", f"this is a plan for {problem.name}", hint)])
+        raise InvalidInput(
+            [Diagnostic(where, "K412", f"this is a plan for another problem, {problem.name}", hint)]
+        )
     if wrong := planning.check_plan(problem, plan):
         raise InvalidInput(wrong)
     done = {*_done(plan, failed)}
@@ -63,12 +65,12 @@ def _done(plan: Plan, failed: Failed) -> list[StepId]:
     for number, step in enumerate(plan.steps):
         if str(step.operator) == wanted:
             return [each.id for each in plan.steps[:number]]
-    hint = "name a step of the plan, or say with --done which are done"
+    hint = "name a step of the plan with --step, or the steps that are done with --done"
     raise InvalidInput([Diagnostic(STEP, "K410", "which step of the plan was interrupted?", hint)])
 
 
 def _whole(plan: Plan, done: list[StepId]) -> list[StepId]:
-    """Steps with everything that must come before them."""
+    """The steps `done`, after a check that they include every step before them. Raises `InvalidInput`."""
     before = plan.predecessors()
     for step in done:
         if missing := before[step] - set(done):
@@ -78,7 +80,7 @@ def _whole(plan: Plan, done: list[StepId]) -> list[StepId]:
 
 
 def read_step(text: str, loaded: Loaded, exception: Interruption) -> Function | None:
-    """The step that an exception interrupted; None if none is given. Raises `InvalidInput` if it is no such step."""
+    """The step that an exception interrupted; None if the text is empty. Raises `InvalidInput` for any other step."""
     if not text:
         return None
     hint = f"write it as in a plan: {exception.operator or 'move(arm, table)'}"
@@ -87,7 +89,7 @@ def read_step(text: str, loaded: Loaded, exception: Interruption) -> Function | 
     except AspError as error:
         raise InvalidInput([Diagnostic(STEP, "K107", str(error), hint)]) from None
     if not isinstance(found, Function):
-        raise InvalidInput([Diagnostic(STEP, "K107", "this is no step", hint)])
+        raise InvalidInput([Diagnostic(STEP, "K107", "this is not a step", hint)])
     pattern = exception.operator
     if pattern is None or (found.name, len(found.arguments)) != (pattern.name, len(pattern.arguments)):
         message = f"{exception.name} does not interrupt {found}"
@@ -107,8 +109,8 @@ def _require_known(terms: Collection[Term], objects: Collection[str], functions:
             _require_known(term.arguments, objects, functions)
 
 
-def scripted(model: FaultModel, text: str) -> Answer:
-    """Outcomes from a list `test=outcome, ...`; the case ends at a test that is not in it. Raises `InvalidInput`."""
+def scripted(model: FaultModel, text: str) -> Answerer:
+    """An answer for each test in a list `test=outcome, ...`. The case ends at any other test. Raises `InvalidInput`."""
     known = {**model.tests, **model.repairs}
     given: dict[str, str] = {}
     for part in filter(None, (each.strip() for each in text.split(","))):
@@ -126,7 +128,7 @@ def scripted(model: FaultModel, text: str) -> Answer:
 
 
 def hidden_hypothesis(model: FaultModel, text: str) -> Hypothesis:
-    """The causes that a simulated world hides. Raises `InvalidInput`."""
+    """The hidden causes of a simulated case, from their names with commas. Raises `InvalidInput`."""
     causes = tuple(each.strip() for each in text.split(",") if each.strip())
     for cause in causes:
         if cause not in model.causes:
@@ -135,13 +137,15 @@ def hidden_hypothesis(model: FaultModel, text: str) -> Hypothesis:
 
 
 def imported(model: FaultModel, path: Path) -> list[ClosedCase]:
-    """Counts from a JSON file {exception: {cause: count}} as cases. Raises `InvalidInput`."""
+    """The counts in a JSON file {exception: {cause: count}}, as weighted closed cases. Raises `InvalidInput`."""
     try:
         given = json.loads(read_file(path).text)
         pairs = [(e, c, float(n)) for e, causes in given.items() for c, n in causes.items()]
     except (ValueError, AttributeError, TypeError, RecursionError) as error:
-        hint = "it holds {exception: {cause: count}}"
-        raise InvalidInput([Diagnostic(Source(str(path)), "K413", f"no counts: {error}", hint)]) from None
+        hint = "write it as {exception: {cause: count}}"
+        raise InvalidInput(
+            [Diagnostic(Source(str(path)), "K413", f"the file does not hold counts: {error}", hint)]
+        ) from None
     for exception, cause, _ in pairs:
         if exception not in model.exceptions:
             raise InvalidInput([unknown_name("exception", exception, model.exceptions, Source(str(path)))])

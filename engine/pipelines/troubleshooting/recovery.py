@@ -1,5 +1,6 @@
-"""How it goes on after a diagnosis: the plan that failed is revised before anything is planned anew, and what was lost is
-passed on to the sequence that is kept.
+"""How the work goes on after a diagnosis.
+
+The plan that failed is revised before anything is planned anew. A kept sequence is updated by what was lost.
 """
 
 from collections.abc import Collection, Iterator, Sequence
@@ -27,11 +28,11 @@ from kb.terms import Function, Variable
 
 @dataclass(frozen=True, slots=True)
 class Recovery:
-    """How the case goes on: the state as it is now known, and the answer for the original goals.
+    """How the work goes on: the problem from the state as it is now known, and the answer for the original goals.
 
-    `way` is `planned` where no plan had failed, else what became of its remaining steps: done (nothing is left to do),
-    continued, repaired, or replanned where no repair was found or a new plan is cheaper. `sequence` is the kept sequence
-    after it was told what was lost.
+    `way` is `planned` if no plan had failed. Otherwise it says what became of the remaining steps: done (nothing is left to
+    do), continued, repaired, or replanned (no repair was found, or a new plan is cheaper). `sequence` is the kept sequence
+    after the update by what was lost.
     """
 
     problem: Problem
@@ -46,10 +47,10 @@ class Recovery:
 def recover(
     problem: Problem, change: Revision, limits: Limits = Limits(), left: Plan | None = None
 ) -> Recovery:
-    """From the revised state to the goals that the failed plan had. What was lost is no longer there to be used.
+    """A plan from the revised state to the goals of the problem, without the lost resources. Raises `InvalidInput`.
 
-    `left` are the steps that were not done when the plan failed, from the problem's initial state on: they are revised
-    before anything is planned anew. Raises `InvalidInput`.
+    `left` are the steps that were not done when a plan failed; they start from the problem's initial state. They are
+    revised before anything is planned anew.
     """
     state = tuple(sorted(Semantics(problem).initial(), key=str))
     usable = _without(problem, change.lost)
@@ -62,7 +63,7 @@ def recover(
 
 
 def rest_of(problem: Problem, plan: Plan, done: Collection[StepId]) -> tuple[Problem, Plan]:
-    """What is left of a problem after some steps of a plan for it, had each done what it should, and the other steps."""
+    """The problem that is left when the steps `done` have had their effects, and the plan of the other steps."""
     here = Situation.of(CellDomain(problem), Semantics(problem).initial())
     facts = here.facts
     changes = changes_of(here, [step for step in plan.steps if step.id in done])
@@ -78,14 +79,14 @@ def rest_of(problem: Problem, plan: Plan, done: Collection[StepId]) -> tuple[Pro
 
 
 def told(found: Recovery, problem: Problem, lost: Collection[str], store: str) -> Recovery:
-    """The recovery with the sequence that a store keeps of the problem, after it was told what was lost."""
+    """The recovery with the kept sequence of the problem from `store`, after its update by what was lost."""
     if not lost:
         return found
     return replace(found, sequence=told_of_losses(store, problem.replace(found.problem.initial), lost))
 
 
 def _without(problem: Problem, lost: Sequence[str]) -> Problem:
-    """The problem without the steps that would use a lost resource."""
+    """The problem without the operator instances that use a lost resource."""
     if not lost:
         return problem
     gone = [Function(name) for name in lost]
@@ -95,7 +96,7 @@ def _without(problem: Problem, lost: Sequence[str]) -> Problem:
 
 
 def _spared(operator: Operator, gone: Sequence[Function]) -> Iterator[Comparison]:
-    """That no resource of an operator is one that was lost."""
+    """Conditions by which no variable resource of an operator is a lost one."""
     for resource in operator.resources:
         if isinstance(resource, Variable):
             yield from (Comparison(resource, "!=", each) for each in gone)

@@ -1,1 +1,1 @@
-"""The exception handler: which test next, what caused it, what puts it right."""
+"""The exception handler: which test comes next, which cause explains the exception, and which repair helps."""

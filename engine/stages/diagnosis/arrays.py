@@ -9,7 +9,7 @@ from engine.stages.diagnosis.kernels.partition import Partition
 
 
 def beliefs(problem: Troubleshooting) -> Beliefs:
-    """The problem for searches that carry weights along."""
+    """The problem for the searches that keep a weight for each cause."""
     outcomes = max((len(action.outcomes) for action in problem.actions), default=1)
     causes, actions = len(problem.causes), problem.actions
     likelihoods = np.zeros((len(actions), outcomes, causes))
@@ -41,7 +41,9 @@ def beliefs(problem: Troubleshooting) -> Beliefs:
 
 
 def partition(problem: Troubleshooting) -> Partition | None:
-    """The problem for the search over sets of causes; None if an outcome is uncertain or a conclusion loses something."""
+    """The problem for the search over sets of causes; None if outcomes are uncertain or conclusions have
+    losses.
+    """
     arrays = beliefs(problem)
     if (
         not all(action.certain for action in problem.actions)
@@ -64,7 +66,7 @@ def partition(problem: Troubleshooting) -> Partition | None:
 
 
 def groups(problem: Troubleshooting) -> Longs:
-    """For each cause (C,) the number of its group; causes that may be concluded together are in one."""
+    """For each cause (C,) the number of its group. Causes that may be concluded together are in one group."""
     found = np.arange(len(problem.causes), dtype=np.int64)
     losses = np.array([each.losses for each in problem.conclusions], np.float64).reshape(-1, len(found))
     for group in _merged([int(goal) for goal in _goals(problem, losses)]):
@@ -74,19 +76,19 @@ def groups(problem: Troubleshooting) -> Longs:
 
 
 def _goals(problem: Troubleshooting, losses: Floats) -> Longs:
-    """The sets of causes under which a conclusion loses nothing, of those conclusions that are barred elsewhere."""
+    """For each conclusion whose losses are all 0 or infinite, the set of causes under which it loses nothing."""
     barred = np.isin(losses, (0.0, np.inf)).all(axis=1) if len(losses) else np.zeros(0, dtype=np.bool_)
     powers = 1 << np.arange(len(problem.causes), dtype=np.int64)
     return np.asarray((losses[barred] == 0.0) @ powers, dtype=np.int64)
 
 
 def priors(problem: Troubleshooting) -> Floats:
-    """The weights to begin with."""
+    """The weights at the start."""
     return np.array(problem.priors, np.float64)
 
 
 def _setup(actions: tuple[Action, ...], setup: Setup | None) -> tuple[Floats, Longs]:
-    """Costs with set-up, and situations afterwards; both (situations, actions)."""
+    """Costs with set-up, and the situations after the actions; both (situations, actions)."""
     own = np.array([[action.cost for action in actions]], np.float64)
     if setup is None:
         return own, np.zeros(own.shape, dtype=np.int64)
@@ -97,10 +99,10 @@ def _setup(actions: tuple[Action, ...], setup: Setup | None) -> tuple[Floats, Lo
 
 
 def _known(losses: Floats, likelihoods: Floats, ends: Truths, costs: Floats) -> Floats:
-    """For each cause the least it could cost to end the case if the cause were known.
+    """For each cause, a lower bound on the cost of ending the case if the cause were known.
 
-    Concluding costs a loss; a repair that ends the case with probability p costs c, so that curing costs at least the
-    best c / p, however repairs are combined.
+    A conclusion costs its loss. A repair that costs c ends the case with probability p. However repairs are
+    combined, curing the cause costs at least the best c / p.
     """
     chances = (likelihoods * ends[:, :, None]).sum(axis=1)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -110,7 +112,7 @@ def _known(losses: Floats, likelihoods: Floats, ends: Truths, costs: Floats) -> 
 
 
 def _masses(weights: tuple[float, ...]) -> Floats:
-    """The probability of each set of causes within one byte of the word (8, 256)."""
+    """The probability of each set of causes within each byte of the word (8, 256)."""
     padded = np.zeros(64)
     padded[: len(weights)] = weights
     bits = (np.arange(256)[:, None] >> np.arange(8)) & 1
@@ -118,7 +120,10 @@ def _masses(weights: tuple[float, ...]) -> Floats:
 
 
 def _merged(sets: list[int]) -> list[int]:
-    """Sets that meet are united, so that those left are disjoint; sets of one cause are dropped."""
+    """The sets, with those that overlap united, so that the result is disjoint.
+
+    Sets of one cause are dropped.
+    """
     merged: list[int] = []
     for each in sets:
         apart = [other for other in merged if not other & each]

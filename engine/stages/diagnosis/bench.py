@@ -21,7 +21,7 @@ _FUNCTIONS = {
 
 
 class BenchError(ValueError):
-    """A line that is no `.bench`; the message says which."""
+    """A line that is not in the `.bench` format; the message names the line."""
 
 
 def read_bench(text: str, name: str = "circuit") -> Circuit:
@@ -45,20 +45,23 @@ def _gate(function: str, inputs: str, number: int) -> Gate:
         raise BenchError(f"line {number}: unknown gate {function}")
     wires = tuple(each.strip() for each in inputs.split(",") if each.strip())
     if not wires:
-        raise BenchError(f"line {number}: a gate without inputs")
+        raise BenchError(f"line {number}: the gate has no inputs")
     kind, inverted = _FUNCTIONS[function]
     return Gate(kind, inverted, wires)
 
 
 def _ordered(gates: Mapping[str, Gate], known: set[str]) -> dict[str, Gate]:
-    """The gates, each after all that drive it. Raises `BenchError` where nothing drives a wire or gates form a circle."""
+    """The gates, each after the gates that drive it.
+
+    Raises `BenchError` if nothing drives a wire or gates form a cycle.
+    """
     waiting = {name: len(set(gate.inputs) - known) for name, gate in gates.items()}
     readers: dict[str, list[str]] = {}
     for name, gate in gates.items():
         for wire in set(gate.inputs) - known:
             readers.setdefault(wire, []).append(name)
     ready, found = [name for name, count in waiting.items() if not count], {}
-    for name in ready:  # grows while it is read
+    for name in ready:  # the list grows during the loop
         found[name] = gates[name]
         for reader in readers.get(name, ()):
             waiting[reader] -= 1

@@ -1,8 +1,9 @@
 """Minimum-cardinality diagnosis of circuits: the fewest gates whose inversion explains the outputs.
 
-The inputs being known, every wire has a nominal value, and all that is asked is which wires differ from it. Faults are
-looked for in top-level gates alone, those without a dominator on all their ways to the outputs: a faulty gate can always
-be exchanged for its dominator without becoming more (Siddiqi & Huang 2007; Metodi, Stern, Kalech & Codish 2014).
+The inputs are known, so every wire has a nominal value. The only question is which wires differ from it.
+Faults are searched only in top-level gates. No other gate dominates these, that is, lies on all their ways to
+the outputs. This is enough, because a faulty gate can be replaced by its dominator without more faults
+(Siddiqi & Huang 2007; Metodi, Stern, Kalech & Codish 2014).
 """
 
 from collections.abc import Iterator, Mapping
@@ -16,10 +17,10 @@ OPTIONS = ("--opt-strategy=usc,oll,disjoint", "--configuration=jumpy", "--sat-pr
 
 @dataclass(frozen=True, slots=True)
 class CircuitDiagnosis:
-    """Gates whose inversion explains the outputs; no fewer do."""
+    """Gates whose inversion explains the outputs. No smaller set does so."""
 
     gates: tuple[str, ...]
-    candidates: int  # gates that were looked at
+    candidates: int  # the number of gates in which faults were searched
 
 
 def diagnose(
@@ -35,10 +36,10 @@ def diagnose(
 
 
 def top_level(circuit: Circuit) -> frozenset[str]:
-    """The gates that no other gate dominates: some ways from them to the outputs have no gate in common.
+    """The gates that no other gate dominates: no gate lies on all their ways to the outputs.
 
-    One pass from the outputs to the inputs: a gate's immediate dominator is the nearest common one of its readers
-    (Cooper, Harvey & Kennedy 2001), the world behind all outputs being the root.
+    One pass goes from the outputs to the inputs. The immediate dominator of a gate is the nearest common
+    dominator of its readers (Cooper, Harvey & Kennedy 2001). The root is the world behind all outputs.
     """
     order = {name: place for place, name in enumerate(circuit.gates)}
     readers: dict[str, list[str]] = {}
@@ -59,7 +60,7 @@ def top_level(circuit: Circuit) -> frozenset[str]:
 def _common(
     following: list[str], dominator: Mapping[str, str | None], order: Mapping[str, int]
 ) -> str | None:
-    """The nearest gate on all ways from each of these."""
+    """The nearest gate that lies on all ways from these gates; None if there is none."""
     found: str | None = following[0]
     for other in following[1:]:
         here: str | None = other
@@ -76,7 +77,7 @@ def _common(
 def _program(
     circuit: Circuit, given: Mapping[str, bool], seen: Mapping[str, bool], candidates: frozenset[str]
 ) -> Iterator[str]:
-    """d(i) says that wire i differs from its nominal value, c(i) that its gate's inputs make it differ."""
+    """d(i): wire i differs from its nominal value. c(i): the inputs of its gate make it differ."""
     nominal = circuit.values(given)
     number = {name: place for place, name in enumerate(circuit.gates)}
     moving: set[str] = set()  # wires that some fault can make differ
@@ -96,17 +97,17 @@ def _program(
         if output in moving:
             yield f":- {'not ' if differs else ''}d({number[output]})."
         elif differs:
-            yield ":- not d(none)."  # an input that is an output, too: no gate explains it
+            yield ":- not d(none)."  # the output is also an input, so no gate explains it
 
 
 def _rules(
     gate: Gate, nominal: Mapping[str, bool], moving: set[str], number: Mapping[str, int]
 ) -> Iterator[str]:
-    """Bodies under which a gate's output differs because of its inputs."""
+    """Rule bodies: if one holds, the output of a gate differs because of its inputs."""
     if gate.function == XOR:
         yield from _odd(gate, moving, number)
         return
-    strong = gate.function != AND  # the value that alone decides: 0 for `and`, 1 for `or`
+    strong = gate.function != AND  # one input with this value decides the output: 0 for `and`, 1 for `or`
     deciding = [wire for wire in dict.fromkeys(gate.inputs) if nominal[wire] == strong]
     others = [wire for wire in dict.fromkeys(gate.inputs) if nominal[wire] != strong and wire in moving]
     if not deciding:
@@ -117,7 +118,7 @@ def _rules(
 
 
 def _odd(gate: Gate, moving: set[str], number: Mapping[str, int]) -> Iterator[str]:
-    """An odd number of inputs differ."""
+    """Rule bodies that say that an odd number of inputs differ."""
     wires = [number[wire] for wire in gate.inputs if wire in moving]
     for chosen in range(1 << len(wires)):
         if bin(chosen).count("1") % 2:

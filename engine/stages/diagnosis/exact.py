@@ -1,4 +1,5 @@
-"""The exact searches behind one face: over sets of causes where outcomes are certain, over weights where they are not.
+"""The exact searches behind one interface: over sets of causes if all outcomes are certain, else over
+weights.
 
 Values are weighted with the probability of what was seen so far.
 """
@@ -19,21 +20,21 @@ from engine.stages.diagnosis.kernels.memo import Memo
 from engine.stages.diagnosis.kernels.partition import Partition, Room
 
 FIRST_LENGTH = 1 << 14
-CHEAPER = 8  # a state met in passing costs about as much as an eighth of an expansion
+CHEAPER = 8  # a state of the table costs about an eighth of an expansion
 MOST_STATES = 8_000_000
 
 
-SLICE = 20_000  # expansions between two questions whether to stop
+SLICE = 20_000  # expansions between two checks whether to stop
 Interrupted = Callable[[], bool]
 
 
 def never() -> bool:
-    """Nobody interrupts."""
+    """Never interrupt."""
     return False
 
 
 class Searcher(Protocol):
-    """Values of states, remembered from question to question; `rest` is the second word of a state's key."""
+    """Values of states, remembered between questions; `rest` is the second word of the key of a state."""
 
     @property
     def beliefs(self) -> Beliefs:
@@ -46,18 +47,21 @@ class Searcher(Protocol):
         ...
 
     def value(self, weights: Floats, rest: int, limit: float, expansions: int) -> tuple[float, bool]:
-        """The value of a state, if it is below `limit` and found within the budget; else a lower bound and False."""
+        """The value of a state if it is below `limit` and the budget suffices; else a lower bound and False."""
         ...
 
     def estimate(self, action: int, weights: Floats, rest: int) -> float:
-        """A lower bound of beginning with an action, from all that has been found out."""
+        """A lower bound on the cost of beginning with an action, from all that is known so far."""
         ...
 
 
 def begun(
     search: Searcher, action: int, weights: Floats, rest: int, limit: float, expansions: int
 ) -> tuple[float, bool]:
-    """The cost of beginning with an action and going on optimally; as `Searcher.value`."""
+    """The cost of beginning with an action and going on optimally.
+
+    The result has the form of `Searcher.value`.
+    """
     problem = search.beliefs
     total = float(problem.costs[belief.situation_of(problem, rest), action] * weights.sum())
     for outcome in range(problem.masks.shape[1]):
@@ -74,7 +78,7 @@ def begun(
 
 @dataclass
 class BranchAndBound:
-    """Depth-first search with bounds, over sets of causes if there is a `partition`, else over weights."""
+    """Depth-first search with bounds: over sets of causes if there is a `partition`, else over weights."""
 
     beliefs: Beliefs
     partition: Partition | None
@@ -82,7 +86,7 @@ class BranchAndBound:
     table: Memo = field(default_factory=lambda: Memo(FIRST_LENGTH, 0))
 
     def value(self, weights: Floats, rest: int, limit: float, expansions: int) -> tuple[float, bool]:
-        """As the protocol says."""
+        """See `Searcher.value`."""
         last = self.spent + expansions
         while True:
             self.table.resume(min(last, self.spent + SLICE))
@@ -95,7 +99,7 @@ class BranchAndBound:
                 return found, False
 
     def estimate(self, action: int, weights: Floats, rest: int) -> float:
-        """As the protocol says."""
+        """See `Searcher.estimate`."""
         trail = Trail(self.beliefs, weights)
         causes = trail.possible(0)
         if self.partition is None:
@@ -117,8 +121,8 @@ class BranchAndBound:
 
 
 @dataclass
-class Table:
-    """The value of every state there is, computed at the first question."""
+class ValueTable:
+    """A table of the values of all states, computed at the first question."""
 
     beliefs: Beliefs
     problem: Troubleshooting
@@ -126,7 +130,7 @@ class Table:
 
     @property
     def radix(self) -> tuple[int, ...]:
-        """For each action the number of its outcomes plus one."""
+        """For each action, the number of its outcomes plus one."""
         return tuple(len(action.outcomes) + 1 for action in self.problem.actions)
 
     @property
@@ -135,7 +139,7 @@ class Table:
         return 0 if self.values is None else self.values.size // CHEAPER
 
     def value(self, weights: Floats, rest: int, limit: float, expansions: int) -> tuple[float, bool]:
-        """As the protocol says; the budget was looked at when this search was chosen."""
+        """See `Searcher.value`. The budget is ignored here: it was checked when this search was chosen."""
         del expansions
         if self.values is None:
             radix = np.array(self.radix, dtype=np.int64)
@@ -145,11 +149,14 @@ class Table:
         return found, found < limit
 
     def estimate(self, action: int, weights: Floats, rest: int) -> float:
-        """As the protocol says; it is the cost itself."""
+        """See `Searcher.estimate`. Here it is the exact cost."""
         return begun(self, action, weights, rest, math.inf, 0)[0]
 
     def _number(self, weights: Floats, rest: int) -> int:
-        """The state of the table that has these weights: what can no longer tell anything is taken as done."""
+        """The number of the state with these weights.
+
+        An action whose outcome is already sure counts as done.
+        """
         number, place = 0, 1
         for index, radix in enumerate(self.radix):
             number += place * self._digit(index, weights, rest)
@@ -165,10 +172,10 @@ class Table:
 
 
 def searcher(problem: Troubleshooting, expansions: int, interrupted: Interrupted = never) -> Searcher:
-    """The search that suits a problem, knowing nothing yet."""
+    """The search that suits a problem. It knows no values yet."""
     beliefs, sets = arrays.beliefs(problem), arrays.partition(problem)
     states = math.prod(len(action.outcomes) + 1 for action in problem.actions) * len(beliefs.costs)
     open_ended = 2 * sum(not action.certain for action in problem.actions) >= len(problem.actions)
     if sets is None and open_ended and states <= min(MOST_STATES, CHEAPER * expansions):
-        return Table(beliefs, problem)
+        return ValueTable(beliefs, problem)
     return BranchAndBound(beliefs, sets, interrupted)

@@ -1,4 +1,4 @@
-"""Fault knowledge as troubleshooting problems: which tests and repairs bear on an exception, under which hypotheses."""
+"""Fault knowledge as troubleshooting problems: which tests and repairs matter for which hypotheses."""
 
 import itertools
 import math
@@ -14,18 +14,18 @@ CURED, NOT_CURED = "cured", "not cured"
 STOP = "stop safely and ask"
 
 PlanSetup = Callable[[Sequence[tuple[Atom, ...]]], Setup | None]
-"""What it costs to bring about the preconditions of each action, from the present state and from each other."""
+"""The cost of preparing the preconditions of each action: from the present state, and after each other action."""
 
 
 class Objective(StrEnum):
-    """What a case is for: to know the cause, or to be rid of the trouble at the least cost."""
+    """What a case is for: to know the cause, or to end the trouble at the least cost."""
 
     ISOLATE = "isolate"
     REPAIR = "repair"
 
 
 def no_setup(_: Sequence[tuple[Atom, ...]]) -> None:
-    """Preconditions cost nothing."""
+    """No cost: preconditions need no preparation."""
 
 
 def open_case(
@@ -35,7 +35,10 @@ def open_case(
     counts: Mapping[str, float] | None = None,
     setup: PlanSetup = no_setup,
 ) -> Case:
-    """The problem that an exception poses, each of its causes being alone. `counts` replace those of the fault base."""
+    """The problem of an exception, with one hypothesis for each single cause.
+
+    `counts` replace those of the fault base.
+    """
     priors = model.priors(exception, counts)
     hypotheses = tuple(Hypothesis((cause,)) for cause in priors)
     return case_of(model, exception, hypotheses, tuple(priors.values()), objective, setup)
@@ -50,7 +53,7 @@ def case_of(
     setup: PlanSetup = no_setup,
     done: Iterable[str] = (),
 ) -> Case:
-    """The problem of telling hypotheses apart; tests and repairs that were `done` stay out of it."""
+    """The problem of telling hypotheses apart. It leaves out tests and repairs that were `done`."""
     past = set(done)
     tests = [test for test in model.tests.values() if test.name not in past]
     chosen: list[FaultTest | Repair] = [t for t in tests if _tells(t, hypotheses)]
@@ -76,10 +79,11 @@ def case_of(
 
 
 def likelihood(test: FaultTest, outcome: str, hypothesis: Hypothesis) -> float:
-    """The probability of an outcome when all causes of a hypothesis are there.
+    """The probability of an outcome if all causes of a hypothesis are present.
 
-    A test that lies says anything. It looks as ever if no cause disturbs it; if some do, each disturbance is as likely
-    to be seen as the causes together make it (the noisy-or of Pearl 1988, its leak left out).
+    A test that lies gives each outcome with the same probability. If no cause disturbs a test, its outcome is
+    the usual one. Causes disturb a test independently of each other. The other outcomes share the probability
+    of a disturbance in proportion to what the causes give them (noisy-or without a leak: Pearl 1988).
     """
     if test.name in hypothesis.lies:
         return 1.0 / len(test.outcomes)
@@ -99,7 +103,10 @@ def likelihood(test: FaultTest, outcome: str, hypothesis: Hypothesis) -> float:
 
 
 def cure_chance(repair: Repair, hypothesis: Hypothesis) -> float:
-    """The probability that a repair ends the trouble: it must put every cause right. A lie alone needs no repair."""
+    """The probability that a repair ends the trouble: it must cure every cause.
+
+    A lie alone needs no repair.
+    """
     return math.prod(repair.cures.get(cause, 0.0) for cause in hypothesis.causes)
 
 
@@ -121,7 +128,10 @@ def _serves(repair: Repair, hypotheses: Sequence[Hypothesis]) -> bool:
 
 
 def _conclusions(hypotheses: Sequence[Hypothesis], tests: Sequence[FaultTest]) -> tuple[Conclusion, ...]:
-    """Each hypothesis may be concluded once no other is possible; those that no test surely tells apart, together."""
+    """Each hypothesis may be concluded when no other is possible.
+
+    Those that no test surely separates may be concluded together.
+    """
     groups: list[set[int]] = [{index} for index in range(len(hypotheses))]
     for one, other in itertools.combinations(range(len(hypotheses)), 2):
         if not any(_surely_apart(test, hypotheses[one], hypotheses[other]) for test in tests):
@@ -138,5 +148,5 @@ def _conclusions(hypotheses: Sequence[Hypothesis], tests: Sequence[FaultTest]) -
 
 
 def _surely_apart(test: FaultTest, one: Hypothesis, other: Hypothesis) -> bool:
-    """Whether any outcome rules out one of two hypotheses."""
+    """Whether each outcome of a test rules out at least one of two hypotheses."""
     return all(likelihood(test, o, one) == 0.0 or likelihood(test, o, other) == 0.0 for o in test.outcomes)

@@ -1,7 +1,8 @@
-"""Several faults at once, and observations that are wrong: the minimal sets that explain what no single cause does.
+"""Several faults at once, and wrong observations: the minimal sets that explain what no single cause
+explains.
 
-Reiter 1987, de Kleer & Williams 1987: minimal diagnoses, most probable first. clingo finds the sets; their order is
-settled with exact probabilities.
+Minimal diagnoses, most probable first (Reiter 1987; de Kleer & Williams 1987). clingo finds the sets; exact
+probabilities decide their order.
 """
 
 import math
@@ -14,7 +15,7 @@ from kb.model.faults import FaultModel, FaultTest, Repair
 from kb.terms import Function
 
 MOST = 12
-_SCALE = 1000  # of the negative logarithms that clingo adds up
+_SCALE = 1000  # the factor of the negative logarithms that clingo adds up
 
 _RULES = """
 { active(C) : cause(C) }.
@@ -36,7 +37,10 @@ outlasts(R) :- failed(R), active(C), survives(C, R).
 def explanations(
     model: FaultModel, priors: Mapping[str, float], observations: Sequence[Observation], most: int = MOST
 ) -> list[tuple[Hypothesis, float]]:
-    """The minimal sets of causes and wrong observations that explain what was seen, with probabilities that sum to 1."""
+    """The minimal sets of causes and wrong observations that explain what was seen.
+
+    Each has its probability; these sum to 1. The most probable set comes first.
+    """
     seen = [each for each in observations if each.action in model.tests]
     failed = [model.repairs[each.action] for each in observations if each.action in model.repairs]
     program = "\n".join([_RULES, *_facts(model, priors, seen), *_failures(failed, priors)])
@@ -65,7 +69,7 @@ def _facts(model: FaultModel, priors: Mapping[str, float], seen: Sequence[Observ
 
 
 def _failures(failed: Sequence[Repair], priors: Mapping[str, float]) -> list[str]:
-    """A repair that did not help leaves a cause that it does not surely cure."""
+    """Facts for repairs that did not help: each leaves some cause that it does not surely cure."""
     facts = [f"failed({repair.name})." for repair in failed]
     return facts + [
         f"survives({cause}, {repair.name})."
@@ -88,7 +92,7 @@ def _hypothesis(atoms: Sequence[Function]) -> Hypothesis:
 def _weight(
     model: FaultModel, priors: Mapping[str, float], seen: Sequence[Observation], hypothesis: Hypothesis
 ) -> float:
-    """How probable a hypothesis is together with what was seen, up to a factor."""
+    """The probability of a hypothesis together with what was seen, up to a factor."""
     weight = math.prod(priors[cause] for cause in hypothesis.causes) * model.lies ** len(hypothesis.lies)
     for each in seen:
         test: FaultTest = model.tests[each.action]

@@ -1,4 +1,4 @@
-"""What a belief says of the world model: how certain assertions are while a case is open, and what is left of them after."""
+"""What a belief means for the world model: how certain assertions are now, and what changes at the end."""
 
 from collections.abc import Iterable, Mapping, Sequence
 
@@ -10,7 +10,7 @@ Binding = Mapping[Variable, Term]
 
 
 def binding_of(model: FaultModel, exception: str, step: Function | None) -> Binding:
-    """What the interrupted step binds of the exception's variables; nothing if it is another operator's."""
+    """The values that the interrupted step gives to the exception's variables; empty for another operator."""
     pattern = model.exceptions[exception].operator
     if pattern is None or step is None or pattern.name != step.name:
         return {}
@@ -21,7 +21,7 @@ def binding_of(model: FaultModel, exception: str, step: Function | None) -> Bind
 def certainties(
     model: FaultModel, belief: Iterable[tuple[Hypothesis, float]], binding: Binding
 ) -> dict[Atom, float]:
-    """For each assertion in doubt the probability that no cause is there that puts it in doubt."""
+    """For each assertion in doubt, the probability that no cause puts it in doubt."""
     doubted: dict[Atom, float] = {}
     for hypothesis, probability in belief:
         atoms = {a for c in hypothesis.causes for a in bound(model.causes[c].doubts, binding)}
@@ -31,7 +31,10 @@ def certainties(
 
 
 def revision(model: FaultModel, made: Diagnosis, binding: Binding, repaired: str | None = None) -> Revision:
-    """What the cause that was found withdraws and asserts, then what its repair does; what was doubted in vain is restored."""
+    """The changes that the cause makes to the world model, then those of its repair.
+
+    Assertions that were doubted without reason are restored.
+    """
     causes = list(made.hypotheses[0][0].causes) if made.isolated and made.hypotheses else []
     withdrawn: dict[Atom, str] = {}
     asserted: dict[Atom, str] = {}
@@ -60,14 +63,17 @@ def revision(model: FaultModel, made: Diagnosis, binding: Binding, repaired: str
 
 
 def revised(state: Sequence[Atom], change: Revision) -> tuple[Atom, ...]:
-    """The facts of a world model after a revision; variables left in what is withdrawn match anything."""
+    """The facts of a world model after a revision.
+
+    Variables that are left in a withdrawn atom match anything.
+    """
     kept = [fact for fact in state if not any(fits(atom, fact) for atom, _ in change.withdrawn)]
     added = [atom for atom, _ in change.asserted if atom not in kept and is_ground(atom)]
     return tuple([*kept, *added])
 
 
 def bound(atoms: Iterable[Atom], binding: Binding) -> tuple[Atom, ...]:
-    """The atoms with the step's arguments in place of variables."""
+    """The atoms with variables replaced by the arguments of the step."""
     return tuple(substitute_atom(atom, binding) for atom in atoms)
 
 

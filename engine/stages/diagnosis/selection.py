@@ -1,7 +1,8 @@
 """Test selection: which action to take next, and the tree of all that may follow.
 
-Exact by branch and bound within a budget of expansions, else a rollout of two steps beside a proven lower bound. Ties go
-to the action declared first. A `Selector` remembers what it has proved: asking again after an outcome costs little.
+The choice is exact by branch and bound within a budget of expansions. If the budget does not suffice, a
+rollout of two steps chooses, and there is a proven lower bound. If actions are equally good, the one declared
+first is chosen. A `Selector` remembers what it has proved, so asking again after an outcome costs little.
 """
 
 import math
@@ -19,14 +20,17 @@ from engine.stages.diagnosis.kernels.belief import Trail
 from engine.stages.diagnosis.kernels.memo import Memo
 
 EXPANSIONS = 200_000
-LEAVES = 10_000  # up to as many a third step is looked ahead
+LEAVES = 10_000  # with at most this many leaves, the rollout looks a third step ahead
 RULES = rollout.RULES
 TIE = 1e-9
 
 
 @dataclass
 class Selector:
-    """Chooses actions for one problem; `expansions` bounds the exact search for each question, 0 leaves it out."""
+    """Chooses actions for one problem.
+
+    `expansions` limits the exact search for each question; 0 means no exact search.
+    """
 
     problem: Troubleshooting
     expansions: int = EXPANSIONS
@@ -40,11 +44,11 @@ class Selector:
         self._followed: dict[int, Memo] = {}
 
     def start(self, situation: int = 0) -> Standing:
-        """The beginning: every cause of positive prior is possible, nothing was seen."""
+        """The state at the beginning: each cause with a positive prior is possible, and nothing was seen."""
         return Standing(self._trail(arrays.priors(self.problem)).possible(0), 0, situation)
 
     def advise(self, standing: Standing) -> Advice:
-        """What to do next. Raises `ValueError` when no cause is possible any more."""
+        """What to do next. Raises `ValueError` if no cause is possible."""
         weights, rest = self._state(standing)
         before = self.exact.spent
         value, proved = self.exact.value(weights, rest, math.inf, self.expansions)
@@ -60,7 +64,7 @@ class Selector:
         return Advice(action, conclusion, cost / total, floor / total, proved, others, spent)
 
     def compare(self, standing: Standing, actions: tuple[int, ...]) -> tuple[tuple[int, float, bool], ...]:
-        """For each action the expected cost of beginning with it, and whether that is exact or a lower bound."""
+        """For each action, the expected cost of beginning with it, and whether it is exact or a lower bound."""
         weights, rest = self._state(standing)
         found = [(a, *begun(self.exact, a, weights, rest, math.inf, self.expansions)) for a in actions]
         return tuple((a, value / float(weights.sum()), exact) for a, value, exact in found)
@@ -70,7 +74,7 @@ class Selector:
         return self._state(standing)[0]
 
     def observe(self, standing: Standing, action: int, outcome: int) -> Standing:
-        """Where the case stands after an outcome. `possible` is 0 if no cause explains it."""
+        """The state of the case after an outcome. `possible` is 0 if no cause explains the outcome."""
         weights, rest = self._state(standing)
         problem = self.exact.beliefs
         after = weights * problem.likelihoods[action, outcome]
@@ -79,12 +83,12 @@ class Selector:
     def tree(
         self, standing: Standing | None = None, choose: Callable[[Standing], Advice] | None = None
     ) -> Tree:
-        """All that may follow, by the advice of this selector or of `choose`."""
+        """The tree of all that may follow, with the advice of this selector or of `choose`."""
         first = self.start() if standing is None else standing
         return self._grow(first, choose or self.advise, float(self.weights(first).sum()))
 
     def rule(self, name: str) -> Callable[[Standing], Advice]:
-        """Advice by a one-step rule of `RULES`."""
+        """A function that gives the advice of a one-step rule of `RULES`."""
 
         def choose(standing: Standing) -> Advice:
             weights, rest = self._state(standing)
@@ -119,7 +123,7 @@ class Selector:
         return Try(total / root, action, cost, tuple(branches))
 
     def _first_best(self, weights: Floats, rest: int, value: float) -> int | None:
-        """The first action declared that is optimal; None to stop, which comes before every action."""
+        """The first declared action that is optimal; None to stop. Stopping comes before every action."""
         limit = value * (1.0 + TIE) + 1e-15
         if belief.stop(self.exact.beliefs, self._trail(weights), 0) <= limit:
             return None
@@ -128,7 +132,7 @@ class Selector:
                 _, proved = begun(self.exact, action, weights, rest, limit, self.expansions)
                 if proved:
                     return action
-        raise AssertionError("a value that no action reaches")
+        raise AssertionError("no action has the optimal value")
 
     def _rollout(self, weights: Floats, rest: int) -> tuple[int | None, float]:
         while True:
@@ -145,7 +149,7 @@ class Selector:
             self._bases = (_longer(one), _longer(two), _longer(three))
 
     def _follow(self, weights: Floats, rest: int, rule: int) -> float:
-        """The weighted cost of a one-step rule."""
+        """The weighted cost of following a one-step rule."""
         while True:
             table = self._followed.setdefault(rule, Memo(1 << 12, 0))
             table.resume(0)
@@ -175,7 +179,7 @@ class Selector:
         return int(np.argmin(expected)) if np.isfinite(expected).any() else None
 
     def _state(self, standing: Standing) -> tuple[Floats, int]:
-        """The weights and the second word of the key."""
+        """The weights, and the second word of the key."""
         problem = self.exact.beliefs
         weights = arrays.priors(self.problem)
         weights *= (standing.possible >> np.arange(len(weights))) & 1

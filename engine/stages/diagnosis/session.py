@@ -1,6 +1,7 @@
-"""One case from the exception to its end: ask for the next outcome, update the belief, go on until nothing is left to ask.
+"""One case from the exception to its end: ask for outcomes and update the belief until nothing is left to
+ask.
 
-A session decides nothing by itself about the world: who answers is passed in, be it a person, a list or a simulation.
+A session does not know who answers. The answers come from a function: a person, a list or a simulation.
 """
 
 from collections.abc import Callable, Iterator, Mapping
@@ -9,7 +10,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from engine.kernels.arrays import Floats
-from engine.model.cases import Case, Diagnosis, Hypothesis, Observation, Question, Stage
+from engine.model.cases import Case, CaseStep, Diagnosis, Hypothesis, Observation, Question
 from engine.model.troubleshooting import Action, Advice, Standing
 from engine.stages.diagnosis.exact import Interrupted, never
 from engine.stages.diagnosis.knowledge import Objective, PlanSetup, case_of, no_setup, open_case
@@ -17,15 +18,15 @@ from engine.stages.diagnosis.multiple import explanations
 from engine.stages.diagnosis.selection import EXPANSIONS, Selector
 from kb.model.faults import FaultModel
 
-Answer = Callable[[Action, Advice], str | None]
-"""The outcome of an action; None to end the session."""
+Answerer = Callable[[Action, Advice], str | None]
+"""Gives the outcome of an action; None ends the session."""
 MOST_ANSWERS = 4
 QUESTION, PUT_RIGHT, A_PERSON = "question", "yes", "a person"
 
 
 @dataclass
 class Session:
-    """A case in hand. `case` and `standing` change as outcomes come in; the stages so far are kept."""
+    """An open case. `case` and `standing` change with each outcome; the stages so far are kept."""
 
     model: FaultModel
     exception: str
@@ -34,7 +35,7 @@ class Session:
     setup: PlanSetup = no_setup
     expansions: int = EXPANSIONS
     interrupted: Interrupted = never
-    stages: list[Stage] = field(default_factory=list)
+    stages: list[CaseStep] = field(default_factory=list)
     cured: str | None = None
     ended: Floats | None = None
 
@@ -47,7 +48,10 @@ class Session:
         self.standing: Standing = self.selector.start(situation)
 
     def belief(self) -> tuple[tuple[Hypothesis, float], ...]:
-        """The hypotheses still possible with their probabilities, most probable first, then as declared."""
+        """The hypotheses that are still possible, with probabilities.
+
+        The most probable comes first, then as declared.
+        """
         weights = self.selector.weights(self.standing) if self.ended is None else self.ended
         total = float(weights.sum())
         pairs = [(h, float(w) / total) for h, w in zip(self.case.hypotheses, weights, strict=True) if w > 0.0]
@@ -58,12 +62,15 @@ class Session:
         return self.selector.advise(self.standing)
 
     def observe(self, action: int, outcome: int, advice: Advice) -> None:
-        """Take in an outcome. When no hypothesis explains it, sets of causes and wrong observations take their place."""
+        """Take in an outcome.
+
+        If no hypothesis explains it, sets of causes and wrong observations become the hypotheses.
+        """
         done = self.case.problem.actions[action]
         cost = float(self.selector.exact.beliefs.costs[self.standing.situation, action])
         before = tuple((str(h), p) for h, p in self.belief())
         observed = Observation(done.name, done.outcomes[outcome])
-        self.stages.append(Stage(before, advice, observed, cost))
+        self.stages.append(CaseStep(before, advice, observed, cost))
         if outcome in done.ends:
             self.cured = done.name
             self.ended = self.selector.weights(self.standing) * done.likelihoods[outcome]
@@ -75,7 +82,10 @@ class Session:
             self._widen(after.situation)
 
     def _widen(self, situation: int) -> None:
-        """No single cause is left: go on with the minimal sets that explain everything, most probable first."""
+        """Go on with the minimal sets that explain everything, because no single cause does.
+
+        The most probable set comes first.
+        """
         observations = [stage.observed for stage in self.stages]
         priors = self.model.priors(self.exception, self.counts)
         found = explanations(self.model, priors, observations)
@@ -85,12 +95,12 @@ class Session:
         self._take(case, situation if case.problem.setup else 0)
 
     def reply(self, answer: str) -> None:
-        """Take in what a person answered to the question of `diagnosis`: an observation like any other."""
+        """Take in a person's answer to the question of `diagnosis`. It is an observation like any other."""
         belief = self.belief()
         before = tuple((str(h), p) for h, p in belief)
         cost = float(self.model.stop)
         advice = Advice(None, None, cost, cost, True)
-        self.stages.append(Stage(before, advice, Observation(QUESTION, answer), cost))
+        self.stages.append(CaseStep(before, advice, Observation(QUESTION, answer), cost))
         if answer == PUT_RIGHT:
             self.cured = A_PERSON
         named = np.array([str(hypothesis) == answer for hypothesis in self.case.hypotheses])
@@ -98,7 +108,7 @@ class Session:
             self.ended = self.selector.weights(self.standing) * named
 
     def diagnosis(self) -> Diagnosis:
-        """How the case stands."""
+        """The state of the case."""
         belief = self.belief()
         cost = sum(stage.cost for stage in self.stages)
         isolated = len({h.causes for h, _ in belief}) == 1
@@ -111,7 +121,7 @@ class Session:
         )
 
     def _repairs(self, belief: tuple[tuple[Hypothesis, float], ...]) -> tuple[str, ...]:
-        """Repairs that may help, those first that serve most of what is possible; then the cheapest."""
+        """Repairs that may help. Those that are most likely to cure come first, then the cheapest."""
         causes = [(cause, p) for h, p in belief for cause in h.causes]
         if any(self.model.causes[cause].stops for cause, _ in causes[:1]):
             return ()
@@ -125,7 +135,7 @@ class Session:
         )
 
     def _answered(self, belief: tuple[tuple[Hypothesis, float], ...]) -> bool:
-        """Whether a person was asked this before: what is the matter, or whether it has been put right."""
+        """Whether a person has answered already what is the matter, or whether it has been put right."""
         last = self.stages[-1].observed if self.stages else Observation("", "")
         return last.action == QUESTION and (len(belief) > 1 or last.outcome == "no")
 
@@ -138,8 +148,8 @@ class Session:
         return Question(f"{said}: what is the matter?", (*likely, "something else"))
 
 
-def run(session: Session, answer: Answer) -> Diagnosis:
-    """Ask until the case is decided, nothing is left to ask, or nobody answers."""
+def run(session: Session, answer: Answerer) -> Diagnosis:
+    """Ask until the case is decided, nothing is left to ask, or there is no answer."""
     for _ in steps(session, answer):
         pass
     made = session.diagnosis()
@@ -153,14 +163,14 @@ def run(session: Session, answer: Answer) -> Diagnosis:
 
 
 def _asked(session: Session, question: Question) -> Action:
-    """The question as an action of which only the answers matter."""
+    """The question as an action. Only its answers matter."""
     share = 1.0 / len(question.answers)
     rows = tuple((share,) * len(session.case.hypotheses) for _ in question.answers)
     return Action(QUESTION, float(session.model.stop), question.answers, rows)
 
 
-def steps(session: Session, answer: Answer) -> Iterator[Stage]:
-    """Ask and observe, stage by stage."""
+def steps(session: Session, answer: Answerer) -> Iterator[CaseStep]:
+    """Ask and observe, one stage after the other."""
     while session.cured is None:
         advice = session.advice()
         if advice.action is None:

@@ -1,4 +1,4 @@
-"""What is done with a decision tree: follow it with a hidden cause, and price it under other beliefs or set-up costs."""
+"""Uses of a decision tree: follow it for a hidden cause, or price it under other beliefs or set-up costs."""
 
 import random
 
@@ -6,13 +6,13 @@ from engine.model.troubleshooting import Conclude, Tree, Troubleshooting, Try
 
 
 def simulated_cost(problem: Troubleshooting, tree: Tree, chance: random.Random) -> float:
-    """The cost of one case: a cause is drawn from the priors, outcomes from its likelihoods."""
+    """The cost of one simulated case: a cause is drawn from the priors, and outcomes from their likelihoods."""
     cause = chance.choices(range(len(problem.causes)), problem.priors)[0]
     return cost_of_case(problem, tree, cause, chance)
 
 
 def cost_of_case(problem: Troubleshooting, tree: Tree, cause: int, chance: random.Random) -> float:
-    """The cost of following a tree when `cause` is there."""
+    """The cost of following a tree if `cause` is the cause."""
     cost = 0.0
     while isinstance(tree, Try):
         cost += tree.cost
@@ -23,7 +23,10 @@ def cost_of_case(problem: Troubleshooting, tree: Tree, cause: int, chance: rando
 
 
 def cost_under(problem: Troubleshooting, tree: Tree) -> float:
-    """The expected cost of following a tree, made for whatever beliefs, in `problem`: its priors, set-up and losses."""
+    """The expected cost of following a tree under the priors, set-up and losses of `problem`.
+
+    The tree may have been made for other beliefs.
+    """
     return _cost(problem, tree, problem.priors, 0)
 
 

@@ -1,4 +1,7 @@
-"""A small model of a world with a hidden cause: it answers tests and repairs as the fault base says they would be."""
+"""A small simulated world with a hidden cause.
+
+It answers tests and repairs with the fault base's probabilities.
+"""
 
 import random
 from collections.abc import Mapping
@@ -12,7 +15,10 @@ from kb.model.faults import FaultModel
 
 @dataclass
 class HiddenWorld:
-    """Answers by name of a test or repair; the same question gets the same answer. `chance` settles the uncertain ones."""
+    """Answers by the name of a test or repair.
+
+    The same question gets the same answer; `chance` decides uncertain ones.
+    """
 
     model: FaultModel
     hidden: Hypothesis
@@ -27,7 +33,7 @@ class HiddenWorld:
         return self.answered[name]
 
     def respond(self, action: Action) -> str:
-        """The outcome of an action of a case; to the question of a safe stop, the truth."""
+        """The outcome of an action of a case. The question of a safe stop gets the true answer."""
         if action.name in self.model.tests or action.name in self.model.repairs:
             return self.answer(action.name)
         return str(self.hidden) if str(self.hidden) in action.outcomes else action.outcomes[-1]
@@ -43,6 +49,6 @@ class HiddenWorld:
 def draw_cause(
     model: FaultModel, exception: str, chance: random.Random, counts: Mapping[str, float] | None = None
 ) -> Hypothesis:
-    """A hidden cause of an exception, by its true frequencies."""
+    """A hidden cause of an exception, drawn with its probability."""
     priors = model.priors(exception, counts)
     return Hypothesis((chance.choices(list(priors), list(priors.values()))[0],))

@@ -1,4 +1,6 @@
-"""From a problem to a ground task: clingo finds what can be reached, numbers come back, Python makes bitsets."""
+"""Grounding turns a problem into a ground task. clingo finds what can be reached and returns it as numbers;
+Python makes bitsets of them.
+"""
 
 import gc
 from collections.abc import Iterator
@@ -45,8 +47,9 @@ from kb.terms import Atom, Function, Number
 def ground(problem: Problem) -> Task:
     """The ground task of a problem.
 
-    Raises `InvalidInput` with everything that is found wrong: violated constraints, contradictions and ambiguities
-    among deductive operators, derived predicates with too many supports, grounding beyond its limits.
+    Raises `InvalidInput` with everything that is found wrong: violated constraints, contradictions and
+    ambiguities among deductive operators, derived predicates with too many supports, and a grounding that
+    exceeds its limits.
     """
     with _no_garbage_collection():
         grounding = _Grounding(problem)
@@ -66,13 +69,17 @@ def findings(problem: Problem) -> list[Diagnostic]:
 
 
 def reachable_operators(task: Task) -> frozenset[str]:
-    """The names of the operators that have an instance."""
+    """The names of the operators that have at least one instance in the task."""
     return frozenset(operator.instance.name for operator in task.operators)
 
 
 @contextmanager
 def _no_garbage_collection() -> Iterator[None]:
-    """Millions of values are made here and none is part of a cycle; to look for cycles among them takes a third more time."""
+    """Turns Python's search for reference cycles off while grounding runs.
+
+    Grounding makes millions of values, and none of them is part of a cycle. The search for cycles would take
+    a third more time.
+    """
     enabled = gc.isenabled()
     gc.disable()
     try:
@@ -83,7 +90,10 @@ def _no_garbage_collection() -> Iterator[None]:
 
 
 class _Grounding:
-    """The stages of one grounding, each using what the ones before it found; `found` is what is wrong."""
+    """The steps of one grounding; each step uses the results of the steps before it.
+
+    `found` lists what is wrong.
+    """
 
     def __init__(self, problem: Problem) -> None:
         self.problem, self.domain = problem, problem.domain
@@ -98,7 +108,7 @@ class _Grounding:
         self.invented = {each.head.name: len(each.head.arguments) for each in normaliser.rules}
 
     def task(self) -> Task:
-        """The task; it means nothing if something is wrong."""
+        """The task. It is meaningless if `found` is not empty."""
         require_affordable(self.problem, self.schemas, self.vocabulary)
         initial, contradicted = initial_state(self.problem, self.vocabulary)
         self.found += contradicted
@@ -123,7 +133,7 @@ class _Grounding:
         atoms = (*universe.atoms, *workflow.atoms, *goals.atoms, *negated)
         completed = [complemented(operator, numbering) for operator in completed]
         groups = mutex_groups(atoms, completed, start | complements)
-        if not contradicted:  # of which two atoms of a group may be true
+        if not contradicted:  # then two atoms of a mutex group may be true
             self.found += ambiguities(self.domain, made.doubts, atoms, groups)
         pairs = (1 << atom | 1 << complement for atom, complement in numbering.complements.items())
         return Task(
@@ -156,7 +166,7 @@ class _Grounding:
         return Goals(ways, first)
 
     def _overflows(self, universe: Universe, supports: Supports, made: Instances) -> Iterator[Diagnostic]:
-        """Derived predicates and conditions that cannot be compiled, each predicate once."""
+        """Diagnostics for derived predicates and operators' conditions that can hold in too many ways."""
         for name, atom in {a.name: a for a in map(universe.atom, reversed(supports.overflowing))}.items():
             where = next(each.where for each in self.rules if each.head.name == name)
             yield _too_many(str(atom), where)
@@ -165,7 +175,7 @@ class _Grounding:
 
     def _violation(self, constraint: Statement) -> Diagnostic:
         said = constraint.under("").strip()
-        hint = f"a fact of {self.problem.name} or of its domain breaks it"
+        hint = f"change the facts of {self.problem.name} or of its domain that break this constraint"
         return Diagnostic(constraint.where, "K204", f"the problem {self.problem.name} violates {said}", hint)
 
     def _reachable(self, initial: tuple[Atom, ...]) -> Universe:
@@ -210,7 +220,10 @@ def contradictions(made: Instances, universe: Universe) -> Iterator[Diagnostic]:
         chain = _chain(made.deduction, universe, found.adds, atom)
         message = f"{found.instance} both adds and denies {atom}: {chain}"
         yield Diagnostic(
-            found.operator.where, "K301", message, f"narrow the deductive operators behind {operator}"
+            found.operator.where,
+            "K301",
+            message,
+            f"add conditions to the deductive operators that {operator} triggers",
         )
 
 
@@ -223,4 +236,4 @@ def _chain(deduced: Deduction, universe: Universe, adds: Bits, atom: Function) -
         for i, verb in ((adder, "adds or implies"), (denier, "denies"))
         if i is not None
     ]
-    return ", ".join(said) or "by way of what it denies"
+    return ", ".join(said) or "this follows from what it denies"

@@ -1,4 +1,4 @@
-"""Denied atoms that may or may not have been true, where it matters (language reference, Meaning 4)."""
+"""Denied atoms that may have been true before or not, where this makes a difference (language, Meaning 4)."""
 
 from collections.abc import Iterator, Sequence
 
@@ -12,7 +12,10 @@ from kb.terms import Atom
 def ambiguities(
     domain: Domain, doubts: Sequence[Doubt], atoms: Sequence[Atom], groups: Sequence[Bits]
 ) -> Iterator[Diagnostic]:
-    """One diagnostic per operator that denies an atom which its preconditions neither name nor exclude."""
+    """One diagnostic for each operator that denies an atom which may or may not have been true before.
+
+    This is open if the preconditions neither contain the atom nor exclude it.
+    """
     rivals = _Rivals(groups)
     schemas: dict[str, Operator] = {operator.name: operator for operator in domain.operators}
     reported: set[str] = set()
@@ -22,20 +25,20 @@ def ambiguities(
             continue
         reported.add(name)
         atom = indices(open_atoms)[0]
-        message = f"{doubt.instance} denies {atoms[atom]}, which has consequences if it was true before"
-        hint = f"name it in the preconditions of {name}, or name what excludes it"
+        message = f"{doubt.instance} denies {atoms[atom]}; what follows depends on whether it was true before"
+        hint = f"add this atom, or one that excludes it, to the preconditions of {name}"
         yield Diagnostic(schemas[name].where, "K302", message, hint)
 
 
 class _Rivals:
-    """What is never true together with an atom, looked up once for each atom."""
+    """The atoms that are never true together with a given atom; they are looked up once for each atom."""
 
     def __init__(self, groups: Sequence[Bits]) -> None:
         self.groups = groups
         self.known: dict[int, Bits] = {}
 
     def of(self, atoms: Bits) -> Bits:
-        """What some atom of a set excludes."""
+        """All atoms that are excluded by at least one atom of a set."""
         found = 0
         for atom in indices(atoms):
             if atom not in self.known:

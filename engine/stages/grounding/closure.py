@@ -1,4 +1,4 @@
-"""Deduction over numbered atoms: what adding or denying an atom adds and denies (language reference, Meaning 3)."""
+"""Deduction over numbered atoms: what follows when atoms are added or denied (language, Meaning 3)."""
 
 from dataclasses import dataclass
 
@@ -13,7 +13,11 @@ Closure = tuple[Bits, Bits]
 
 @dataclass(frozen=True, slots=True)
 class Deduction:
-    """Per atom: what its becoming true implies and denies, transitively; the same for its being denied."""
+    """The consequences of each atom, by atom number.
+
+    `implied` and `denied` are what follows, over any number of rules, when the atom becomes true.
+    `implied_if_denied` and `denied_if_denied` are what follows directly when the atom is denied.
+    """
 
     implied: tuple[Bits, ...]
     denied: tuple[Bits, ...]
@@ -21,9 +25,10 @@ class Deduction:
     denied_if_denied: tuple[Bits, ...]
 
     def close(self, adds: Bits, true_before: Bits, deletes: Bits = 0) -> Closure:
-        """The least fixpoint of (Add, Del) from `adds` and explicit `deletes`, which are not part of the Del returned.
+        """The least fixpoint (Add, Del) of the atoms `adds` and the explicitly deleted atoms `deletes`.
 
-        A denied or deleted atom triggers `not` rules only if it is in `true_before`.
+        `deletes` is not part of the Del that is returned. A denied or deleted atom triggers `not` rules only
+        if it is in `true_before`.
         """
         added, deleted = self._spread(adds)
         fired = 0
@@ -36,7 +41,7 @@ class Deduction:
         return added, deleted
 
     def has_rules(self) -> bool:
-        """Whether anything follows from anything."""
+        """Whether any atom has consequences."""
         trivial = all(mask == 1 << atom for atom, mask in enumerate(self.implied))
         return not trivial or any(self.denied) or bool(self.triggers())
 
@@ -72,7 +77,7 @@ def _union(masks: list[Bits], over: Bits) -> Bits:
 
 
 def _transitive(direct: list[Bits]) -> list[Bits]:
-    """Each atom with everything it implies, itself included."""
+    """For each atom everything that it implies, directly or over other atoms; the atom itself is included."""
     closed = []
     for atom, implied in enumerate(direct):
         reached, frontier = 1 << atom, implied & ~(1 << atom)

@@ -1,9 +1,11 @@
-"""What each atom's becoming true or false implies and denies, rule by rule: bitsets per trigger, from tables of numbers.
+"""What each atom implies and denies when it becomes true or false, as one bitset for each atom.
 
-A consequence with variables of its own, such as `denies: at(Arm, Other), Other != Point`, relates a trigger to every
-other atom of a pattern, which makes quadratically many pairs. So triggers and consequences are listed apart, each with
-the number of the values that they share; all triggers of one number have the same bitset of consequences, and only the
-pairs that an inequality excludes are listed one by one.
+clingo evaluates each deductive rule and returns tables of atom numbers. A consequence may have variables of
+its own, as in `denies: at(Arm, Other), Other != Point`. It then relates one trigger to every other atom of a
+pattern, so the number of pairs grows with the square of the number of atoms. To avoid this, clingo lists
+triggers and consequences in separate tables. Both tables contain a key: the number of the values that trigger
+and consequence share. All triggers with the same key have the same bitset of consequences. Only the pairs
+that an inequality excludes are listed one by one.
 """
 
 import itertools
@@ -19,13 +21,17 @@ from kb.model.conditions import Aggregate, BodyPart, Comparison, free_variables
 from kb.model.domain import Consequence, DeductiveOperator, Domain
 from kb.terms import ANYTHING, Function, Term, Variable, variables
 
-Kind = tuple[bool, bool]  # whether the trigger is added, whether the consequence is implied
+Kind = tuple[bool, bool]  # (the trigger is added, the consequence is implied); False means denied
 TRIGGER, CONSEQUENCE, KEY = "Trigger__", "Consequence__", "Key__"
 
 
 @dataclass(frozen=True, slots=True)
 class Sides:
-    """A consequence taken apart: the variables on both sides, the conditions of each side, equalities to leave out."""
+    """A consequence that is split into two sides, so that each side gets a table of its own.
+
+    `shared` are the variables that occur on both sides. `trigger` and `own` are the conditions of the trigger
+    and of the consequence. `excluded` are equalities; the pairs that satisfy one of them do not count.
+    """
 
     shared: tuple[Variable, ...]
     trigger: tuple[str, ...]
@@ -35,7 +41,7 @@ class Sides:
 
 @dataclass(frozen=True, slots=True)
 class _Entry:
-    """One consequence of one deductive operator; `name` begins the names of its predicates."""
+    """One consequence of one deductive operator. The names of its auxiliary predicates begin with `name`."""
 
     name: str
     operator: DeductiveOperator
@@ -48,7 +54,7 @@ class _Entry:
 
 
 def consequences(domain: Domain, vocabulary: Vocabulary, universe: Universe) -> Mapping[Kind, list[Bits]]:
-    """For each kind and each fluent of `universe` its direct consequences."""
+    """The direct consequences of each fluent of `universe`, for each kind of trigger and consequence."""
     entries = list(_entries(domain, vocabulary))
     _number_keys([entry for entry in entries if entry.sides is not None], universe)
     tables = universe.tables(dict(itertools.chain.from_iterable(map(_rules, entries))))
@@ -71,7 +77,11 @@ def consequences(domain: Domain, vocabulary: Vocabulary, universe: Universe) -> 
 
 
 def sides(operator: DeductiveOperator, consequence: Consequence) -> Sides | None:
-    """How to take a consequence apart; None where it has no variables of its own, or its conditions join the sides."""
+    """The two sides of a consequence.
+
+    None if the consequence has no variables of its own, or if a condition other than an inequality joins the
+    two sides.
+    """
     near, far = _named(operator.trigger.atom), _named(consequence.atom)
     if far <= near:
         return None
@@ -99,7 +109,7 @@ def _named(atom: Function) -> set[Variable]:
 
 
 def _excluded(part: BodyPart) -> str | None:
-    """The equality that an inequality excludes."""
+    """The equality that an inequality rules out; None for any other condition."""
     if isinstance(part, Comparison) and part.relation == "!=":
         return str(Comparison(part.left, "=", part.right))
     return None
@@ -113,7 +123,7 @@ def _entries(domain: Domain, vocabulary: Vocabulary) -> Iterator[_Entry]:
 
 
 def _number_keys(entries: list[_Entry], universe: Universe) -> None:
-    """Number the values that the sides of each entry share."""
+    """Numbers the values that the two sides of each entry share."""
     rules, arities = [], {}
     for entry in entries:
         assert entry.sides is not None
@@ -146,6 +156,6 @@ def _pairs(name: str, one: str, other: str, bodies: list[list[str]]) -> tuple[st
 
 
 def _grouped(table: Table) -> dict[int, Bits]:
-    """The second numbers of all rows that begin with the same first, as a bitset; rows come sorted."""
+    """For each number in the first column the numbers beside it, as a bitset. The rows come sorted."""
     groups = itertools.groupby(table, key=lambda row: row[0])
     return {first: bitset([second for _, second in group]) for first, group in groups}

@@ -1,8 +1,9 @@
-"""Derived predicates compiled away: each derived atom's minimal supports over fluents.
+"""Derived predicates are compiled away: each derived atom is replaced by its minimal supports over fluents.
 
-A support is a set of signed atom numbers: n for "atom n is true", ~n for "atom n is false". Recursion is handled
-component by component as a least fixpoint of antichains; negation needs the atom's component to be finished
-(stratification), and is the set of minimal ways to break every support.
+A support is a set of signed atom numbers: n means "atom n is true", ~n means "atom n is false". Atoms that
+depend on each other recursively form a component. The supports of a component are computed together, as a
+least fixpoint of antichains. The negation of an atom is computed when its component is finished
+(stratification): it is the set of minimal ways to break every support.
 """
 
 from collections.abc import Iterable, Mapping
@@ -10,7 +11,7 @@ from collections.abc import Iterable, Mapping
 from kb.graphs import components
 
 Support = frozenset[int]
-Rules = Mapping[int, list[tuple[int, ...]]]  # derived atom: bodies of signed numbers
+Rules = Mapping[int, list[tuple[int, ...]]]  # the rule bodies of each derived atom, as signed numbers
 MAX_SUPPORTS = 512
 
 
@@ -19,7 +20,10 @@ class TooManySupports(Exception):
 
 
 class Supports:
-    """The supports of every derived atom of a problem, computed in order of dependency."""
+    """The supports of every derived atom of a problem.
+
+    An atom is computed after the atoms that it depends on.
+    """
 
     def __init__(self, derived: Iterable[int], rules: Rules) -> None:
         self._supports: dict[int, list[Support]] = {atom: [] for atom in derived}
@@ -33,11 +37,14 @@ class Supports:
 
     @property
     def overflowing(self) -> list[int]:
-        """The derived atoms with more minimal supports than `MAX_SUPPORTS`, or ways to break them; they have none here."""
+        """The derived atoms with more than `MAX_SUPPORTS` minimal supports or ways to break them.
+
+        `of` returns no supports for such an atom.
+        """
         return list(self._overflowing)
 
     def of(self, signed: int) -> list[Support]:
-        """The minimal ways to make a signed atom hold; a fluent supports itself."""
+        """The minimal ways to make a signed atom hold. A fluent supports itself."""
         atom = _atom(signed)
         if atom not in self._supports:
             return [frozenset([signed])]
@@ -48,7 +55,7 @@ class Supports:
         return self._broken[atom]
 
     def combinations(self, condition: Iterable[int]) -> list[Support]:
-        """The minimal ways to make all of `condition` hold."""
+        """The minimal ways to make every signed atom of `condition` hold."""
         condition = tuple(condition)
         if not any(_atom(signed) in self._supports for signed in condition):
             support = frozenset(condition)
@@ -104,7 +111,7 @@ def _few(supports: list[Support]) -> list[Support]:
 
 
 def _minimal(supports: list[Support]) -> list[Support]:
-    """The consistent supports of which no proper part is one, smallest first."""
+    """The consistent supports that contain no smaller consistent support, smallest first."""
     kept: list[Support] = []
     for support in sorted(set(supports), key=lambda each: (len(each), sorted(each))):
         consistent = not any(~signed in support for signed in support)

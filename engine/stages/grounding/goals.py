@@ -1,9 +1,10 @@
 """Goals that can be met in several ways, such as `measured(_, _, meas(m3))`.
 
-A few combinations become alternative goals of the task. Many would multiply, so then each conjunct gets an atom of its
-own that internal operators add once the plan proper has ended: `_ends` closes it, `_meets(n, k)` says that conjunct n
-holds in its k-th way. Internal operators cost nothing and never reach a plan (Gazen & Knoblock 1997 compile
-disjunctive goals likewise).
+If the ways of all conjuncts have few combinations, each combination becomes an alternative goal of the task.
+If they have many, each conjunct gets an atom of its own, and internal operators add these atoms at the end:
+`_ends` ends the plan proper, and `_meets(n, k)` says that conjunct n holds in its k-th way. Internal
+operators cost nothing and never appear in a plan. Gazen & Knoblock 1997 compile disjunctive goals in this
+way, too.
 """
 
 import itertools
@@ -21,7 +22,7 @@ RUNNING, ENDED = Function("_running"), Function("_ended")
 
 @dataclass
 class Goals:
-    """The ways to satisfy each conjunct; further atoms are numbered from `first` on."""
+    """The ways to satisfy each conjunct of a goal. Additional atoms are numbered from `first` on."""
 
     parts: list[list[Support]]
     first: int
@@ -41,7 +42,7 @@ class Goals:
     def compiled(
         self, operators: list[GroundOperator], numbering: Numbering
     ) -> tuple[list[Bits], list[GroundOperator]]:
-        """The alternative goals, and the operators with the internal ones."""
+        """The alternative goals, and the operators together with the internal ones."""
         if not self._many:
             found = {_joined(choice, numbering): None for choice in itertools.product(*self.parts)}
             return list(found), operators

@@ -1,4 +1,6 @@
-"""The initial state of a problem: given facts closed, then the defaults that nothing contradicts (language, Meaning 6)."""
+"""The initial state of a problem: the given facts with all their consequences, then each default that
+contradicts nothing (language reference, Meaning 6).
+"""
 
 from collections.abc import Iterator
 
@@ -17,7 +19,10 @@ STRANGE = "_strange"
 
 
 def initial_state(problem: Problem, vocabulary: Vocabulary) -> tuple[tuple[Atom, ...], list[Diagnostic]]:
-    """The true fluents, and what is wrong: given facts with values outside their types, or that contradict each other."""
+    """The fluents that are true at the beginning, and what is wrong with the given facts.
+
+    A fact is wrong if an argument is not a value of its type, or if other facts deny it.
+    """
     if problem.complete:
         return tuple(dict.fromkeys(problem.initial)), []
     grounder = Grounder()
@@ -37,14 +42,19 @@ def initial_state(problem: Problem, vocabulary: Vocabulary) -> tuple[tuple[Atom,
 
 
 def _strange(problem: Problem, grounder: Grounder) -> Iterator[Diagnostic]:
-    """Arguments of given facts that are no values of their types, as only the statics can tell."""
+    """Diagnostics for arguments of given facts that are not values of their types.
+
+    Only the static rules decide which values such a type has, so clingo has to evaluate them first.
+    """
     for number, place in sorted(grounder.atoms(STRANGE, 2), key=str):
         assert isinstance(number, Number)
         assert isinstance(place, Number)
         fact = problem.initial[number.value]
         type_ = problem.domain.predicates[fact.name].arguments[place.value]
         message = f"{fact.arguments[place.value]} is no {type_}, in the initial {fact}"
-        yield Diagnostic(problem.where, "K103", message, f"change the fact, or the facts that make a {type_}")
+        yield Diagnostic(
+            problem.where, "K103", message, f"change this fact, or the facts that define the type {type_}"
+        )
 
 
 def _contradiction(problem: Problem, denied: tuple[Atom, ...]) -> list[Diagnostic]:
@@ -75,18 +85,18 @@ def _program(problem: Problem) -> list[str]:
 
 
 class _State:
-    """Facts and what they deny, growing."""
+    """The facts that hold so far, and the atoms that they deny."""
 
     def __init__(self, deduced: Deduction) -> None:
         self.deduced = deduced
         self.facts = self.denied = 0
 
     def give(self, facts: Bits) -> None:
-        """Take facts as they are, with all that follows."""
+        """Takes the given facts and everything that follows from them."""
         self.facts, self.denied = self.deduced.close(facts, facts)
 
     def suppose(self, atom: int) -> None:
-        """Take a default with all that follows, unless it contradicts what is there."""
+        """Adds a default and everything that follows from it, unless it contradicts the state."""
         added, denied = self.deduced.close(1 << atom, self.facts)
         if not (added & self.denied or denied & self.facts or added & denied):
             self.facts |= added

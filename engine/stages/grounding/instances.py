@@ -1,6 +1,7 @@
-"""InstanceRows of numbers from clingo become ground operators: conditions, supports, deduction, workflow stages.
+"""Ground operators are made from rows of numbers: conditions, supports, deduced changes, workflow stages.
 
-There may be a million rows, so what the rows of a schema share is looked up once, and equal bitsets are one object.
+There may be a million rows. So values that the rows of a schema share are computed once, and equal bitsets
+are one object.
 """
 
 import itertools
@@ -32,7 +33,10 @@ class Contradiction:
 
 @dataclass(frozen=True, slots=True)
 class Doubt:
-    """An instance denies `atoms` with consequences; whether they were true its `preconditions` may say or not."""
+    """An operator instance that denies `atoms`, which have consequences if they were true before.
+
+    Its `preconditions` do not contain these atoms. They may still exclude them.
+    """
 
     instance: Function
     atoms: Bits
@@ -41,9 +45,10 @@ class Doubt:
 
 @dataclass(frozen=True, slots=True)
 class InstanceRows:
-    """The reachable instances of a schema: arguments, one number per dynamic literal, added atoms, deleted atoms.
+    """The reachable instances of a schema, one per row.
 
-    An unreachable atom is -1; it stands only where it is negated or deleted.
+    The columns are: arguments, one number per dynamic literal, added atoms, deleted atoms. The number -1
+    stands for an unreachable atom; it occurs only where the atom is negated or deleted.
     """
 
     schema: Schema
@@ -52,7 +57,7 @@ class InstanceRows:
 
     @property
     def ends(self) -> tuple[int, int, int]:
-        """The columns before which arguments, literals and added atoms end."""
+        """The columns at which the arguments, the literals and the added atoms end (exclusive)."""
         arguments = len(self.schema.operator.parameters)
         literals = arguments + len(self.schema.literals)
         return arguments, literals, literals + self.adds
@@ -63,19 +68,26 @@ class InstanceRows:
 
 @dataclass(frozen=True, slots=True)
 class Changes:
-    """What an instance adds and deletes, with all that follows, and which denied atoms the preconditions do not name."""
+    """What an instance adds and deletes, with everything that follows from it.
+
+    `doubtful` are the denied atoms that have consequences and that the preconditions do not contain.
+    """
 
     adds: Bits
     deletes: Bits
     doubtful: Bits = 0
 
 
-Traits = tuple[tuple[Term, ...], int, int]  # resources, duration, cost
+Traits = tuple[tuple[Term, ...], int, int]  # (resources, duration, cost)
 
 
 @dataclass
 class Instances:
-    """Everything needed to turn rows into operators, and what was found wrong on the way, by operator."""
+    """Everything that is needed to turn rows into operators.
+
+    `contradictions`, `doubts` and `overflowing` collect what was found wrong on the way; `contradictions` and
+    `overflowing` have the operator's name as key.
+    """
 
     universe: Universe
     deduction: Deduction
@@ -93,7 +105,7 @@ class Instances:
         self.deduces = self.deduction.has_rules()
 
     def operators(self, schemas: Iterable[InstanceRows]) -> Iterator[GroundOperator]:
-        """The ground operators of all rows: one per support and per choice of stages, each once."""
+        """The ground operators of all rows: one for each support and choice of stages, each once."""
         for _, group in itertools.groupby(schemas, key=lambda rows: rows.schema.operator.name):
             parts = list(group)
             if len(parts) == 1 and self._is_plain(parts[0].schema):
@@ -102,7 +114,11 @@ class Instances:
                 yield from dict.fromkeys(made for rows in parts for made in self._various(rows))
 
     def _is_plain(self, schema: Schema) -> bool:
-        """Whether each row is one operator: positive conditions on fluents, no choice of stages."""
+        """Whether each row is exactly one operator.
+
+        This is so if all conditions are positive and on fluents, no effect is conditional and no stage can be
+        chosen.
+        """
         fluents = all(each.positive and not self.universe.is_derived(each.atom) for each in schema.literals)
         effects = schema.operator.effects
         staged = self.workflow.reaching or any(each.atom.name in self.workflow.events for each in effects)
@@ -150,7 +166,7 @@ class Instances:
         return [substitute_atom(event, bindings) for event in events]
 
     def bits(self, atoms: tuple[int, ...]) -> Bits:
-        """The bitset of a few atoms; the same object for the same one."""
+        """The bitset of a few atoms. A single atom always gives the same object."""
         if len(atoms) > 1:
             return bitset(atoms)
         found = self._sets.get(atoms)
@@ -159,7 +175,7 @@ class Instances:
         return found
 
     def contradicts(self, operator: Operator, instance: Function, atoms: Bits, adds: Bits) -> None:
-        """Note a contradiction, the first of each operator."""
+        """Notes a contradiction, unless the operator has one already."""
         self.contradictions.setdefault(operator.name, Contradiction(operator, instance, atoms, adds))
 
     def _conditional(
@@ -173,7 +189,7 @@ class Instances:
                 added, denied = self.deduction.close(adds, before)
                 if added & denied:
                     self.contradicts(operator, instance, added & denied, adds)
-                self.numbering.bits([~each for each in support])  # regression needs their complements
+                self.numbering.bits([~each for each in support])  # makes complements, for regression
                 yield ConditionalEffect(self.numbering.bits(support), added, (denied | deletes) & ~added)
 
     def _is_fluent(self, number: int) -> bool:
@@ -181,7 +197,7 @@ class Instances:
 
 
 class _Closing:
-    """The changes of the instances of a schema, each computed once."""
+    """The changes of the instances of a schema. Equal changes are computed once."""
 
     def __init__(self, made: Instances, rows: InstanceRows) -> None:
         self.made, self.operator = made, rows.schema.operator
@@ -189,7 +205,7 @@ class _Closing:
         self.known: dict[tuple[tuple[int, ...], Bits], Changes] = {}
 
     def changes(self, row: list[int], base: Bits, instance: Function) -> Changes:
-        """What the instance in `row` does under the preconditions `base`."""
+        """What the instance in `row` adds and deletes when its preconditions are `base`."""
         made = self.made
         before = base & made.triggers
         key = (tuple(row[self.literals :]), before)
@@ -204,7 +220,7 @@ class _Closing:
         made = self.made
         adds = made.bits(tuple(row[self.literals : self.adds]))
         deletes = made.bits(tuple([atom for atom in row[self.adds :] if atom >= 0]))
-        if deletes & adds:  # add after delete: what is added again never ends
+        if deletes & adds:  # an atom that is both deleted and added stays true
             deletes &= ~adds
         if not made.deduces:
             return Changes(adds, deletes)
@@ -216,7 +232,10 @@ class _Closing:
 
 
 class _Shared:
-    """What instances of an operator hold, how long they take and what they cost, by the arguments that matter."""
+    """The resources, the duration and the cost of an operator's instances.
+
+    They are computed once for each combination of the arguments that they depend on.
+    """
 
     def __init__(self, operator: Operator) -> None:
         self.operator = operator
@@ -229,7 +248,7 @@ class _Shared:
         self.known: dict[tuple[int, ...], Traits] = {}
 
     def of(self, row: list[int], instance: Function) -> Traits:
-        """The traits of the instance in `row`."""
+        """The resources, duration and cost of the instance in `row`."""
         key = tuple([row[place] for place in self.places])
         found = self.known.get(key)
         if found is None:
@@ -244,12 +263,15 @@ class _Shared:
 
 
 def signed(literals: Sequence[Literal], numbers: list[int]) -> tuple[int, ...]:
-    """Signed numbers of literals; a negated atom that is never reachable (number -1) is no condition."""
+    """The signed numbers of literals.
+
+    A negated atom that is never reachable (number -1) is always false, so it is left out.
+    """
     pairs = zip(literals, numbers, strict=True)
     return tuple(n if each.positive else ~n for each, n in pairs if each.positive or n >= 0)
 
 
 def _value(term: Term | None, bindings: Substitution, default: int) -> int:
-    """A duration or cost under bindings."""
+    """The value of a duration or cost under bindings; `default` if the operator gives none."""
     bound = substitute(term, bindings) if term is not None else None
     return bound.value if isinstance(bound, Number) else default

@@ -1,10 +1,11 @@
-"""Mutex groups by invariant synthesis, after Helmert, "Concise finite-domain representations for PDDL planning tasks"
-(Artificial Intelligence 173, 2009).
+"""Mutex groups by invariant synthesis, after Helmert, "Concise finite-domain representations for PDDL
+planning tasks" (Artificial Intelligence 173, 2009).
 
-A candidate is a set of atom patterns, each a predicate with at most one counted argument; its other arguments are
-the invariant's parameters. A candidate that an operator would break by adding an atom is refined with a pattern that
-this operator consumes. Candidates are proposed on predicates but verified on ground operators, one instance of the
-parameters at a time, so an instance may hold where the whole schema does not.
+A candidate is a set of atom patterns. Each pattern is a predicate with at most one counted argument; its
+other arguments are the parameters of the invariant. If an operator would break a candidate by adding an atom,
+the candidate is refined: it gets one more pattern, which this operator consumes. Candidates are made from
+predicates, but they are verified on ground operators, for one instance of the parameters at a time. So an
+instance may be an invariant where the whole schema is not.
 """
 
 import itertools
@@ -14,9 +15,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from engine.model.task import Bits, ConditionalEffect, GroundOperator, indices
 from kb.terms import Atom, Term
 
-Part = tuple[
-    str, tuple[int, ...]
-]  # predicate; for each invariant parameter the argument position that holds it
+Part = tuple[str, tuple[int, ...]]  # predicate, and the argument position of each invariant parameter
 Candidate = frozenset[Part]
 MAX_CANDIDATES = 300
 
@@ -24,7 +23,7 @@ MAX_CANDIDATES = 300
 def mutex_groups(
     atoms: Sequence[Atom], operators: Sequence[GroundOperator], initial: Bits
 ) -> tuple[Bits, ...]:
-    """Sets of at least two atoms of which no more than one is ever true, largest first."""
+    """Sets of at least two atoms of which at most one is true in every reachable state, largest first."""
     search = _Search(atoms, operators, initial)
     found = search.run()
     kept: list[Bits] = []
@@ -39,8 +38,8 @@ class _Search:
         self.atoms, self.operators, self.initial = atoms, operators, initial
         self.adders: dict[int, list[int]] = defaultdict(list)
         alike: dict[tuple[Bits, Bits, tuple[ConditionalEffect, ...]], int] = {}
-        self.members: list[list[int]] = []  # operators that differ in preconditions alone, by their first one
-        self.sets: list[tuple[Bits, Bits]] = []  # what they add and delete always
+        self.members: list[list[int]] = []  # per kind its operators; they differ only in preconditions
+        self.sets: list[tuple[Bits, Bits]] = []  # per kind what it always adds and deletes
         for number, operator in enumerate(operators):
             kind = alike.setdefault((operator.adds, operator.deletes, operator.conditional), len(alike))
             if kind == len(self.members):
@@ -73,7 +72,7 @@ class _Search:
                 queue.append(refined)
 
     def _instances(self, candidate: Candidate) -> list[Bits]:
-        """The candidate's groups, one for each value of its parameters."""
+        """The candidate's groups of atoms, one group for each value of its parameters."""
         groups: dict[tuple[Term, ...], Bits] = defaultdict(int)
         for name, positions in sorted(candidate):
             for (predicate, _), numbers in self.by_predicate.items():
@@ -84,7 +83,7 @@ class _Search:
         return list(groups.values())
 
     def _broken_by(self, group: Bits) -> int | None:
-        """None if the group is an invariant; else an operator that breaks it, or -1 for the initial state."""
+        """An operator that breaks the group, -1 for the initial state; None if the group is an invariant."""
         if group & (group - 1) == 0:
             return None
         if (group & self.initial).bit_count() > 1:
@@ -92,11 +91,14 @@ class _Search:
         return self._first(lambda operator: not keeps(group, operator), self._doubtful(group))
 
     def _adding(self, group: Bits) -> list[int]:
-        """The kinds of operators that add an atom of the group, in order of their first operators."""
+        """The kinds of operators that add an atom of the group, in the order of their first operators."""
         return sorted(set[int]().union(*(self.adders.get(atom, ()) for atom in indices(group))))
 
     def _doubtful(self, group: Bits) -> list[int]:
-        """The kinds that add an atom of the group, without those after which just that one holds, whatever held before."""
+        """The kinds of operators that add an atom of the group and may leave several of its atoms true.
+
+        A kind is safe if it adds exactly one atom of the group and deletes all others.
+        """
         sets = self.sets
         return [
             kind
@@ -105,7 +107,7 @@ class _Search:
         ]
 
     def _first(self, wanted: Callable[[GroundOperator], bool], kinds: Iterable[int]) -> int | None:
-        """The lowest number of a wanted operator of these kinds."""
+        """The lowest number of an operator of these kinds that is wanted; None if there is none."""
         best: int | None = None
         for kind in kinds:
             members = self.members[kind]
@@ -118,12 +120,15 @@ class _Search:
         return best
 
     def _adding_without_taking(self, group: Bits) -> int:
-        """An operator that sets the group whatever held of it before: what it consumes may belong to the group, too."""
+        """An operator that adds an atom of the group and needs none of it; -1 if there is none.
+
+        What such an operator consumes may belong to the group, too, so it is used to refine the candidate.
+        """
         found = self._first(lambda operator: not operator.preconditions & group, self._adding(group))
         return -1 if found is None else found
 
     def _refined(self, candidate: Candidate, group: Bits, operator: GroundOperator) -> Iterator[Candidate]:
-        """Candidates with one more pattern, taken from what the operator consumes."""
+        """The candidate with one more pattern, for each pattern that fits what the operator consumes."""
         if (operator.adds & group).bit_count() > 1:
             return
         present = {name for name, _ in candidate}
@@ -146,7 +151,7 @@ class _Search:
 
 
 def keeps(group: Bits, operator: GroundOperator) -> bool:
-    """Whether at most one atom of `group` holds after the operator if at most one did before."""
+    """Whether at most one atom of `group` is true after the operator if at most one was true before."""
     added = _all_adds(operator) & group
     if not added:
         return True
@@ -168,7 +173,10 @@ def _all_adds(operator: GroundOperator) -> Bits:
 
 
 def _parts(name: str, arity: int, parameters: int | None = None) -> Iterator[Part]:
-    """Patterns of a predicate with at most one counted argument; with `parameters` given, of exactly that many."""
+    """The patterns of a predicate with at most one counted argument.
+
+    If `parameters` is given, only the patterns with that many parameters.
+    """
     positions = range(arity)
     for counted in [None, *positions]:
         fixed = [position for position in positions if position != counted]

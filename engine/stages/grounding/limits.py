@@ -1,4 +1,7 @@
-"""Runaway grounding: what may have too many instances is tried under limits before it is grounded for good."""
+"""Protection against groundings that grow without bound.
+
+A problem that may have too many instances is first grounded on trial, under limits of time and memory.
+"""
 
 from collections import Counter
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
@@ -23,13 +26,16 @@ from kb.model.domain import NUMERIC_TYPES, OBJECT, Consequence, DeductiveOperato
 from kb.model.problem import Problem
 from kb.terms import Variable, variables
 
-SUSPICIOUS = 5_000_000  # instances that an upper bound may promise without a trial
-NUMBERS = 1000  # values assumed for a numeric variable
+SUSPICIOUS = 5_000_000  # a larger upper bound on instances leads to a trial
+NUMBERS = 1000  # assumed number of values of a numeric variable
 
 
 @dataclass(frozen=True, slots=True)
 class Suspect:
-    """Something with an upper bound on its instances; infinite for rules that count."""
+    """An operator, rule or consequence with an upper bound on the number of its instances.
+
+    The bound is infinite for rules that count.
+    """
 
     what: str
     where: Source
@@ -37,14 +43,17 @@ class Suspect:
 
 
 def require_affordable(problem: Problem, schemas: list[Schema], vocabulary: Vocabulary) -> None:
-    """Raise `InvalidInput` if grounding would exceed the limits of a trial; without suspects there is no trial."""
+    """Raises `InvalidInput` if grounding would exceed the limits of a trial.
+
+    There is no trial if every upper bound is small.
+    """
     require_affordable_statics(problem)
     suspects = [*_operators(problem, schemas), *_consequences(problem)]
     _require(suspects, lambda: "\n".join(_program(problem, schemas, vocabulary)))
 
 
 def require_affordable_statics(problem: Problem) -> None:
-    """The same for the static facts and rules alone, which the checker needs."""
+    """The same check for the static facts and rules alone, which are all that the checker needs."""
     _require(list(_rules(problem)), lambda: static_program(problem))
 
 
@@ -53,8 +62,10 @@ def _require(suspects: Sequence[Suspect], program: Callable[[], str]) -> None:
     if not suspects or affordable(program()):
         return
     worst = max(suspects, key=lambda each: each.bound)
-    count = "without end" if worst.bound == float("inf") else f"up to {worst.bound:.0e} instances"
-    message = f"grounding exceeds its limit of time or memory; most likely here: {worst.what} ({count})"
+    count = "no upper bound" if worst.bound == float("inf") else f"up to {worst.bound:.0e} instances"
+    message = (
+        f"grounding exceeds its limit of time or memory; the most likely cause is {worst.what} ({count})"
+    )
     raise InvalidInput(
         [Diagnostic(worst.where, "K307", message, "constrain its variables with types or static facts")]
     )
@@ -77,8 +88,11 @@ def _operators(problem: Problem, schemas: Sequence[Schema]) -> Iterator[Suspect]
 def most_bindings(
     values: Mapping[Variable, float], given: Collection[tuple[Collection[Variable], int]]
 ) -> float:
-    """An upper bound on the bindings of variables with so many values each, where `given` sets of them are bound together,
-    each in no more than so many ways: sets are taken while one of them has fewer ways than its variables have values.
+    """An upper bound on the number of bindings of variables.
+
+    `values` is the number of values of each variable. `given` are sets of variables that a static relation
+    binds together, each with the number of its facts. A set is used as long as it has fewer facts than its
+    variables have combinations of values.
     """
     left, bound = dict(values), 1.0
     while True:
@@ -105,7 +119,10 @@ def _consequences(problem: Problem) -> Iterator[Suspect]:
 
 
 def _joined(deductive: DeductiveOperator, consequence: Consequence) -> list[list[Parameter]]:
-    """The parameters that are bound together: all, or those of each side of a consequence that is taken apart."""
+    """The parameters that are bound together.
+
+    These are all parameters, or the parameters of each side where a consequence is split into two sides.
+    """
     parameters = list(consequence.parameters)
     if sides(deductive, consequence) is None:
         return [parameters]
@@ -123,13 +140,16 @@ def _rules(problem: Problem) -> Iterator[Suspect]:
 
 
 def extents(problem: Problem) -> Mapping[str, float]:
-    """An upper bound on the number of values of each type; terms built from numbers count as `NUMBERS` each."""
+    """An upper bound on the number of values of each type.
+
+    A numeric argument of a term counts as `NUMBERS` values.
+    """
     domain = problem.domain
     own: dict[str, float] = {name: float(len(type_.constants)) for name, type_ in domain.types.items()}
     for type_name in (*domain.objects.values(), *problem.objects.values()):
         own[type_name] = own.get(type_name, 0.0) + 1
     order = list(domain.types)
-    for _ in order:  # types and functions do not recurse, so as many rounds as types suffice
+    for _ in order:  # types and functions are not recursive, so one round per type is enough
         total = {
             name: sum(size for sub, size in own.items() if domain.is_subtype(sub, name)) for name in order
         }
@@ -158,7 +178,11 @@ def _terms(domain: Domain, total: Mapping[str, float]) -> dict[str, float]:
 
 
 def _program(problem: Problem, schemas: list[Schema], vocabulary: Vocabulary) -> Iterator[str]:
-    """Relaxed reachability from the given facts and all defaults, with what follows from them pair by pair."""
+    """The program of the trial.
+
+    It derives what can be reached from the given facts and all defaults, and every pair of a trigger and a
+    consequence that cannot be split into two sides.
+    """
     yield static_program(problem)
     yield from (f"{reachable(fact)}." for fact in problem.initial)
     for default in problem.domain.defaults:

@@ -1,7 +1,8 @@
-"""The ASP text of a problem's grounding: relaxed reachability first, then rows of numbers.
+"""The ASP text of a problem's grounding: first relaxed reachability, then rows of numbers.
 
-`_r_p` holds the reachable atoms of dynamic predicate p, `_i_p` the same with their numbers, `_o_k` the instances of
-schema k, `_v_p` the events that some workflow stage names. Negative conditions are ignored for reachability.
+The text uses these predicates. `_r_p` holds the reachable atoms of dynamic predicate p. `_i_p` holds the same
+atoms with their numbers. `_o_k` holds the instances of schema k. `_v_p` holds the events that a workflow
+stage names. Reachability ignores negative conditions.
 """
 
 from collections.abc import Iterable, Iterator
@@ -16,18 +17,21 @@ from kb.terms import ANYTHING, Atom, Function, Variable
 
 @dataclass(frozen=True, slots=True)
 class Schema:
-    """One disjunct of an operator's precondition: `literals` are its dynamic conditions, `static` the rest."""
+    """One alternative (disjunct) of an operator's precondition.
+
+    `literals` are its dynamic conditions, `static` are the other ones.
+    """
 
     operator: Operator
     number: int
     literals: tuple[Literal, ...]
     static: Body
-    variables: tuple[Variable, ...]  # the header's, then those that only dynamic conditions have
+    variables: tuple[Variable, ...]  # the header's, then those that occur only in dynamic conditions
 
 
 @dataclass(frozen=True, slots=True)
 class Conditional:
-    """One disjunct of a conditional effect of an operator."""
+    """One alternative (disjunct) of a conditional effect of an operator."""
 
     operator: Operator
     effect: Effect
@@ -36,7 +40,7 @@ class Conditional:
 
 
 class Vocabulary:
-    """Which predicates change, and how their literals are written at each phase."""
+    """The predicates that can change: events, fluents and derived predicates."""
 
     def __init__(self, domain: Domain, invented: Iterable[Rule] = ()) -> None:
         self.domain = domain
@@ -51,7 +55,7 @@ class Vocabulary:
         return name in self.fluents or name in self.derived
 
     def split(self, parts: Iterable[BodyPart]) -> tuple[tuple[Literal, ...], Body]:
-        """The dynamic literals among parts of a body, and the static rest."""
+        """The dynamic literals among the parts of a body, and the static rest."""
         dynamic, static = [], []
         for part in parts:
             if isinstance(part, Literal) and self.is_dynamic(part.atom.name):
@@ -62,23 +66,23 @@ class Vocabulary:
 
 
 def reachable(atom: Atom) -> str:
-    """The literal that says an atom can become true."""
+    """The text of the literal that says that an atom can become true."""
     return str(Function(f"_r_{atom.name}", atom.arguments))
 
 
 def numbered(atom: Atom, number: str) -> str:
-    """The literal that binds `number` to an atom's number."""
+    """The text of the literal that binds the variable `number` to the number of an atom."""
     return str(Function(f"_i_{atom.name}", (*atom.arguments, Variable(number))))
 
 
 def rule(head: str, body: Iterable[str]) -> str:
-    """One rule or fact."""
+    """The text of one rule, or of one fact if the body is empty."""
     text = ", ".join(dict.fromkeys(body))
     return f"{head} :- {text}." if text else f"{head}."
 
 
 def schemas(domain: Domain, normaliser: Normaliser, vocabulary: Vocabulary) -> Iterator[Schema]:
-    """The operators, split by the alternatives of their preconditions."""
+    """The operators, one schema for each alternative of a precondition."""
     number = 0
     for operator in domain.operators:
         types = {parameter.variable: parameter.type for parameter in operator.parameters}
@@ -95,7 +99,7 @@ def _header(operator: Operator, literals: tuple[Literal, ...]) -> tuple[Variable
 
 
 def conditionals(domain: Domain, normaliser: Normaliser, vocabulary: Vocabulary) -> Iterator[Conditional]:
-    """The effects that have conditions or parameters, split by alternatives."""
+    """The effects that have conditions or parameters, one for each alternative of a condition."""
     for operator in domain.operators:
         types = {parameter.variable: parameter.type for parameter in operator.parameters}
         for effect in operator.effects:
@@ -115,17 +119,20 @@ def _guard_literal(parameter: Parameter) -> Literal:
 
 
 def is_conditional(effect: Effect) -> bool:
-    """Whether an effect depends on the state or quantifies."""
+    """Whether an effect depends on the state or has quantified parameters."""
     return bool(effect.parameters) or effect.condition != TRUE
 
 
 def instance(schema: Schema) -> str:
-    """The atom that says an instance of a schema is reachable."""
+    """The text of the atom that says that an instance of a schema is reachable."""
     return str(Function(f"_o_{schema.number}", schema.variables))
 
 
 def instance_rule(schema: Schema, vocabulary: Vocabulary) -> str:
-    """When an instance of a schema is reachable; an event must be named by a stage."""
+    """The rule that says when an instance of a schema is reachable.
+
+    A workflow stage must name each of its events.
+    """
     events = [e.atom for e in schema.operator.effects if e.atom.name in vocabulary.events]
     body = [str(Function(f"_v_{event.name}", event.arguments)) for event in events]
     body += [reachable(literal.atom) for literal in schema.literals if literal.positive]
@@ -135,14 +142,14 @@ def instance_rule(schema: Schema, vocabulary: Vocabulary) -> str:
 
 
 def effect_rules(schema: Schema, vocabulary: Vocabulary) -> Iterator[str]:
-    """What an instance makes reachable without condition."""
+    """The rules for the atoms that an instance adds unconditionally."""
     for effect in schema.operator.effects:
         if effect.adds and not is_conditional(effect) and effect.atom.name in vocabulary.fluents:
             yield rule(reachable(effect.atom), [instance(schema)])
 
 
 def conditional_body(conditional: Conditional, schema: Schema) -> list[str]:
-    """The body under which a conditional effect of a schema's instance can happen."""
+    """The conditions under which a conditional effect of a schema's instance can happen."""
     return [
         str(Function(f"_o_{schema.number}", _projected(schema))),
         *(reachable(literal.atom) for literal in conditional.literals if literal.positive),
@@ -156,7 +163,7 @@ def _projected(schema: Schema) -> tuple[Variable, ...]:
 
 
 def deduction_rules(operator: DeductiveOperator) -> Iterator[str]:
-    """What a reachable trigger makes reachable (whether it is added or denied)."""
+    """The rules for the atoms that follow from a reachable trigger, be it added or denied."""
     for consequence in operator.consequences:
         if consequence.implied:
             yield rule(
@@ -171,19 +178,26 @@ def consequence_body(operator: DeductiveOperator, consequence: Consequence) -> l
 
 
 def derived_rule(rule_: Rule, vocabulary: Vocabulary) -> str:
-    """When a derived atom can become true."""
+    """The rule that says when a derived atom can become true."""
     literals, static = vocabulary.split(rule_.body)
     positives = (reachable(literal.atom) for literal in literals if literal.positive)
     return rule(reachable(rule_.head), [*positives, *map(str, static)])
 
 
 def column(prefix: str, index: int) -> str:
-    """A variable for a number in a row: named as no author's variable is, since those stand in the same rule."""
+    """The name of a variable that holds a number in a row.
+
+    It differs from every name that an author may write, because the author's variables occur in the same
+    rule.
+    """
     return f"__{prefix}{index}"
 
 
 def number_literals(literals: Iterable[Literal], prefix: str) -> tuple[list[str], list[str]]:
-    """Body literals that bind a number for each literal's atom, and those variables; -1 if a negated one is unreachable."""
+    """Body literals that bind a variable to the number of each literal's atom, and the variables' names.
+
+    The number is -1 for a negated literal whose atom is unreachable.
+    """
     body, names = [], []
     for index, literal in enumerate(literals):
         name = column(prefix, index)

@@ -1,6 +1,6 @@
-"""InstanceRows of numbers from clingo: the instances of operators, conditional effects, derived rules and goals.
+"""Rows of numbers from clingo: the instances of operators, conditional effects, derived rules and goals.
 
-A signed number n stands for "atom n is true", ~n for "atom n is false".
+A signed number n means "atom n is true", ~n means "atom n is false".
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -24,7 +24,7 @@ from kb.model.domain import Effect, Rule
 from kb.terms import Function, Variable
 
 Signed = tuple[int, ...]
-ConditionalChange = tuple[Signed, Bits, Bits]  # conditions, adds, deletes
+ConditionalChange = tuple[Signed, Bits, Bits]  # (conditions, adds, deletes)
 
 
 def instances(
@@ -40,7 +40,7 @@ def instances(
 def conditional_changes(
     conditionals: Sequence[Conditional], schemas: Sequence[Schema], universe: Universe
 ) -> Mapping[tuple[str, Signed], list[ConditionalChange]]:
-    """For each operator and its arguments, what happens under which further conditions."""
+    """For each operator and its arguments what it adds and deletes under which further conditions."""
     pairs = [
         (each, schema) for each in conditionals for schema in schemas if each.operator is schema.operator
     ]
@@ -58,7 +58,7 @@ def conditional_changes(
 
 
 def derivations(rules: Sequence[Rule], vocabulary: Vocabulary, universe: Universe) -> dict[int, list[Signed]]:
-    """For each derived atom the bodies that make it true."""
+    """For each derived atom the rule bodies that make it true."""
     texts, parts = {}, {}
     for number, each in enumerate(rules):
         literals, static = vocabulary.split(each.body)
@@ -78,7 +78,10 @@ def derivations(rules: Sequence[Rule], vocabulary: Vocabulary, universe: Univers
 def matches(
     conditions: Mapping[str, tuple[tuple[Literal, ...], Body]], universe: Universe
 ) -> dict[str, list[Signed]]:
-    """For each named condition (dynamic literals, static rest) the ways to satisfy it."""
+    """For each named condition the ways to satisfy it.
+
+    A condition consists of its dynamic literals and its static rest.
+    """
     texts, parts = {}, {}
     for name, (literals, static) in conditions.items():
         body, names = number_literals(literals, "G")

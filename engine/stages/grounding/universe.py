@@ -1,4 +1,7 @@
-"""The reachable atoms of a problem, numbered, and tables over those numbers; one `Universe` wraps one grounder."""
+"""The reachable atoms of a problem, with their numbers, and tables of these numbers.
+
+One `Universe` uses one grounder.
+"""
 
 from collections.abc import Iterable, Mapping
 
@@ -8,15 +11,13 @@ from kb.asp import Grounder
 from kb.asp.tables import Table
 from kb.terms import Atom, Function, Term
 
-DERIVED = (
-    1 << 29
-)  # derived atoms are numbered from here: they are compiled away and get no bit (clingo has 32)
+DERIVED = 1 << 29  # the first number of a derived atom; these get no bit, and clingo's numbers have 32 bits
 
 
 class Universe:
-    """Atoms that can become true, in the order of their numbers, and the terms that stand in operator headers.
+    """The atoms that can become true, ordered by number, and the terms in operator headers.
 
-    `atoms` are the fluents; derived atoms have numbers from `DERIVED` on and stand in `derived`.
+    `atoms` are the fluents. `derived` are the derived atoms; their numbers begin at `DERIVED`.
     """
 
     def __init__(self, grounder: Grounder, vocabulary: Vocabulary, invented: dict[str, int]) -> None:
@@ -40,7 +41,7 @@ class Universe:
         self._derived = vocabulary.derived
 
     def atom(self, number: int) -> Atom:
-        """The fluent or derived atom of a number."""
+        """The fluent or derived atom that has a number."""
         return self.derived[number - DERIVED] if number >= DERIVED else self.atoms[number]
 
     def names(self, bits: Bits) -> tuple[Atom, ...]:
@@ -52,18 +53,24 @@ class Universe:
         return atom.name in self._derived
 
     def name_terms(self, rules: Iterable[str]) -> None:
-        """Number the terms that `rules` collect in `_arg`, as facts `_a(term, number)`."""
+        """Numbers the terms that `rules` collect in `_arg`, as facts `_a(term, number)`."""
         self._grounder.ground("\n".join(rules))
         self.terms = [arguments[0] for arguments in self._grounder.atoms("_arg", 1)]
         self._grounder.ground("\n".join(f"_a({term},{number})." for number, term in enumerate(self.terms)))
 
     def tables(self, rules: dict[str, tuple[str, int]]) -> dict[str, Table]:
-        """Ground rules given as predicate: (text, arity) and return the rows of each predicate."""
+        """The rows of each predicate.
+
+        `rules` has the text of its rules and its arity; they are grounded first.
+        """
         self._grounder.ground("\n".join(text for text, _ in rules.values()))
         return self._grounder.tables({name: arity for name, (_, arity) in rules.items()})
 
     def number(self, rules: Iterable[str], arities: Mapping[str, int]) -> None:
-        """Ground rules and number the true atoms of predicates p, as facts `p_number(arguments, number)`."""
+        """Grounds rules and numbers the true atoms of each predicate p.
+
+        The numbers are facts `p_number(arguments, number)`.
+        """
         if not arities:
             return
         self._grounder.ground("\n".join(rules))
@@ -75,7 +82,7 @@ class Universe:
 
 
 def numbered_fact(atom: Atom, number: int) -> str:
-    """`_i_p(arguments, number)` for a ground atom."""
+    """The text of the fact `_i_p(arguments, number)` for a ground atom."""
     return (
         numbered(atom, "N").replace(", N)", f", {number})") if atom.arguments else f"_i_{atom.name}({number})"
     )

@@ -1,4 +1,7 @@
-"""Criticalities: how heavy each atom is as a goal, given by the domain or derived from the operators."""
+"""Criticality weights: how important each atom is as a goal.
+
+The domain gives them, or they are derived from the operators.
+"""
 
 from collections.abc import Sequence
 
@@ -9,10 +12,12 @@ from kb.terms import Atom
 
 
 def weights(domain: Domain, atoms: Sequence[Atom], operators: Sequence[GroundOperator]) -> tuple[int, ...]:
-    """One weight per atom. A weight left out is one more than the heaviest predicate that achieving it needs.
+    """One weight per atom.
 
-    Predicates that need each other weigh the same (Knoblock 1994, ordered abstraction hierarchies). Complementary
-    atoms weigh like their positives, stage counters more than anything.
+    A weight that the domain does not give is one more than the weight of the heaviest predicate that is
+    needed to achieve the atom. Predicates that need each other have the same weight (Knoblock 1994, ordered
+    abstraction hierarchies). A complementary atom has the weight of its positive atom. Stage counters are
+    heavier than everything else.
     """
     names = {_predicate(atom) for atom in atoms}
     given = all(name in domain.predicates and domain.predicates[name].weight is not None for name in names)
@@ -35,7 +40,7 @@ def _predicate(atom: Atom) -> str:
 
 
 def _masks(atoms: Sequence[Atom]) -> list[tuple[str, Bits]]:
-    """The atoms of each predicate."""
+    """The atoms of each predicate, as bitsets."""
     numbers: dict[str, list[int]] = {}
     for number, atom in enumerate(atoms):
         numbers.setdefault(_predicate(atom), []).append(number)

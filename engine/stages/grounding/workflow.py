@@ -1,8 +1,8 @@
-"""Workflows compiled into the task: one counter per chain, advanced by the operators that reach its stages.
+"""Workflows compiled into the task: each chain has a counter, advanced by operators that reach its stages.
 
-An event happens only as the next stage of some chain. A fluent stage may be reached by any operator that adds the
-fluent while the counter stands before it. Reaching it as soon as possible is never worse, so making it a choice of
-the operator loses nothing and makes no conditional effects.
+An event happens only as the next stage of a chain. An operator that adds the fluent of a stage may reach this
+stage if the counter stands just before it. To reach a stage as soon as possible is never worse. So it is
+enough that each operator has the choice to reach it, and no conditional effects are needed.
 """
 
 import itertools
@@ -18,7 +18,7 @@ from kb.terms import Atom, is_ground
 
 
 def _matching(stage: Atom, universe: Universe) -> list[int]:
-    """The atoms that reach a fluent stage; `_` in it stands for anything."""
+    """The atoms that reach a fluent stage; `_` in the stage matches everything."""
     if is_ground(stage):
         return [universe.index[stage]] if stage in universe.index else []
     return [number for atom, number in universe.index.items() if reaches(atom, stage)]
@@ -26,7 +26,7 @@ def _matching(stage: Atom, universe: Universe) -> list[int]:
 
 @dataclass(frozen=True, slots=True)
 class Advance:
-    """What an operator needs and changes, beyond its own, to reach some stages."""
+    """The conditions and effects that an operator gets in addition when it reaches certain stages."""
 
     conditions: Bits = 0
     adds: Bits = 0
@@ -39,7 +39,10 @@ class Advance:
 
 
 class Workflow:
-    """The chains of a problem over numbered atoms; the counters follow the universe's atoms, from `first` on."""
+    """The chains of a problem over numbered atoms.
+
+    The counters have numbers from `first` on, after the atoms of the universe.
+    """
 
     def __init__(self, problem: Problem, universe: Universe, first: int, events: set[str]) -> None:
         self.events = events
@@ -52,7 +55,7 @@ class Workflow:
         self._lasting = lasting(problem.chains, problem.domain)
         for chain in problem.chains:
             self._add(chain, universe, first)
-        self.reaching = bitset(list(self._fluent_stages))  # what reaches some fluent stage
+        self.reaching = bitset(list(self._fluent_stages))  # the atoms that reach a fluent stage
 
     def _add(self, chain: Chain, universe: Universe, first: int) -> None:
         start = first + len(self.atoms)
@@ -81,8 +84,11 @@ class Workflow:
     def advances(
         self, events: Sequence[Atom], added: Bits, effects: Sequence[ConditionalEffect] = ()
     ) -> Iterator[Advance]:
-        """The ways in which an operator with these events, adds and effects can move the counters; none if an event has
-        no stage. By an effect it moves them where the effect's condition holds."""
+        """The ways in which an operator with these events, adds and effects can move the counters.
+
+        There is no way if an event belongs to no stage. A conditional effect moves a counter only where its
+        condition holds.
+        """
         sources = [(0, added), *((each.condition, each.adds) for each in effects)]
         if not events and not any(adds & self.reaching for _, adds in sources):
             yield Advance()

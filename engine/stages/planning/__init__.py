@@ -1,9 +1,13 @@
-"""The task planner: search to a sequence, made cheaper, then freed of every order it does not need."""
+"""The task planner.
+
+It searches for a sequence of steps, makes the sequence cheaper, and then drops every order that the plan does
+not need.
+"""
 
 from engine.model.outcome import NO_OFFER, Found, GaveUp, Infeasible, Outcome, Statistics
 from engine.model.task import Task
 from engine.stages.planning.composites import NO_MACROS, Macros
-from engine.stages.planning.effort import Answer, Effort
+from engine.stages.planning.effort import Effort, SearchResult
 from engine.stages.planning.improvement.anytime import best_plan
 from engine.stages.planning.limits import Limits
 from engine.stages.planning.portfolio import STRATEGIES, Setting
@@ -11,13 +15,13 @@ from engine.stages.planning.variants import TooManyVariants
 
 __all__ = ["NO_MACROS", "RACE", "STRATEGIES", "Limits", "Macros", "plan"]
 
-RACE = "race"  # all strategies at once
+RACE = "race"  # all strategies at the same time
 
 
 def plan(task: Task, limits: Limits = Limits(), macros: Macros = NO_MACROS) -> Outcome:
-    """A partially ordered plan for a ground task, or why there is none.
+    """A partially ordered plan for a ground task, or the reason why there is none.
 
-    Instances of `macros` serve searches as operators, except in a race; a plan has the steps in their place.
+    Searches use instances of `macros` as operators, except in a race. The plan contains their steps.
     """
     if limits.strategy == RACE:
         from engine.stages.planning.race import race
@@ -46,6 +50,6 @@ def plan(task: Task, limits: Limits = Limits(), macros: Macros = NO_MACROS) -> O
     return Found(best, statistics, optimal=proved)
 
 
-def _statistics(effort: Effort, answer: Answer | None = None) -> Statistics:
+def _statistics(effort: Effort, answer: SearchResult | None = None) -> Statistics:
     counts = {"expanded": effort.expanded, "generated": effort.generated}
     return Statistics(counts, offer=answer.offer if answer else NO_OFFER)

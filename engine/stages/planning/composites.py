@@ -1,8 +1,9 @@
-"""Composite operators: instances of learned sequences of steps, offered to searches beside the operators they are made of.
+"""Composite operators: instances of learned sequences of steps, used beside the ordinary operators.
 
-A sequence is given as instances of operators with variables (macro-operators: Fikes, Hart & Nilsson 1972; Korf 1985). What an
-instance needs and does is composed from its parts, so it is right however it was learned. All ordinary operators stay, so
-a search that is complete without composites is complete with them.
+A sequence is given as operators with variables (macro-operators: Fikes, Hart & Nilsson 1972; Korf 1985). The
+preconditions and effects of an instance are computed from its parts, so they are right no matter how the
+sequence was learned. All ordinary operators stay. So a search that is complete without composites is complete
+with them.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
@@ -13,13 +14,13 @@ from engine.model.task import GroundOperator
 from kb.terms import Function, Term, Variable, match, variables
 
 Pattern = tuple[Function, ...]
-"""Steps in order of execution: instances of operators, with the variables that they share."""
+"""Steps in order of execution. Each is an operator with arguments; steps may share variables."""
 COMPOSITE = Function("_composite")
 
 
 @dataclass(frozen=True, slots=True)
 class Macros:
-    """The patterns offered to each kind of search."""
+    """The patterns that each kind of search uses."""
 
     backward: tuple[Pattern, ...] = ()
     forward: tuple[Pattern, ...] = ()
@@ -30,7 +31,7 @@ NO_MACROS = Macros()
 
 @dataclass(frozen=True, slots=True)
 class Composite:
-    """A sequence of ground operators as one, and what it is an instance of."""
+    """A sequence of ground operators as one operator, and the pattern that it is an instance of."""
 
     operator: GroundOperator
     parts: tuple[GroundOperator, ...]
@@ -38,9 +39,10 @@ class Composite:
 
 
 def composed(parts: Sequence[GroundOperator]) -> GroundOperator | None:
-    """One operator that does what unconditional `parts` do in turn; None if one hinders another, or nothing is gained.
+    """One operator that does what the unconditional operators `parts` do one after another.
 
-    What it needs and keeps is not among its adds.
+    None if a part deletes what a later part needs, or if the sequence adds nothing new. Atoms that the
+    sequence needs and keeps are not among its adds.
     """
     needed = added = deleted = cost = 0
     for part in parts:
@@ -55,14 +57,15 @@ def composed(parts: Sequence[GroundOperator]) -> GroundOperator | None:
 
 
 Bound = dict[str, int]
-"""Variables by name, and the numbers of the terms that they stand for."""
+"""For the name of each variable the number of the term that it stands for."""
 
 
 class Joins:
-    """Sequences of ground operators, by number, that are instances of patterns: steps joined over shared variables.
+    """Finds sequences of ground operators that are instances of patterns. Operators are given by number.
 
-    An operator is matched with a step when it is first met, and the bindings are kept, with a number for each term, so that
-    joining compares small numbers. Operators with conditional effects are never part of a sequence.
+    A sequence is built step by step: the next operator must agree with the earlier ones on shared variables.
+    An operator is matched with a step only once, and the bindings are kept. Terms are numbered, so that only
+    small numbers are compared. Operators with conditional effects are never part of a sequence.
     """
 
     def __init__(self, operators: Sequence[GroundOperator], patterns: Sequence[Pattern]) -> None:
@@ -77,8 +80,10 @@ class Joins:
             self._beginning.setdefault(pattern[0].name, []).append(number)
 
     def sequences(self, first: Iterable[int], others: Sequence[int]) -> Iterator[tuple[int, tuple[int, ...]]]:
-        """Every pattern, by number, with the operators of an instance that begins with one of `first` and goes on with some
-        of `others`."""
+        """The instances of all patterns, each as the number of its pattern and the numbers of its operators.
+
+        The first operator is one of `first`, the following ones are from `others`.
+        """
         tables: dict[tuple[int, int], dict[tuple[int, ...], list[int]]] = {}
         for number in first:
             for pattern in self._beginning.get(self._names[number], ()):
@@ -108,7 +113,7 @@ class Joins:
                 yield from self._rest(pattern, (*begun, number), {**bindings, **more}, others, tables)
 
     def _table(self, pattern: int, place: int, others: Sequence[int]) -> dict[tuple[int, ...], list[int]]:
-        """The operators that a step may stand for, by what earlier steps bind."""
+        """The operators that can be this step of a pattern, by the values that earlier steps bind."""
         table: dict[tuple[int, ...], list[int]] = {}
         names, name = self._names, self.patterns[pattern][place].name
         keys, shared = self._keys[pattern][place], self._shared[pattern][place]
@@ -140,7 +145,10 @@ class Joins:
 
 
 def _matched(step: Function, instance: Function) -> dict[Variable, Term] | None:
-    """`match` from no bindings; at once where all arguments are different variables."""
+    """The result of `match` without earlier bindings.
+
+    If all arguments are different variables, there is no need to call `match`.
+    """
     plain = [each for each in step.arguments if isinstance(each, Variable)]
     if len(set(plain)) == len(step.arguments) == len(instance.arguments):
         return dict(zip(plain, instance.arguments, strict=True))
@@ -148,7 +156,7 @@ def _matched(step: Function, instance: Function) -> dict[Variable, Term] | None:
 
 
 def _shared(pattern: Pattern) -> Iterator[tuple[str, ...]]:
-    """For each step the names of the variables that steps before it bind."""
+    """For each step the names of its variables that earlier steps bind."""
     bound: set[Variable] = set()
     for step in pattern:
         own = dict.fromkeys(variables(step))
@@ -159,8 +167,12 @@ def _shared(pattern: Pattern) -> Iterator[tuple[str, ...]]:
 def composites(
     operators: Sequence[GroundOperator], patterns: Sequence[Pattern], most: int
 ) -> list[Composite]:
-    """The instances of patterns among operators, no more than `most`, nor than there are operators: beyond that a search
-    looks at more than it saves. A pattern that would make them more is left out whole, with all that come after it."""
+    """The instances of patterns among operators.
+
+    There are at most `most` of them, and at most as many as there are operators: with more, a search would
+    lose more time than it saves. A pattern whose instances would exceed this limit is left out as a whole,
+    and so are all patterns after it.
+    """
     found: list[Composite] = []
     most = min(most, len(operators))
     everything = range(len(operators))

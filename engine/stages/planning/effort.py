@@ -1,4 +1,4 @@
-"""Work, counted rather than timed, and what a search answers."""
+"""The work of a search, counted in nodes instead of seconds, and the answer of a search."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -11,9 +11,10 @@ Interrupted = Callable[[], bool]
 
 @dataclass
 class Effort:
-    """Work so far: a search stops after `limit` expansions, or when `interrupted` says so.
+    """The work done so far, and its limits.
 
-    `most` bounds the nodes generated, where expansions may have very many successors.
+    A search stops after `limit` expansions, after `most` generated nodes, or when `interrupted` returns True.
+    `most` matters where expansions have very many successors.
     """
 
     limit: int
@@ -24,34 +25,40 @@ class Effort:
     asked: int = 0
 
     def spent(self) -> bool:
-        """Whether to stop; after something quick, as not every call asks whether it is interrupted."""
+        """Whether the search has to stop. A search calls this after each quick piece of work.
+
+        Only one call in 64 asks whether the search is interrupted.
+        """
         self.asked += 1
         return self._used_up() or (self.asked % 64 == 1 and self.interrupted())
 
     def over(self) -> bool:
-        """Whether to stop, after something slow."""
+        """Whether the search has to stop. A search calls this after each slow piece of work."""
         return self._used_up() or self.interrupted()
 
     def _used_up(self) -> bool:
         return self.expanded >= self.limit or self.generated >= self.most
 
     def part(self, expansions: int | None = None, most: int | None = None) -> "Effort":
-        """A slice of this effort: so many more expansions, or nodes generated."""
+        """A part of this effort: at most `expansions` more expansions and `most` generated nodes."""
         limit = self.limit if expansions is None else min(self.expanded + expansions, self.limit)
         left = self.most - self.generated
         return Effort(limit, self.interrupted, self.expanded, most=left if most is None else min(most, left))
 
     def add(self, part: "Effort") -> None:
-        """Count the work of a slice."""
+        """Adds the work of a part."""
         self.expanded, self.generated = part.expanded, self.generated + part.generated
 
 
 @dataclass(frozen=True, slots=True)
-class Answer:
-    """The steps of a plan; None if the whole space was searched and there is none. MACROPs are in it by their steps."""
+class SearchResult:
+    """The steps of a plan; `steps` is None if the whole space was searched and there is no plan.
+
+    MACROPs are replaced by their steps.
+    """
 
     steps: list[GroundOperator] | None
     offer: Offer = NO_OFFER
 
 
-NO_PLAN = Answer(None)
+NO_PLAN = SearchResult(None)

@@ -1,8 +1,8 @@
-"""Action elimination: steps that nobody needs are dropped (Nakhost & Müller 2010).
+"""Action elimination: drops the steps that a plan does not need (Nakhost & Müller 2010).
 
-A trial compares two runs, with and without a step, by the atoms in which their states differ, and looks only at later
-steps that touch one of these; so a trial is short where a step is needed, and a long plan costs little more than
-one pass.
+A trial compares two runs of the plan, one with a step and one without it. It keeps only the atoms in which
+the states of the two runs differ, and looks only at later steps that touch one of these atoms. So a trial is
+short if the step is needed, and for a long plan all trials together cost little more than one pass.
 """
 
 from collections.abc import Sequence
@@ -11,7 +11,11 @@ from engine.model.task import Bits, GroundOperator, Task, indices, progress
 
 
 def eliminate(initial: Bits, steps: Sequence[GroundOperator], goals: Bits) -> list[GroundOperator]:
-    """The steps left when each one in turn is dropped, with all that then cannot run, if the goals still hold."""
+    """The steps that are left after each step was dropped on trial.
+
+    A step is dropped for good, together with all steps that cannot run without it, if the goals still hold at
+    the end.
+    """
     trial = _Trial(initial, steps, goals)
     for position in range(len(steps)):
         if trial.alive >> position & 1:
@@ -22,7 +26,7 @@ def eliminate(initial: Bits, steps: Sequence[GroundOperator], goals: Bits) -> li
 
 
 class _Trial:
-    """The steps still alive (a bitset of positions), and what holds before each."""
+    """The steps that are left (`alive`, a bitset of positions), and the state before each step."""
 
     def __init__(self, initial: Bits, steps: Sequence[GroundOperator], goals: Bits) -> None:
         self.steps, self.goals = steps, goals
@@ -36,7 +40,7 @@ class _Trial:
         self._follow(0)
 
     def _follow(self, first: int) -> None:
-        """What holds before each step from `first` on, and which goals no later step adds."""
+        """Computes the states from step `first` on, and for each step the goals that no later step adds."""
         state = self.before[first]
         for position in range(first, len(self.steps)):
             self.before[position] = state
@@ -50,12 +54,15 @@ class _Trial:
                 settled &= ~self.steps[position].adds
 
     def drop(self, positions: Bits) -> None:
-        """Take steps out."""
+        """Takes steps out of the plan."""
         self.alive &= ~positions
         self._follow((positions & -positions).bit_length() - 1)
 
     def dropped_with(self, position: int) -> Bits | None:
-        """The steps that cannot run without the one at `position`, itself included; None if a goal is lost then."""
+        """The step at `position` and the steps that cannot run without it, as a bitset of positions.
+
+        None if a goal would be lost without them.
+        """
         dropped = 1 << position
         lost, gained = self._skipped(position, 0, 0)
         later = self.alive & -1 << position + 1
@@ -74,7 +81,7 @@ class _Trial:
         return dropped
 
     def _skipped(self, position: int, lost: Bits, gained: Bits) -> tuple[Bits, Bits]:
-        """What is missing and what is left over after a step that ran in the one run and not in the other."""
+        """The atoms that are missing or left over after a step that only one of the two runs has."""
         step, state = self.steps[position], self.before[position]
         ran = state & ~step.deletes | step.adds
         stayed = state & ~lost | gained
@@ -88,7 +95,7 @@ class _Trial:
 
 
 def reached(task: Task, steps: Sequence[GroundOperator]) -> Bits:
-    """The alternative of the goals in which a sequence ends."""
+    """The alternative of the goals that holds at the end of a sequence."""
     state = task.initial
     for operator in steps:
         state = progress(state, operator)

@@ -1,4 +1,4 @@
-"""What a call of the planner may cost, and what it is asked to report."""
+"""Limits on the work of the planner, and functions that it calls while it works."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -8,15 +8,18 @@ from kb.model.plan import Plan
 
 
 def _deaf(_: Plan) -> None:
-    """Nobody wants to hear of better plans."""
+    """Ignores a better plan. This is the default."""
 
 
 @dataclass(frozen=True, slots=True)
 class Limits:
-    """Work allowed: `expansions` while searching, `improvement` nodes generated once a plan is known.
+    """The work that a call of the planner may do.
 
-    `thorough` improves on until interrupted, in ever wider windows. `strategy` is one of `STRATEGIES`, or `RACE`; `seed` breaks ties where a search breaks them by chance. `interrupted` is asked
-    now and then whether to stop, with the best plan so far; `improved` is called with the first plan and every better one.
+    A search may expand `expansions` nodes. Improvement may generate `improvement` nodes after a plan is
+    found; if `thorough` is set, it continues in ever wider windows until it is interrupted. `strategy` is one
+    of `STRATEGIES`, or `RACE`. With a `seed` other than 0, searches break ties by chance, with this seed. The
+    planner calls `interrupted` from time to time and, if it returns True, stops with the best plan so far. It
+    calls `improved` with the first plan and with every better one.
     """
 
     expansions: int = 1_000_000
@@ -28,9 +31,9 @@ class Limits:
     improved: Callable[[Plan], None] = _deaf
 
     def searching(self) -> Effort:
-        """The effort that a search may take."""
+        """The effort for the search."""
         return Effort(self.expansions, self.interrupted)
 
     def improving(self) -> Effort:
-        """The effort that improvement may take."""
+        """The effort for the improvement of a plan."""
         return Effort(1 << 60, self.interrupted, most=1 << 60 if self.thorough else self.improvement)

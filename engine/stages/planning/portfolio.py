@@ -1,4 +1,7 @@
-"""Strategies take turns over one task, in slices counted in expansions and in a fixed order, so that plans repeat."""
+"""Strategies that take turns on one task.
+
+The turns are counted in expansions and have a fixed order, so that the same input gives the same plan.
+"""
 
 from collections.abc import Callable, Sequence
 from functools import cached_property
@@ -6,25 +9,28 @@ from typing import NamedTuple, Protocol
 
 from engine.model.task import Task
 from engine.stages.planning.composites import NO_MACROS, Macros
-from engine.stages.planning.effort import NO_PLAN, Answer, Effort
+from engine.stages.planning.effort import NO_PLAN, Effort, SearchResult
 from engine.stages.planning.elimination import eliminate, reached
 from engine.stages.planning.regression.mutexes import mutexes
 from engine.stages.planning.regression.searches import BestFirst, Climb
 from engine.stages.planning.regression.space import Backward, Regression
 from engine.stages.planning.variants import TooManyVariants, plainly, unconditional
 
-CLIMB = 2_000  # nodes that hill climbing may generate before others have a turn
-QUICK = 2_000  # nodes that best-first regression may generate before searches forward have a turn
-DETOUR = 2  # a plan so many times as costly as a relaxed one may be far from the best
-SECOND = 1000  # expansions that may be spent on another
-ROOM = 1_500_000  # conditions and effects by steps that the portfolio grounds for stable models
+CLIMB = 2_000  # nodes that hill climbing may generate before other searches start
+QUICK = 2_000  # nodes that best-first regression may generate before other searches start
+DETOUR = 2  # a plan that costs this many times its relaxed plan may be far from the best
+SECOND = 1000  # expansions that the search for a second plan may take
+ROOM = 1_500_000  # steps times conditions and effects, up to which stable models are grounded
 GREED = 5
-COMPOSITES = 5_000  # instances of MACROPs that are made for regression
+COMPOSITES = 5_000  # the largest number of MACROP instances in regression
 
 
 class Turn(NamedTuple):
-    """The expansions and the generated nodes of a first turn, whichever come first; every turn is twice as long as the one
-    before. Where expansions have very many successors, these are what takes the time."""
+    """The limits of a first turn: expansions and generated nodes.
+
+    A turn ends at the limit that is reached first. Each turn is twice as long as the one before. Generated
+    nodes are limited, too, because they take the time where expansions have very many successors.
+    """
 
     expansions: int
     generated: int = 1 << 60
@@ -34,26 +40,29 @@ LANDMARKS = Turn(8000, 1_000_000)
 REGRESSION = Turn(500, 100_000)
 FORWARD = Turn(1000, 250_000)
 MODELS = Turn(500)
-ALONE = Turn(4000)  # best-first regression, where only restarts are beside it
+ALONE = Turn(4000)  # best-first regression, if it takes turns only with restarts
 RESTART = Turn(200)
 
 
 class Search(Protocol):
     """A search that can be resumed."""
 
-    def run(self, effort: Effort) -> Answer | None:
-        """Search on until the effort is spent: a plan, the proof that there is none, or None."""
+    def run(self, effort: Effort) -> SearchResult | None:
+        """Searches until there is an answer or the effort is spent.
+
+        The answer is a plan, or `NO_PLAN` if there is provably none. None means that the effort is spent.
+        """
 
 
 class Setting:
-    """A task ready for search; what a strategy needs is made when it is first asked for, and kept."""
+    """A task ready for search. What a strategy needs is made when it is first used, and is then kept."""
 
     def __init__(self, task: Task, seed: int = 0, macros: Macros = NO_MACROS) -> None:
         self.task, self.seed, self.macros = task, seed, macros
 
     @cached_property
     def regression(self) -> Regression | None:
-        """The operators for backward chaining, None if there are too many effects to split."""
+        """The operators for backward chaining; None if there are too many conditional effects to split."""
         try:
             operators = unconditional(self.task)
         except TooManyVariants:
@@ -62,34 +71,43 @@ class Setting:
 
     @cached_property
     def backward(self) -> "Chaining":
-        """The searches backward. Raises `TooManyVariants`."""
+        """The backward searches.
+
+        Raises `TooManyVariants`.
+        """
         if self.regression is None:
-            raise TooManyVariants("too many conditional effects to chain backward over")
+            raise TooManyVariants("there are too many conditional effects for backward search")
         return Chaining(self, self.regression)
 
     @cached_property
     def forward(self) -> Search:
-        """The search forward by relaxed plans."""
+        """The forward search by relaxed plans."""
         from engine.stages.planning.forward.search import (
-            forward,  # compiled kernels are loaded only when they are needed
+            forward,  # imported here, so that compiled kernels are loaded only if needed
         )
 
         return forward(self.task, self.seed, patterns=self.macros.forward)
 
     @cached_property
     def landmarks(self) -> Search:
-        """The search forward by relaxed plans and landmarks."""
+        """The forward search by relaxed plans and landmarks."""
         from engine.stages.planning.forward.search import forward
 
         return forward(self.task, self.seed, landmarks=True, patterns=self.macros.forward)
 
     @cached_property
     def models(self) -> Search:
-        """The search for stable models, within bounds. Raises `TooManyVariants`."""
+        """The search for stable models, with at most `ROOM` grounded conditions and effects.
+
+        Raises `TooManyVariants`.
+        """
         return self.parallel(room=ROOM)
 
     def parallel(self, single: bool = False, room: int = 1 << 60) -> Search:
-        """A search for stable models. Raises `TooManyVariants`."""
+        """A search for stable models.
+
+        Raises `TooManyVariants`.
+        """
         from engine.stages.planning.stable_models.horizons import Parallel
 
         return Parallel(self.task, unconditional(self.task), single, room)
@@ -107,65 +125,74 @@ class Chaining:
 
     @cached_property
     def _best_first(self) -> BestFirst:
-        """From all alternatives, with the composites that MACROPs make."""
+        """Best-first search from all alternatives of the goals, with the composites that MACROPs make."""
         patterns = self._setting.macros.backward if self.roots else ()
         return BestFirst(self.space.offered(patterns, COMPOSITES), self.roots, GREED)
 
-    def climb(self, effort: Effort) -> Answer | None:
-        """Hill climbing towards the nearest alternative of the goals; only if there is one alone is its end a proof."""
+    def climb(self, effort: Effort) -> SearchResult | None:
+        """Hill climbing towards the nearest alternative of the goals.
+
+        If it finds nothing, this proves that there is no plan only if there is just one alternative.
+        """
         return self._sure(self._climb.run(effort)) if self._climb else NO_PLAN
 
-    def restart(self, effort: Effort) -> Answer | None:
-        """Hill climbing anew, with other ties, towards the next alternative."""
+    def restart(self, effort: Effort) -> SearchResult | None:
+        """Hill climbing from the start again, with ties broken differently, towards the next alternative."""
         if not self.roots:
             return NO_PLAN
         self._restarts += 1
         root = self.roots[self._restarts % len(self.roots)]
         return self._sure(Climb(self.space, root, self._seed * 1_000_003 + self._restarts).run(effort))
 
-    def roundabout(self, answer: Answer) -> bool:
-        """Whether a plan costs so much more than the goals' relaxed plan that others are worth a look."""
+    def roundabout(self, answer: SearchResult) -> bool:
+        """Whether a plan costs so much more than the goals' relaxed plan that a better one is likely."""
         steps, charge = answer.steps or (), self.space.regression.relaxation.charge
         return bool(steps) and sum(map(charge, steps)) > DETOUR * self.space.estimate(self.roots[0].open)
 
-    def _sure(self, answer: Answer | None) -> Answer | None:
+    def _sure(self, answer: SearchResult | None) -> SearchResult | None:
         return None if answer is NO_PLAN and len(self.roots) > 1 else answer
 
-    def best_first(self, effort: Effort) -> Answer | None:
-        """From all alternatives."""
+    def best_first(self, effort: Effort) -> SearchResult | None:
+        """Best-first search from all alternatives of the goals."""
         return self._best_first.run(effort)
 
 
-def backward(setting: Setting, effort: Effort) -> Answer | None:
-    """Hill climbing while it is quick, then best first, which is complete, with restarts of the climb in between."""
+def backward(setting: Setting, effort: Effort) -> SearchResult | None:
+    """Backward search: first a short hill climbing, then best-first search and new hill climbings in turns.
+
+    Best-first search is complete.
+    """
     chaining = setting.backward
     return _bounded(chaining.climb, effort, CLIMB) or _in_turns(
         [(chaining.best_first, ALONE), (chaining.restart, RESTART)], effort
     )
 
 
-def forward(setting: Setting, effort: Effort) -> Answer | None:
+def forward(setting: Setting, effort: Effort) -> SearchResult | None:
     """Lazy greedy search from the initial state."""
     return setting.forward.run(effort)
 
 
-def landmarks(setting: Setting, effort: Effort) -> Answer | None:
-    """The same with queues ordered by landmarks beside those ordered by relaxed plans."""
+def landmarks(setting: Setting, effort: Effort) -> SearchResult | None:
+    """The forward search with additional queues, which are ordered by landmarks."""
     return setting.landmarks.run(effort)
 
 
-def asp(setting: Setting, effort: Effort) -> Answer | None:
-    """Stable models by horizon, several operators a step."""
+def asp(setting: Setting, effort: Effort) -> SearchResult | None:
+    """Stable models, horizon by horizon, with several operators in a step."""
     return setting.parallel().run(effort)
 
 
-def shortest(setting: Setting, effort: Effort) -> Answer | None:
-    """Stable models by horizon, one operator a step: the first plan has the fewest steps."""
+def shortest(setting: Setting, effort: Effort) -> SearchResult | None:
+    """Stable models, horizon by horizon, with one operator in a step: the first plan has the fewest steps."""
     return setting.parallel(single=True).run(effort)
 
 
-def auto(setting: Setting, effort: Effort) -> Answer | None:
-    """Regression while it is quick; then by landmarks, backward, forward and stable models in turns that double."""
+def auto(setting: Setting, effort: Effort) -> SearchResult | None:
+    """A short backward search first.
+
+    Then landmarks, backward, forward and stable models take turns that double in length.
+    """
     if setting.regression is None:
         return _in_turns(
             [(_later(setting, landmarks), LANDMARKS), (_later(setting, forward), FORWARD)], effort
@@ -185,8 +212,11 @@ def auto(setting: Setting, effort: Effort) -> Answer | None:
     )
 
 
-def _second(setting: Setting, first: Answer, effort: Effort) -> Answer:
-    """The cheaper one of a plan and what the search by landmarks finds soon, both without needless steps."""
+def _second(setting: Setting, first: SearchResult, effort: Effort) -> SearchResult:
+    """The cheaper one of two plans: the given one, and the one that the search by landmarks finds soon.
+
+    Both are compared without needless steps.
+    """
     part = effort.part(expansions=SECOND)
     other = landmarks(setting, part)
     effort.add(part)
@@ -195,13 +225,13 @@ def _second(setting: Setting, first: Answer, effort: Effort) -> Answer:
     return min(first, other, key=lambda each: _price(setting, each))
 
 
-def _price(setting: Setting, answer: Answer) -> tuple[int, int]:
+def _price(setting: Setting, answer: SearchResult) -> tuple[int, int]:
     steps = plainly(setting.task, answer.steps or ())
     kept = eliminate(setting.task.initial, steps, reached(setting.task, steps))
     return sum(step.cost for step in kept), len(kept)
 
 
-Strategy = Callable[[Setting, Effort], Answer | None]
+Strategy = Callable[[Setting, Effort], SearchResult | None]
 STRATEGIES: dict[str, Strategy] = {
     "auto": auto,
     "backward": backward,
@@ -212,12 +242,12 @@ STRATEGIES: dict[str, Strategy] = {
 }
 
 
-def _later(setting: Setting, strategy: Strategy) -> Callable[[Effort], Answer | None]:
+def _later(setting: Setting, strategy: Strategy) -> Callable[[Effort], SearchResult | None]:
     return lambda effort: strategy(setting, effort)
 
 
-def _bounded(run: Callable[[Effort], Answer | None], effort: Effort, most: int) -> Answer | None:
-    """A search as long as it has generated no more than `most` nodes."""
+def _bounded(run: Callable[[Effort], SearchResult | None], effort: Effort, most: int) -> SearchResult | None:
+    """The answer of a search that may generate at most `most` nodes."""
     part = effort.part(most=most)
     answer = run(part)
     effort.add(part)
@@ -225,9 +255,12 @@ def _bounded(run: Callable[[Effort], Answer | None], effort: Effort, most: int) 
 
 
 def _in_turns(
-    turns: Sequence[tuple[Callable[[Effort], Answer | None], Turn]], effort: Effort
-) -> Answer | None:
-    """Run searches in turn, given with their first turns, until one answers or the effort is spent."""
+    turns: Sequence[tuple[Callable[[Effort], SearchResult | None], Turn]], effort: Effort
+) -> SearchResult | None:
+    """Runs searches in turn until one answers or the effort is spent.
+
+    Each search is given with its first turn.
+    """
     factor = 1
     while not effort.spent():
         for run, first in turns:

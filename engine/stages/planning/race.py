@@ -1,4 +1,7 @@
-"""Several strategies at once, each in a process of its own: the first answer counts, the others are stopped."""
+"""Several strategies at the same time, each in its own process.
+
+The first answer counts, and the other processes are stopped.
+"""
 
 import multiprocessing
 import os
@@ -14,16 +17,17 @@ from engine.stages.planning.limits import Limits
 from kb.model.plan import Plan
 
 RUNNERS = ("auto", "asp", "landmarks", "forward", "backward")
-PAUSE = 0.1  # seconds between two looks at whether to stop
+PAUSE = 0.1  # seconds between two checks whether to stop
 
 
 Planner = Callable[[Task, Limits], Outcome]
 
 
 def race(task: Task, limits: Limits, plan: Planner) -> Outcome:
-    """The first answer of any strategy, each run by `plan`; which is first may vary. As many run at a time as there are processors.
+    """The first answer of any strategy; each strategy is run by `plan`.
 
-    With `limits.thorough` all run until interrupted, and the best plan of any counts.
+    As many strategies run at a time as there are processors. Which one is first may vary. With
+    `limits.thorough` all strategies run until interrupted, and the best plan of all counts.
     """
     best: Plan | None = None
     gave_up = GaveUp("no strategy ran", "time")
@@ -46,7 +50,10 @@ def race(task: Task, limits: Limits, plan: Planner) -> Outcome:
 
 
 class _Lanes:
-    """Processes that plan, by the ends of the pipes through which they tell of plans and of their answers."""
+    """The running processes.
+
+    Each process sends its plans and its answer through a pipe. `running` has the process of each pipe.
+    """
 
     def __init__(self, task: Task, limits: Limits, plan: Planner) -> None:
         self.task, self.limits, self.plan = task, limits, plan
@@ -54,7 +61,7 @@ class _Lanes:
         self.running: dict[Connection, BaseProcess] = {}
 
     def fill(self) -> bool:
-        """Start strategies while there are processors for them; whether any runs."""
+        """Starts strategies as long as there are free processors. Returns whether any process runs."""
         while self.waiting and len(self.running) < (os.cpu_count() or 1):
             self._start(self.waiting.pop(0))
         return bool(self.running)
@@ -65,17 +72,20 @@ class _Lanes:
         limits = replace(
             self.limits,
             strategy=strategy,
-            interrupted=lambda: os.getppid() != home,  # nobody is left who would stop it
+            interrupted=lambda: os.getppid() != home,  # stops if the parent process has ended
             improved=there.send,
         )
-        context = multiprocessing.get_context("fork")  # the task need not be copied
+        context = multiprocessing.get_context("fork")  # a forked process has the task already
         process = context.Process(target=_run, args=(there, self.plan, self.task, limits), daemon=True)
         process.start()
         there.close()
         self.running[here] = process
 
     def heard(self) -> Iterator[Plan | Outcome]:
-        """What came in the next moment; a process that dies without an answer gave up."""
+        """The messages that arrive within `PAUSE` seconds.
+
+        A process that ends without an answer counts as one that gave up.
+        """
         for end in wait(list(self.running), PAUSE):
             assert isinstance(end, Connection)
             try:
@@ -87,7 +97,7 @@ class _Lanes:
             yield message
 
     def stop(self) -> None:
-        """Stop whatever still runs."""
+        """Stops all processes that still run."""
         for process in self.running.values():
             process.kill()
         for process in self.running.values():

@@ -1,7 +1,8 @@
-"""Relaxed plans from a state: for each atom the operators that a plan without deletes would use to reach it.
+"""Relaxed plans from a state: for each atom the operators that would reach it if nothing were ever deleted.
 
-Computed once forward, best supporter first by additive cost, as in the set-additive heuristic (Keyder & Geffner 2008).
-The estimate for a set of goals is the size of the union of their relaxed plans: one OR per goal and one bit count.
+They are computed forward once for each state. Each atom gets the best supporter by additive cost, as in the
+set-additive heuristic (Keyder & Geffner 2008). The estimate for a set of goals is the size of the union of
+their relaxed plans. It takes one OR per goal and one bit count.
 """
 
 from collections.abc import Sequence
@@ -10,14 +11,14 @@ from engine.model.task import Bits, GroundOperator, indices
 from engine.stages.planning.supporters import Supporters
 
 FAR = 1 << 60
-MAX_CHARGE = 8  # bits that the costliest operator takes up in a relaxed plan
+MAX_CHARGE = 8  # bits of the costliest operator in a relaxed plan
 
 
 class RelaxedPlans:
-    """Per atom its relaxed plan, None if the atom is unreachable, 0 for what holds already; each is made when first asked for.
+    """The relaxed plan of each atom: None if the atom is unreachable, 0 if it holds already.
 
-    A plan is a bitset in which every supporter has as many bits of its own as its charge, so that the bit count is the
-    cost.
+    Each plan is made when it is first needed. A plan is a bitset in which every operator has as many bits of
+    its own as its charge, so that the number of bits is the cost.
     """
 
     def __init__(self, relaxation: "Relaxation", initial: Bits, supporters: Sequence[int]) -> None:
@@ -28,7 +29,7 @@ class RelaxedPlans:
         self._bits = 0
 
     def plan(self, goals: Bits) -> Bits | None:
-        """The union of the goals' relaxed plans; None if one is unreachable."""
+        """The union of the goals' relaxed plans; None if a goal is unreachable."""
         union, plans = 0, self._plans
         for atom in indices(goals & ~self.initial):
             plan = plans[atom] if atom in plans else self.to(atom)
@@ -38,7 +39,10 @@ class RelaxedPlans:
         return union
 
     def to(self, atom: int) -> Bits | None:
-        """The relaxed plan of one atom; chains of supporters may be deeper than Python's stack."""
+        """The relaxed plan of one atom.
+
+        A loop is used instead of recursion, because chains of supporters may be deeper than Python's stack.
+        """
         plans, waiting = self._plans, [atom]
         while waiting:
             last = waiting[-1]
@@ -57,7 +61,10 @@ class RelaxedPlans:
         return 0 if self.initial >> atom & 1 else None
 
     def _joined(self, supporter: int, needs: Sequence[int]) -> Bits:
-        """The plan that ends in a supporter, which takes new bits when it is first used."""
+        """The relaxed plan that ends in the operator `supporter`.
+
+        The operator gets its bits when it is first used.
+        """
         if supporter not in self._own:
             charge = self._relaxation.charges[supporter]
             self._own[supporter] = (1 << charge) - 1 << self._bits
@@ -69,7 +76,7 @@ class RelaxedPlans:
 
 
 class Relaxation:
-    """Operators indexed for relaxed plans; what does not depend on the state is made once."""
+    """Operators indexed for relaxed plans. Everything that does not depend on the state is computed once."""
 
     def __init__(self, operators: Sequence[GroundOperator], size: int) -> None:
         self.operators = operators
@@ -91,13 +98,19 @@ class Relaxation:
         return max(round(operator.cost * MAX_CHARGE / self._most), 1)
 
     def plans(self, initial: Bits, bound: int = FAR) -> RelaxedPlans:
-        """Relaxed plans for every atom that a chain of supporters of cost at most `bound` reaches from `initial`."""
+        """Relaxed plans from `initial`.
+
+        They exist for atoms that a chain of supporters with a cost of at most `bound` reaches.
+        """
         supporters = self._search.spread(initial.to_bytes(self._width, "little"), bound)
         return RelaxedPlans(self, initial, supporters)
 
 
 def levels(initial: Bits, operators: Sequence[GroundOperator], size: int) -> tuple[list[int], list[int]]:
-    """The steps after which atoms, and at which operators, are first possible without deletes; -1 for never."""
+    """The first step after which each atom can be true, and the first step at which each operator can occur.
+
+    Deletes are ignored. The number -1 means never.
+    """
     reached, first = [-1] * size, [-1] * len(operators)
     for atom in indices(initial):
         reached[atom] = 0

@@ -1,4 +1,4 @@
-# Types with which Cython compiles supporters.py. Its meaning is written there.
+# The types with which Cython compiles supporters.py. The docstrings are in that file.
 import cython
 
 cdef long long UNREACHED, MOST

@@ -1,20 +1,24 @@
 # cython: language_level=3, annotation_typing=False, boundscheck=False, wraparound=False, initializedcheck=False
 # cython: cdivision=True
-"""Best supporters from one state, for the relaxed plans of backward chaining: one Dijkstra search over additive costs.
+"""The best supporter of each atom from one state, for the relaxed plans of backward chaining.
 
-Plain Python, compiled like `kernels.py` with the types in `supporters.pxd`. A state is a row of bytes, atom i being bit i % 8
-of byte i // 8.
+They come from one Dijkstra search over additive costs. The module is plain Python; like `kernels.py` it can
+be compiled, with the types in `supporters.pxd`. A state is a row of bytes, in which atom i is bit
+`i % 8` of byte `i // 8`.
 """
 
 from array import array
 from collections.abc import Sequence
 
 UNREACHED = 1 << 50
-MOST = 1 << 38  # additive costs are cut off here: they can double with every step
+MOST = 1 << 38  # additive costs are cut off here, because they can double with every step
 
 
 class Supporters:
-    """Operators that only add, with positive charges: `need` and `add` have the atoms of each, `users` their inverse."""
+    """Operators that only add, with positive charges.
+
+    `need` and `add` have a list of atoms for each operator, `users` has the operators that need each atom.
+    """
 
     def __init__(
         self,
@@ -34,8 +38,11 @@ class Supporters:
         self.queue, self.size = _longs(self.atoms + len(self.add_items)), 0
 
     def spread(self, state: bytes, bound: int) -> list[int]:
-        """The best supporter of each atom that a chain of them reaches at most `bound` away; -1 for the others and for the
-        state's own. Among equals the one counts whose conditions are settled first: cheapest first, then by number.
+        """The best supporter of each atom; -1 if it has none, and for the atoms of the state.
+
+        A supporter counts only if the charges of a chain of supporters up to it are at most `bound`. Among
+        equally good supporters the one whose conditions are settled first is taken; atoms are settled in the
+        order of their cost, then of their number.
         """
         self._begin(state, bound)
         while self.size > 0:
@@ -46,7 +53,7 @@ class Supporters:
         return [self.supporter[atom] for atom in range(self.atoms)]
 
     def _begin(self, state: bytes, bound: int) -> None:
-        """The state's atoms, and the operators that need nothing."""
+        """Starts with the state's atoms and with the operators that need nothing."""
         self.size = 0
         for atom in range(self.atoms):
             self.reached[atom], self.supporter[atom], self.depths[atom] = UNREACHED, -1, 0
@@ -60,7 +67,10 @@ class Supporters:
                 self._offer(operator, bound)
 
     def _settle(self, atom: int, cost: int, bound: int) -> None:
-        """Count an atom for the operators that need it; those that wait for nothing else offer what they add."""
+        """Counts an atom for the operators that need it.
+
+        An operator that misses no other atom offers what it adds.
+        """
         for place in range(self.user_starts[atom], self.user_starts[atom + 1]):
             operator = self.user_items[place]
             self.missing[operator] -= 1
@@ -70,7 +80,7 @@ class Supporters:
                 self._offer(operator, bound)
 
     def _offer(self, operator: int, bound: int) -> None:
-        """Note what an operator adds, where that is cheaper than before."""
+        """Notes the operator as supporter of the atoms that it adds more cheaply than known so far."""
         if self.ends[operator] > bound:
             return
         cost = min(self.spent[operator], MOST)
@@ -85,7 +95,7 @@ class Supporters:
                 self._push(cost * self.atoms + atom)
 
     def _push(self, entry: int) -> None:
-        """Put an atom into the queue, a binary heap of cost * atoms + atom."""
+        """Puts an entry (cost * atoms + atom) into the queue, which is a binary heap."""
         place = self.size
         self.size += 1
         while place > 0 and self.queue[(place - 1) // 2] > entry:
@@ -94,7 +104,7 @@ class Supporters:
         self.queue[place] = entry
 
     def _pop(self) -> int:
-        """Take the first entry out."""
+        """Takes the first entry out of the queue."""
         first = self.queue[0]
         self.size -= 1
         last = self.queue[self.size]
@@ -111,7 +121,7 @@ class Supporters:
 
 
 def _rows(lists: Sequence[Sequence[int]]) -> "tuple[array[int], array[int]]":
-    """Lists one after another: list i is items[starts[i]:starts[i + 1]]."""
+    """Lists stored one after another: list i is items[starts[i]:starts[i + 1]]."""
     starts, items = array("i", [0]), array("i")
     for each in lists:
         items.extend(each)
@@ -120,5 +130,5 @@ def _rows(lists: Sequence[Sequence[int]]) -> "tuple[array[int], array[int]]":
 
 
 def _longs(length: int) -> "array[int]":
-    """Zeros of 64 bits."""
+    """An array of zeros, 64 bits each."""
     return array("q", bytes(8 * length))

@@ -1,7 +1,9 @@
-"""What MACROPs are worth to a search, measured: the same task solved with and without them, work counted in nodes generated.
+"""Measures how much MACROPs help a search.
 
-A pattern is tried alone first; then, the best first, beside those that already pay, so that of two which do the same only one
-is credited (the utility problem: Minton 1988; filtering by solving the training tasks: Botea et al. 2005).
+A task is solved with and without them, and the generated nodes are counted. Each pattern is first tried
+alone. Then the patterns that pay are tried again, the best first, together with those that were kept before.
+So if two patterns save the same work, only one of them gets the credit (the utility problem: Minton 1988;
+filtering by solving the training tasks: Botea et al. 2005).
 """
 
 from collections.abc import Callable, Sequence
@@ -14,34 +16,38 @@ from engine.stages.planning.portfolio import COMPOSITES, GREED, Setting
 from engine.stages.planning.regression.searches import BestFirst
 from engine.stages.planning.regression.space import Backward
 
-SEEDS = (0, 1, 2, 3, 4)  # ties broken in so many ways, where a search breaks ties by chance
-MOST = 20_000  # nodes that a task may take; what takes more is no task to train on
-TOGETHER = 4  # patterns that are kept for one search
-PAYS = 0.85  # of the work without a pattern, that with it may be
+SEEDS = (0, 1, 2, 3, 4)  # one run for each seed, where a search breaks ties by chance
+MOST = 20_000  # a task that takes more nodes is not used for training
+TOGETHER = 4  # the largest number of patterns for one search
+PAYS = 0.85  # a pattern pays if the work with it is below this part of the work without it
 
 Work = Callable[[Sequence[Pattern], int], int]
-"""The nodes that solving takes with some patterns, at most so many."""
+"""Takes patterns and a limit. Returns the nodes that are generated to solve the task, at most the limit."""
 
 
 @dataclass(frozen=True, slots=True)
 class Trial:
-    """Nodes generated until a plan was found, without a pattern and with it; beside others that pay, if there are some."""
+    """The nodes generated until a plan was found, without a pattern (`without`) and with it (`beside`).
+
+    Patterns that were kept before are used in both cases.
+    """
 
     without: int
     beside: int
 
     @property
     def paid(self) -> bool:
-        """Whether it spared work worth speaking of."""
+        """Whether the pattern saved enough work to be kept."""
         return self.beside < PAYS * self.without
 
 
 def measured(
     task: Task, search: str, patterns: Sequence[Pattern], interrupted: Interrupted = lambda: False
 ) -> dict[Pattern, Trial]:
-    """A trial of every pattern in one kind of search, `backward` or `forward`; none if the task is too hard for that.
+    """The trial of every pattern in one kind of search, `backward` or `forward`.
 
-    None, too, once interrupted: what was measured then would not be the work.
+    There are no trials if the task is too hard for this search, or if the measurement was interrupted: its
+    numbers would not show the real work.
     """
     setting = Setting(task)
     if search == "backward" and setting.regression is None:
@@ -55,7 +61,7 @@ def measured(
 
 
 def _in_turn(base: int, patterns: Sequence[Pattern], work: Work) -> dict[Pattern, Trial]:
-    """Each alone; then those that pay, the best first, beside the others that do."""
+    """The trials: each pattern alone, then those that pay together with those that were kept."""
     found = {pattern: Trial(base, work([pattern], 2 * base)) for pattern in patterns}
     paying = sorted((each for each in found if found[each].paid), key=lambda each: found[each].beside)
     kept, least = paying[:1], found[paying[0]].beside if paying else base
@@ -70,7 +76,7 @@ def _in_turn(base: int, patterns: Sequence[Pattern], work: Work) -> dict[Pattern
 
 
 def _backward(setting: Setting, interrupted: Interrupted) -> Work:
-    """Best-first regression."""
+    """The work of best-first regression."""
     assert setting.regression is not None
     plain = Backward(setting.regression, setting.task.initial)
     roots = [root for goal in setting.task.goals if (root := plain.root(goal)) is not None]
@@ -84,7 +90,7 @@ def _backward(setting: Setting, interrupted: Interrupted) -> Work:
 
 
 def _forward(task: Task, interrupted: Interrupted) -> Work:
-    """Lazy greedy search, summed over ways to break ties."""
+    """The work of lazy greedy search, summed over all `SEEDS`."""
     from engine.stages.planning.forward.search import forward
 
     def work(patterns: Sequence[Pattern], most: int) -> int:

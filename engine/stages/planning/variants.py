@@ -1,5 +1,9 @@
-"""Conditional effects compiled away for regression: one plain operator per set of effects that fire (Gazen & Knoblock
-1997). An effect that must not fire has one of its conditions false, which needs that atom's complement."""
+"""Conditional effects compiled away for regression, with one plain operator for each set of effects that fire
+(Gazen & Knoblock 1997).
+
+If an effect must not fire, one of its conditions must be false. This is expressed by the complementary atom
+of that condition.
+"""
 
 import itertools
 from collections.abc import Iterator, Sequence
@@ -8,16 +12,19 @@ from dataclasses import replace
 from engine.model.task import Bits, GroundOperator, Task, indices, progress
 from kb.terms import Function
 
-MAX_EFFECTS = 8  # of one operator
-MAX_VARIANTS = 100_000  # of all operators
+MAX_EFFECTS = 8  # conditional effects of one operator
+MAX_VARIANTS = 100_000  # plain operators of a task
 
 
 class TooManyVariants(Exception):
-    """An operator has more conditional effects than regression can split."""
+    """An operator has more conditional effects than regression can split into plain operators."""
 
 
 def unconditional(task: Task) -> list[GroundOperator]:
-    """The operators of `task` without conditional effects. Raises `TooManyVariants`."""
+    """The operators of `task`, split into operators without conditional effects.
+
+    Raises `TooManyVariants`.
+    """
     complements = _complements(task)
     found: list[GroundOperator] = []
     for operator in task.operators:
@@ -28,7 +35,7 @@ def unconditional(task: Task) -> list[GroundOperator]:
 
 
 def _complements(task: Task) -> dict[int, int]:
-    """For each atom that has one, its complementary atom, both ways."""
+    """For each atom that has a complementary atom, the number of the latter; and the reverse."""
     index = {atom: number for number, atom in enumerate(task.atoms)}
     found: dict[int, int] = {}
     for number, atom in enumerate(task.atoms):
@@ -76,9 +83,10 @@ def _variant(
 
 
 def plainly(task: Task, steps: Sequence[GroundOperator]) -> list[GroundOperator]:
-    """A sequence from the initial state with each step as the plain operator that it is in its state.
+    """The steps of a sequence from the initial state, each as an operator without conditional effects.
 
-    An effect that does not fire there is kept from firing by the complement of one of its conditions.
+    Such an operator has the effects that fire in the state of its step. For an effect that does not fire
+    there, it needs the complementary atom of one of the effect's conditions.
     """
     complements = _complements(task)
     state, made = task.initial, []

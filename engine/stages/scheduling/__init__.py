@@ -1,4 +1,7 @@
-"""The scheduler: when each stage of each job happens, so that all is done as soon as can be, with proof if possible."""
+"""The scheduler: decides when each stage of each job happens, so that everything is done as soon as possible.
+
+It proves, if it can, that no schedule is shorter.
+"""
 
 import time
 from dataclasses import replace
@@ -10,26 +13,27 @@ from engine.stages.scheduling.batches import batch_bound
 from engine.stages.scheduling.bounds import lower_bound
 from engine.stages.scheduling.checker import check_schedule
 from engine.stages.scheduling.construct import construct
-from engine.stages.scheduling.lags import Contradiction, Lags
+from engine.stages.scheduling.lags import CircularLags, Lags
 from engine.stages.scheduling.limits import ScheduleLimits
 
 __all__ = ["ScheduleLimits", "check_schedule", "schedule"]
 
 
-class Refused(Exception):
-    """The scheduler made a schedule that the checker refuses: a bug. Carries what is wrong."""
+class ScheduleRefused(Exception):
+    """The scheduler made a schedule that the checker refuses.
+
+    This is a bug; the message says what is wrong.
+    """
 
 
 def schedule(shop: Shop, limits: ScheduleLimits = ScheduleLimits()) -> Timing:
-    """The best schedule found for a shop, the proof that there is none, or where the search stopped."""
+    """The best schedule found for a shop, the proof that there is none, or the reason why the search stopped."""
     started = time.perf_counter()
     lags = Lags(shop)
     try:
         bound = max(lower_bound(lags), batch_bound(lags))
-    except Contradiction as error:
-        return Infeasible(
-            f"no stage can be so early and so late: the windows around {error} contradict each other"
-        )
+    except CircularLags as error:
+        return Infeasible(f"there is no schedule: the windows around {error} contradict each other")
     first = construct(lags, bound)
     if first is not None:
         _require_valid(shop, first)
@@ -37,7 +41,7 @@ def schedule(shop: Shop, limits: ScheduleLimits = ScheduleLimits()) -> Timing:
     found = first if first is not None and first.proved else _improved(lags, bound, first, limits)
     seconds = {"first schedule": constructed - started, "search": time.perf_counter() - constructed}
     if found is None:
-        return GaveUp("no schedule yet", "time")
+        return GaveUp("no schedule was found within the limits", "time")
     if isinstance(found, Infeasible):
         return found
     counts = {
@@ -57,7 +61,10 @@ def _improved(
 
 
 def horizon(shop: Shop, first: Schedule | None) -> int:
-    """A time at which all can be done: gaps in which nothing happens and nothing must pass can be closed up."""
+    """A time by which everything can be done.
+
+    Gaps in which nothing happens and no time must pass can be closed, so nothing need end later.
+    """
     if first is not None and not any(job.due is not None for job in shop.jobs):
         return first.makespan
     work = sum(stage.duration for stage in shop.stages.values())
@@ -65,7 +72,7 @@ def horizon(shop: Shop, first: Schedule | None) -> int:
     travel = sum(max(resource.travel.values(), default=0) for resource in shop.resources)
     longest = {d.name: max((change.duration for change in d.changes), default=0) for d in shop.devices}
     needs = [need.device for stage in shop.stages.values() for need in stage.needs]
-    changes = [*needs, *longest]  # each device may have to be left at its final setting
+    changes = [*needs, *longest]  # each device may need one more change, to its final setting
     trips = travel * (len(shop.stages) + len(changes) + 1)
     return (
         work
@@ -84,4 +91,4 @@ def _checked(shop: Shop, found: Schedule, statistics: Statistics) -> Scheduled:
 
 def _require_valid(shop: Shop, found: Schedule) -> None:
     if wrong := check_schedule(shop, found):
-        raise Refused("; ".join(wrong[:5]))
+        raise ScheduleRefused("; ".join(wrong[:5]))

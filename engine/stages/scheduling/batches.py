@@ -1,7 +1,7 @@
-"""Processes that share a setting of a device share it in batches: who comes in or goes out needs another setting.
+"""Processes that need the same device setting come in batches, because entering or leaving needs another one.
 
-While a freezer's lid is shut, nothing enters or leaves. So all that is cooled in one such period is inside for the whole
-of it, and there is no more of it than there are places.
+While a freezer's lid is shut, nothing enters or leaves. So everything that is cooled in one such period is
+inside for the whole period, and at most as much is cooled at once as there are places.
 """
 
 from collections import defaultdict
@@ -15,11 +15,11 @@ from engine.stages.scheduling.lags import Lags, first_needs, last_needs
 
 @dataclass(frozen=True, slots=True)
 class Batches:
-    """Stages that need `device` at `setting`, each within a hold of the same resource, at most `most` at a time.
+    """Stages that need `device` at `setting`, each within a hold of one resource, at most `most` at a time.
 
-    `entries` are the stages that begin those holds. Between two periods `away` passes at least, and `entry` if somebody
-    comes in; whoever comes in at the same time as others comes `apart` after the one before, who had to leave another
-    place first.
+    `entries` are the stages that begin those holds. Between two periods at least `away` passes, and at least
+    `entry` more if an object comes in. If several objects come in before the same period, each comes at least
+    `apart` after the one before, because all of them leave the same place, one at a time.
     """
 
     device: str
@@ -32,10 +32,11 @@ class Batches:
     apart: int
 
     def least(self, durations: Sequence[int], inside: int = 0) -> int:
-        """The least time from the start of the first period to the end of the last, for stages of these durations.
+        """The least time from the start of the first period to the end of the last, given the stages'
+        durations.
 
-        `inside` of them need not come in any more. Of n stages in z periods at least n - z come in beside others, some
-        of them before the first period, which then starts later than it could.
+        The objects of `inside` stages are inside already. If n stages share z periods, at least n - z objects
+        come in together with others. If some do so before the first period, it starts later than it could.
         """
         longest = sorted(durations, reverse=True)
         number, fewest = len(longest), -(-len(longest) // self.most)
@@ -49,7 +50,7 @@ class Batches:
 
 
 def batches(lags: Lags) -> tuple[Batches, ...]:
-    """Everything that is served in batches."""
+    """All groups of stages that are served in batches."""
     groups: dict[tuple[str, str, str], list[tuple[Stage, str]]] = defaultdict(list)
     for hold in lags.shop.holds:
         for stage, need in _inside(lags.shop, hold):
@@ -79,7 +80,7 @@ def _batches(
 
 
 def _apart(lags: Lags, entries: Sequence[Stage], needs: Sequence[Need]) -> int:
-    """The least time between two entries that both leave the same place, where one must have come before it leaves."""
+    """The least time between two entries if all come from one place that holds one object at a time; else 0."""
     if len({(need.begin, need.end, stage.duration) for need, stage in zip(needs, entries, strict=True)}) > 1:
         return 0
     names = {stage.name for stage in entries}
@@ -96,7 +97,7 @@ def _apart(lags: Lags, entries: Sequence[Stage], needs: Sequence[Need]) -> int:
 
 
 def _inside(shop: Shop, hold: Hold) -> Iterator[tuple[Stage, Need]]:
-    """The stages within a hold that need a device otherwise than its begin and its end do."""
+    """The stages within a hold that need another setting of a device than the hold's begin and end need."""
     if (
         hold.begin is None
         or hold.end is None
@@ -120,7 +121,7 @@ def _inside(shop: Shop, hold: Hold) -> Iterator[tuple[Stage, Need]]:
 
 
 def batch_bound(lags: Lags) -> int:
-    """No schedule ends before all batches have been served one after another."""
+    """A lower bound of the makespan: all batches must be served one after another."""
     bounds = [0]
     for each in batches(lags):
         head = min(lags.heads[stage.name] for stage in each.stages)

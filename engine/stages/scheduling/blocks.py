@@ -1,8 +1,9 @@
-"""A task-level plan cut into blocks: what the arm does from taking something up to being free again.
+"""Cuts a task-level plan into blocks: what the arm does from picking something up until it is free again.
 
-All that an arm does passes through its being free, so that deordering alone leaves one order of all its steps. Blocks
-are the smallest segments that can be moved as a whole (block deordering: Siddiqui & Haslum 2012). Blocks that only
-change a device (doors, lids) are told from those that serve an object of the workflow: they are made anew where needed.
+Between its tasks the arm must be free. So removing needless orders alone would leave all its steps in one
+fixed order. Blocks are the smallest segments that can be moved as a whole (block deordering: Siddiqui &
+Haslum 2012). Some blocks serve an object of the workflow. Others only change a device (door, lid); the
+schedule makes these anew where they are needed.
 """
 
 from collections import Counter
@@ -15,7 +16,7 @@ from kb.terms import Function, Term
 
 
 class Unstructured(Exception):
-    """A plan whose blocks cannot be told apart; its own order is all there is."""
+    """A plan that cannot be cut into blocks, so it keeps its own order. The message says why."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,19 +24,19 @@ class Block:
     """Steps done one after another without a break; `subject` is the object of the workflow that they serve."""
 
     steps: tuple[GroundOperator, ...]
-    ends: tuple[Bits, ...]  # for each step the atoms that it ends, of those true in the plan
-    makes: tuple[Bits, ...]  # for each step the atoms that it makes true
+    ends: tuple[Bits, ...]  # for each step, the atoms that were true and that it ends
+    makes: tuple[Bits, ...]  # for each step, the atoms that were false and that it makes true
     subject: Term | None
-    serves: bool  # an object or a stage; else it only prepares a device
+    serves: bool  # whether it serves an object or a stage; else it only prepares a device
 
     @property
     def duration(self) -> int:
-        """How long all its steps last."""
+        """The sum of the durations of the steps."""
         return sum(step.duration for step in self.steps)
 
     @property
     def timed(self) -> Iterator[tuple[GroundOperator, int, int]]:
-        """Each step with its begin and end from the start of the block."""
+        """Each step with its begin and end, counted from the start of the block."""
         now = 0
         for step in self.steps:
             yield step, now, now + step.duration
@@ -43,14 +44,14 @@ class Block:
 
 
 def mentions(term: Term, part: Term) -> bool:
-    """Whether `part` is `term` or stands somewhere in it."""
+    """Whether `part` is `term` or occurs in it."""
     return term == part or (
         isinstance(term, Function) and any(mentions(each, part) for each in term.arguments)
     )
 
 
 def arm_of(steps: Sequence[GroundOperator]) -> Term:
-    """The resource that most steps hold. Raises `Unstructured` if none holds any."""
+    """The resource that most steps hold. Raises `Unstructured` if no step holds a resource."""
     held = Counter(resource for step in steps for resource in step.resources)
     if not held:
         raise Unstructured("no step holds a resource")
@@ -58,12 +59,12 @@ def arm_of(steps: Sequence[GroundOperator]) -> Term:
 
 
 def atoms_about(task: Task, term: Term) -> Bits:
-    """The atoms that a term stands in, complements included."""
+    """The atoms in which a term occurs, complements included."""
     return bitset([number for number, atom in enumerate(task.atoms) if mentions(atom, term)])
 
 
 def cut(task: Task, steps: Sequence[GroundOperator], arm: Term, subjects: Sequence[Term]) -> list[Block]:
-    """The blocks of a plan, in its order; steps without the arm are blocks of their own. Raises `Unstructured`."""
+    """The blocks of a plan in its order; a step without the arm is its own block. Raises `Unstructured`."""
     about = atoms_about(task, arm)
     home = home_state(task, steps, arm)
     if task.initial & about != home:
@@ -97,7 +98,7 @@ class _Done:
 
 
 def home_state(task: Task, steps: Sequence[GroundOperator], arm: Term) -> Bits:
-    """What is most often true of the arm between its steps: that it is free."""
+    """What is most often true of the arm between its steps: this is the state in which it is free."""
     about, state = atoms_about(task, arm), task.initial
     seen = Counter([state & about])
     for step in steps:

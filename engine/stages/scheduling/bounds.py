@@ -1,8 +1,9 @@
-"""A lower bound of the makespan: the longest path of lags, and what each resource must do, one thing after another.
+"""A lower bound of the makespan, from the longest path of lags and from the work that each resource must do.
 
-One-machine relaxations with heads and tails, solved with preemption (Jackson's schedule; Carlier 1982). A place that is
-taken from within one stage to within another, always by the same arm, is taken from the start of the first to the end
-of the second, since the arm does one thing at a time.
+The work of a resource is a one-machine problem with heads and tails, solved with preemption (Jackson's
+schedule; Carlier 1982). A place may be filled during one stage and emptied during another, always by the same
+arm. Then it is taken from the start of the first stage to the end of the second, because the arm does one
+thing at a time.
 """
 
 import heapq
@@ -15,9 +16,9 @@ from engine.stages.scheduling.lags import NEVER, Lags
 
 @dataclass(frozen=True, slots=True)
 class Occupation:
-    """A unit of a resource is taken for `size` at least, not before `head`; `tail` must follow.
+    """A unit of a resource is taken for at least `size`, not before `head`; at least `tail` follows.
 
-    `first` and `last` are the stages within which it begins and ends.
+    `first` and `last` are the stages during which the occupation begins and ends.
     """
 
     first: Stage
@@ -28,14 +29,14 @@ class Occupation:
 
 
 def lower_bound(lags: Lags) -> int:
-    """No schedule of the shop ends before this. Raises `Contradiction` if there is none at all."""
+    """No schedule of the shop ends before this. Raises `Contradiction` if there is no schedule at all."""
     paths = [lags.heads[name] + lags.tails[name] for name in lags.shop.stages]
     served = [resource_bound(lags, resource) for resource in lags.shop.resources]
     return max([0, *paths, *served])
 
 
 def resource_bound(lags: Lags, resource: Resource) -> int:
-    """The bound from what one resource must serve."""
+    """The lower bound that follows from the work of one resource."""
     taken = list(occupations(lags, resource))
     if not taken:
         return 0
@@ -47,9 +48,9 @@ def resource_bound(lags: Lags, resource: Resource) -> int:
 
 
 def jackson(works: Sequence[tuple[int, int, int]]) -> int:
-    """The end of the preemptive schedule of (head, size, tail) that always serves the longest tail."""
+    """The end of the preemptive schedule of works (head, size, tail) that always serves the longest tail."""
     waiting = sorted(works)
-    ready: list[tuple[int, int]] = []  # (-tail, what is left)
+    ready: list[tuple[int, int]] = []  # (-tail, size that is left)
     now = end = place = 0
     while place < len(waiting) or ready:
         if not ready:
@@ -74,14 +75,17 @@ def least_travel(lags: Lags, taken: Sequence[Occupation]) -> int:
 
 
 def _travel(lags: Lags, one: Stage, other: Stage) -> int:
-    """How long a resource that both stages need travels from one to the other at least."""
+    """The least time in which a resource of both stages goes from the end of one to the start of the other."""
     shared = set(one.resources) & set(other.resources)
     pair = one.destination, other.origin
     return max((lags.travel[name].get(pair, 0) for name in shared), default=0)
 
 
 def occupations(lags: Lags, resource: Resource) -> Iterator[Occupation]:
-    """What takes a unit of a resource, stages and holds; holds without begin or end are left out."""
+    """Everything that takes a unit of a resource: stages and holds.
+
+    Holds without begin or end are left out.
+    """
     shop = lags.shop
     for stage in shop.stages.values():
         if resource.name in stage.resources:
@@ -99,7 +103,7 @@ def occupations(lags: Lags, resource: Resource) -> Iterator[Occupation]:
 
 
 def widened(shop: Shop, hold: Hold) -> Hold:
-    """The hold from the start of its first stage to the end of its last one, where that is the same constraint."""
+    """The hold from the start of its first stage to the end of its last one, if this is equivalent."""
     if not _by_one_arm(shop, shop.resource[hold.resource]):
         return hold
     end = Moment(hold.end.stage, shop.stages[hold.end.stage].duration) if hold.end else None
@@ -107,7 +111,7 @@ def widened(shop: Shop, hold: Hold) -> Hold:
 
 
 def _by_one_arm(shop: Shop, resource: Resource) -> bool:
-    """Whether everything that takes a resource begins and ends within stages of one other resource of capacity 1."""
+    """Whether all that takes a resource begins and ends during stages of one other resource of capacity 1."""
     if resource.capacity != 1 or any(resource.name in stage.resources for stage in shop.stages.values()):
         return False
     arms = {each.name for each in shop.resources if each.capacity == 1}

@@ -1,6 +1,7 @@
-"""The checker: does a schedule do what its shop allows? It replays start times and shares no code with the solver.
+"""The checker of schedules: does a schedule keep all rules of its shop?
 
-Every rule is one function that yields what is wrong, in words for people.
+It replays start times and shares no code with the solver. Each rule is one function that yields what is
+wrong, in plain words.
 """
 
 import itertools
@@ -9,8 +10,8 @@ from collections.abc import Iterator
 from engine.model.schedule import Adjustment, Schedule
 from engine.model.shop import Device, Hold, Moment, Resource, Shop
 
-Interval = tuple[int, int, str]  # from, to, whose
-Work = tuple[int, int, str, str, str]  # from, to, whose, origin, destination
+Interval = tuple[int, int, str]  # from, to, name
+Work = tuple[int, int, str, str, str]  # from, to, name, origin, destination
 
 
 def check_schedule(shop: Shop, schedule: Schedule) -> tuple[str, ...]:
@@ -53,7 +54,7 @@ def _loads(shop: Shop, schedule: Schedule) -> Iterator[str]:
         for moment in sorted({begin for begin, _, _ in taken}):
             holders = [name for begin, end, name in taken if begin <= moment < end]
             if len(holders) > resource.capacity:
-                yield f"{resource.name} has {resource.capacity}, but at {moment}: {', '.join(holders)}"
+                yield f"{resource.name} has capacity {resource.capacity}, but at {moment} it serves {', '.join(holders)}"
                 break
 
 
@@ -74,11 +75,11 @@ def _held(schedule: Schedule, hold: Hold) -> Interval:
     begin = _at(schedule, hold.begin) if hold.begin else 0
     end = _at(schedule, hold.end) if hold.end else max(schedule.makespan, begin) + 1
     owner = hold.begin or hold.end
-    return begin, end, f"hold of {owner.stage if owner else 'nobody'}"
+    return begin, end, f"hold of {owner.stage if owner else 'no stage'}"
 
 
 def _travels(shop: Shop, schedule: Schedule) -> Iterator[str]:
-    """A resource that travels has the time to be where each piece of its work starts."""
+    """Pairs of successive works between which a resource has too little time to travel."""
     for resource in (each for each in shop.resources if each.travel):
         works = sorted(_works(shop, schedule, resource))
         works.insert(0, (0, 0, "the start", resource.home, resource.home))
@@ -129,7 +130,7 @@ def _replayed(device: Device, changes: list[Adjustment]) -> Iterator[str]:
 
 
 def _stands(device: Device, changes: list[Adjustment], setting: str, begin: int, end: int) -> bool:
-    """Whether the device has that setting all the time from `begin` to `end`, and is not being changed."""
+    """Whether the device has the setting from `begin` to `end` without a break and is not changed meanwhile."""
     if any(each.start < end and each.start + each.change.duration > begin for each in changes):
         return False
     before = [each.change.after for each in changes if each.start + each.change.duration <= begin]

@@ -1,8 +1,10 @@
-"""A first schedule: stages are placed one after another, each as early as it can be, in an order found by a beam.
+"""A first schedule: stages are placed one after another, each as early as possible, in an order found by a
+beam.
 
-A serial scheme: whatever a resource does comes after what it has been given before. A device is changed when a stage is
-placed that needs it otherwise; several changes in the order in which they can begin. The beam keeps the partial
-schedules with the least estimate of the end: what has been placed and its tail, and what each resource still has to serve.
+Whatever a resource does comes after the work that it was given before (a serial scheme). If a stage needs
+another setting of a device, the device is changed when the stage is placed. The beam keeps the partial
+schedules with the least estimate of the end: it counts the placed stages with their tails, and the work that
+each resource still has to do.
 """
 
 from collections.abc import Mapping, Sequence
@@ -15,13 +17,13 @@ from engine.stages.scheduling.bounds import Occupation, least_travel, occupation
 from engine.stages.scheduling.lags import Lags, first_needs
 from engine.stages.scheduling.symmetry import alike
 
-WIDTHS = (1, 6, 30, 150)  # of the beam, until the lower bound is reached
-MOST = 8_000  # partial schedules in one beam, about
+WIDTHS = (1, 6, 30, 150)  # of the beam; tried in this order until the lower bound is reached
+MOST = 8_000  # about how many partial schedules one beam may make
 
 
 @dataclass(frozen=True, slots=True)
-class Standing:
-    """How a device stands: its setting since when, and until when some stage needs it so."""
+class DeviceStanding:
+    """How a device stands: its setting, since when it has it, and until when some placed stage needs it."""
 
     setting: str
     since: int = 0
@@ -30,24 +32,24 @@ class Standing:
 
 @dataclass(frozen=True, slots=True)
 class Partial:
-    """A schedule of some of the stages. `units` are the times from which each unit of a resource is free again."""
+    """A schedule of some stages. `units` are the times from which each unit of a resource is free again."""
 
     starts: Mapping[str, int]
     units: Mapping[str, tuple[int, ...]]
     places: Mapping[str, str]
-    devices: Mapping[str, Standing]
+    devices: Mapping[str, DeviceStanding]
     adjustments: tuple[Adjustment, ...] = ()
     estimate: int = 0
     tardiness: int = 0
 
     @property
     def score(self) -> tuple[int, int, int]:
-        """The smaller, the better."""
+        """A sort key: the smaller, the better."""
         return self.tardiness, self.estimate, sum(self.starts.values())
 
 
 def construct(lags: Lags, bound: int) -> Schedule | None:
-    """The best of some schedules made without search; None if all of them got stuck."""
+    """The best of the schedules that some beams find, without further search; None if all beams get stuck."""
     builder = Builder(lags)
     best: Schedule | None = None
     for width in WIDTHS:
@@ -68,7 +70,7 @@ def _value(schedule: Schedule) -> tuple[int, int]:
 
 
 class Builder:
-    """What placing needs to know of a shop, looked up once."""
+    """Places stages one after another. What this needs to know about the shop is looked up once."""
 
     def __init__(self, lags: Lags) -> None:
         self.lags, self.shop = lags, lags.shop
@@ -85,7 +87,7 @@ class Builder:
         self.least = {name: least_travel(lags, served) for name, served in self.served.items()}
 
     def beam(self, width: int) -> Schedule | None:
-        """The best complete schedule of a beam of partial ones."""
+        """The best complete schedule of a beam of partial schedules; None if the beam gets stuck."""
         kept = [self._empty()]
         for _ in self.shop.stages:
             found = [child for each in kept for child in self._children(each)]
@@ -98,12 +100,14 @@ class Builder:
             if hold.begin is None:
                 units[hold.resource] = units[hold.resource][1:]
         places = {resource.name: resource.home for resource in self.shop.resources if resource.travel}
-        devices = {device.name: Standing(device.initial) for device in self.shop.devices}
+        devices = {device.name: DeviceStanding(device.initial) for device in self.shop.devices}
         return Partial({}, units, places, devices)
 
     def _children(self, partial: Partial) -> list[Partial]:
-        """The partial schedule with one more stage: any that starts before another could have ended (Giffler &
-        Thompson 1960), and of jobs that are alike only the first that has not been begun."""
+        """The partial schedules with one more stage, which starts before another one could have ended.
+
+        Giffler & Thompson 1960. Of jobs that are alike, only the first one not yet begun may begin.
+        """
         waiting = {each for queue in self.queue for each in [n for n in queue if n not in partial.starts][1:]}
         found = [
             (child.starts[name], child.starts[name] + stage.duration, child)
@@ -116,7 +120,7 @@ class Builder:
         return [child for start, end, child in found if start < soonest or end == soonest]
 
     def _placed(self, partial: Partial, stage: Stage) -> Partial | None:
-        """The partial schedule with one more stage, as early as it can be; None if it cannot come now."""
+        """The partial schedule with one more stage, as early as possible; None if the stage cannot come now."""
         changed = self._changed(partial, stage)
         if changed is None:
             return None
@@ -139,7 +143,7 @@ class Builder:
         return self._estimated(made, stage, start)
 
     def _changed(self, partial: Partial, stage: Stage) -> Partial | None:
-        """The partial schedule after the changes of devices that a stage asks for, those first that can begin first."""
+        """The partial schedule after a stage's device changes, in order of their begins; None if impossible."""
         for _ in stage.needs:
             wanted = [
                 (self._change_start(partial, change, need), need.device, change)
@@ -177,12 +181,12 @@ class Builder:
             partial,
             units={**partial.units, operator: (end,)},
             places=places,
-            devices={**partial.devices, name: Standing(change.after, end, end)},
+            devices={**partial.devices, name: DeviceStanding(change.after, end, end)},
             adjustments=(*partial.adjustments, Adjustment(name, change, start)),
         )
 
     def _earliest(self, partial: Partial, stage: Stage) -> int | None:
-        """When a stage can start, its devices being as it needs them."""
+        """When a stage can start if its devices stay as they are; None if a resource is never free again."""
         times = [self.lags.heads[stage.name]]
         times += [partial.starts[e] + lag for e, lag in self.before[stage.name] if e in partial.starts]
         times += [partial.devices[need.device].since - need.begin for need in stage.needs]
@@ -198,12 +202,12 @@ class Builder:
         return max(times)
 
     def _in_time(self, partial: Partial, name: str, start: int) -> bool:
-        """Whether a start respects the stages placed before it that must come soon after it, or not long before."""
+        """Whether a start keeps the lags to the later stages that are placed already."""
         later = self.after[name]
         return all(partial.starts[each] >= start + lag for each, lag in later if each in partial.starts)
 
     def _taken(self, partial: Partial, stage: Stage, start: int) -> dict[str, tuple[int, ...]]:
-        """The units after a stage: those of its resources, of holds that begin with it, and of holds that end."""
+        """When the units are free after a stage: it takes its resources, begins some holds, and ends others."""
         units = dict(partial.units)
         for name in stage.resources:
             units[name] = tuple(sorted((*units[name][1:], start + stage.duration)))
@@ -229,7 +233,7 @@ class Builder:
         return replace(partial, estimate=estimate, tardiness=partial.tardiness + late)
 
     def _remaining(self, partial: Partial, resource: str, served: Sequence[Occupation]) -> int:
-        """When a resource can have served all, with what follows the last; those under way count from their start."""
+        """When a resource can have done all its work, tail included. Work under way counts from its start."""
         now = max(partial.units[resource], default=0)
         waiting = [each for each in served if each.first.name not in partial.starts]
         for each in served:
@@ -243,7 +247,10 @@ class Builder:
         return now + work + min(each.tail for each in waiting)
 
     def _batched(self, partial: Partial, served: Batches) -> int:
-        """When all batches can have been served, with what follows the last; who is inside may join a period under way."""
+        """When all batches can be done, tail included.
+
+        Objects that are inside may join a period under way.
+        """
         pairs = zip(served.stages, served.entries, strict=True)
         waiting = [
             (stage, entry in partial.starts) for stage, entry in pairs if stage.name not in partial.starts
@@ -260,7 +267,7 @@ class Builder:
         return now + gap + served.least([stage.duration for stage, _ in left], come) + tail
 
     def _free(self, partial: Partial, stage: Stage) -> int:
-        """When the resources of a stage are free and where it starts; 0 for one that is taken for an unknown time."""
+        """When a stage's resources are free and at its origin; 0 for one that is taken for an unknown time."""
         times = [
             partial.units[name][0] + self._travel(partial, name, stage.origin) if partial.units[name] else 0
             for name in stage.resources
@@ -268,7 +275,7 @@ class Builder:
         return max(times, default=0)
 
     def _finish(self, partial: Partial) -> Schedule | None:
-        """The whole schedule, with devices at their final settings."""
+        """The whole schedule, with each device changed to its final setting; None if a device cannot be."""
         for device in self.shop.devices:
             standing = partial.devices[device.name]
             if device.final and standing.setting != device.final:

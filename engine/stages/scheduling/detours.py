@@ -1,7 +1,7 @@
-"""Detours in a plan: an object is put down and taken up again from there, with nothing done to it in between.
+"""Removes detours from a plan: an object is put down and picked up again, with nothing done to it in between.
 
-Where its way leads is often free later than it was when the plan was made, or was free all along; a schedule that
-reorders blocks has no need to park it. Two such blocks become one, without the steps that undo each other.
+The plan may park an object because its next place is not free yet, or without need. A schedule may reorder
+blocks, so it need not park the object. The two blocks become one, without the steps that undo each other.
 """
 
 from collections.abc import Sequence
@@ -11,7 +11,10 @@ from engine.stages.scheduling.blocks import Block
 
 
 def straightened(blocks: Sequence[Block], loose: Bits) -> list[Block]:
-    """The blocks with detours made straight, where the plan's order allows; that of what happens to `loose` is free."""
+    """The blocks without detours, as far as the plan's order allows.
+
+    The order of changes to atoms in `loose` may be changed.
+    """
     kept = [block for block in blocks if not block.serves or changes(block)]
     place = 0
     while place < len(kept):
@@ -23,11 +26,11 @@ def straightened(blocks: Sequence[Block], loose: Bits) -> list[Block]:
 
 
 def necessary(task: Task, blocks: Sequence[Block], goals: Bits) -> list[Block]:
-    """The blocks without those that serve no object of the workflow and that nothing after them needs."""
+    """The blocks without those that serve no object of the workflow and that no later block needs."""
     kept = list(blocks)
     if not _executes(
         task, kept, goals
-    ):  # a process began within a block: their order is not that of the plan
+    ):  # a process began during a block, so the blocks in a row are not the plan
         return kept
     for block in [each for each in blocks if not each.serves]:
         fewer = [each for each in kept if each is not block]
@@ -46,32 +49,35 @@ def _executes(task: Task, blocks: Sequence[Block], goals: Bits) -> bool:
 
 
 def changes(block: Block) -> bool:
-    """Whether anything is different after a block; processes count, since time passes."""
+    """Whether anything is different after a block.
+
+    A block of one step always counts: it may be a process, and time passes.
+    """
     state: dict[int, bool] = {}
     for ends, makes in zip(block.ends, block.makes, strict=True):
         state |= dict.fromkeys(indices(ends), False) | dict.fromkeys(indices(makes), True)
     first: dict[int, bool] = {}
     for ends, makes in zip(block.ends, block.makes, strict=True):
         for atom in indices(ends | makes):
-            first.setdefault(atom, bool(ends >> atom & 1))  # true before if it is ended first
+            first.setdefault(atom, bool(ends >> atom & 1))  # an atom that is ended first was true before
     return len(block.steps) == 1 or any(state[atom] != before for atom, before in first.items())
 
 
 def _next(blocks: Sequence[Block], place: int) -> int | None:
-    """Where the next block of the same object stands."""
+    """The index of the next block of the same object; None if there is none."""
     subject = blocks[place].subject
     later = range(place + 1, len(blocks))
     return next((n for n in later if blocks[n].subject == subject), None) if subject is not None else None
 
 
 def _undone(first: Block, second: Block) -> bool:
-    """Whether the second block begins with undoing all that the first one ends with."""
+    """Whether the second block begins by undoing all that the first one ended with."""
     longer = len(first.steps) > 1 and len(second.steps) > 1
     return longer and (second.ends[0], second.makes[0]) == (first.makes[-1], first.ends[-1])
 
 
 def _joined(blocks: Sequence[Block], first: int, second: int, minded: Bits) -> list[Block] | None:
-    """Both in one place, that of the first or of the second, where no block between them is in the way."""
+    """The blocks with two of them made one, at the place of the first or the second; None if neither works."""
     one, other = blocks[first], blocks[second]
     between = list(blocks[first + 1 : second])
     changed = 0

@@ -1,7 +1,7 @@
-"""Devices in the constraint model: each goes through periods, in each of which it stands at one setting.
+"""Devices in the constraint model: the time of each device is a row of periods, each with one setting.
 
-Period 0 is how the device is found. A need falls into one period of its setting; between two periods the operator
-changes the device. Periods after the last one that is needed are absent.
+Period 0 has the setting that the device has at the start. Each need falls into one period of its setting.
+Between two periods the operator changes the device. Periods after the last one that is needed are absent.
 """
 
 from collections import Counter
@@ -17,7 +17,11 @@ from engine.stages.scheduling.model import Model, Work
 
 @dataclass(frozen=True)
 class Period:
-    """A time at one setting: `settings` are literals by setting; `changes` those of how it was reached, at `changed`."""
+    """A time with one setting.
+
+    `settings` has a literal for each possible setting. `changes` are the changes that may lead to this
+    period, with their literals; the change starts at `changed`.
+    """
 
     begin: IntVar
     end: IntVar
@@ -29,7 +33,7 @@ class Period:
 
 @dataclass(frozen=True)
 class Periods:
-    """The periods of one device and, for each need of a stage, the literals of the periods it may fall into."""
+    """The periods of one device and, for each need of a stage, the literals of the periods where it may fall."""
 
     device: Device
     periods: tuple[Period, ...]
@@ -66,7 +70,10 @@ def _found(model: Model, device: Device) -> Period:
 
 
 def _reachable(device: Device, wanted: list[tuple[str, Need]]) -> list[list[str]]:
-    """For each period that can be of use, the settings it may have: no setting twice in a row, none that nobody needs."""
+    """For each period that can be useful, the settings that it may have.
+
+    No setting comes twice in a row, and each is needed by some stage or is the final one.
+    """
     counts = Counter(need.setting for _, need in wanted)
     useful = sorted(set(counts) | ({device.final} if device.final else set()))
     most = max(counts.values(), default=0)
@@ -81,7 +88,7 @@ def _reachable(device: Device, wanted: list[tuple[str, Need]]) -> list[list[str]
 
 
 def _next(model: Model, device: Device, before: Period, settings: list[str], number: int) -> Period:
-    """The period after another one, with the operator's work between them."""
+    """The period after `before`, with the operator's work between them."""
     cp, horizon = model.cp, model.horizon
     begin, end, changed = (cp.new_int_var(0, horizon, "") for _ in range(3))
     present = cp.new_bool_var(f"{device.name} {number}")
@@ -110,7 +117,7 @@ def _next(model: Model, device: Device, before: Period, settings: list[str], num
 def _work(
     model: Model, device: Device, change: Changeover, taken: IntVar, start: IntVar, number: int
 ) -> None:
-    """What the operator does if it makes this change."""
+    """Add what the operator does if it makes this change."""
     end = start + change.duration
     interval = model.cp.new_optional_fixed_size_interval_var(start, change.duration, taken, "")
     work = Work(start, end, interval, change.origin, change.destination, taken, device.name, number)
@@ -119,7 +126,7 @@ def _work(
 
 
 def _place(model: Model, stage: str, need: Need, periods: list[Period]) -> dict[int, IntVar]:
-    """The literals of the periods in which a need may fall: exactly one of them holds it."""
+    """The literals of the periods into which a need may fall; exactly one of them is true."""
     found: dict[int, IntVar] = {}
     for number, period in enumerate(periods):
         if need.setting in period.settings:
@@ -133,7 +140,10 @@ def _place(model: Model, stage: str, need: Need, periods: list[Period]) -> dict[
 
 
 def _add_use(model: Model, device: Device, periods: list[Period], needs: list[dict[int, IntVar]]) -> None:
-    """A period is needed by some stage, or leaves the final setting behind; the last one does so, if one is asked for."""
+    """Each period serves some stage or has the final setting.
+
+    If the device has a final setting, the last period has it.
+    """
     for number, period in enumerate(periods):
         absent = [~period.present] if number else []
         final = [period.settings[device.final]] if device.final in period.settings else []
@@ -148,7 +158,10 @@ def _add_use(model: Model, device: Device, periods: list[Period], needs: list[di
 def _add_batches(
     model: Model, device: Device, periods: int, needs: tuple[tuple[str, Need, dict[int, IntVar]], ...]
 ) -> None:
-    """No more stages in one period than there is room for (implied, but not seen by the solver)."""
+    """No period holds more stages of a batch than there are places.
+
+    The other constraints imply this, but the solver does not see it.
+    """
     for served in (each for each in batches(model.lags) if each.device == device.name):
         members = {stage.name for stage in served.stages}
         for number in range(periods):

@@ -1,4 +1,4 @@
-"""What must pass between stages at least: windows, and the changes of devices that stages in a row ask for.
+"""The least times between stages, from windows and from the device changes that successive stages need.
 
 From these lags follow how early a stage can start (head) and how much must follow its start (tail).
 """
@@ -11,22 +11,22 @@ from functools import cached_property
 from engine.model.shop import Changeover, Need, Shop, Stage, Window
 from engine.stages.scheduling.travel import Table, shortest
 
-NEVER = -(10**12)  # the lag of stages that nothing orders
+NEVER = -(10**12)  # the lag between two stages that are not ordered
 
 
-class Contradiction(Exception):
-    """Lags go round in a circle: no schedule exists. Carries a stage of the circle."""
+class CircularLags(Exception):
+    """The lags form a cycle that no schedule can keep. Carries a stage of the cycle."""
 
 
 @dataclass(frozen=True)
 class Lags:
-    """The least times between the starts of stages of a shop, closed over paths. Raises `Contradiction`."""
+    """The least times between the starts of the stages of a shop, over all paths. Raises `CircularLags`."""
 
     shop: Shop
 
     @cached_property
     def direct(self) -> dict[tuple[str, str], int]:
-        """The lag of each pair of stages in a window, with changes of devices between them."""
+        """The lag of each pair of stages that a window or a hold joins, with the device changes between them."""
         found: dict[tuple[str, str], int] = {}
         holds = (Window(hold.begin, hold.end) for hold in self.shop.holds if hold.begin and hold.end)
         for window in (*self.shop.windows, *holds):
@@ -60,11 +60,13 @@ class Lags:
 
     @cached_property
     def travel(self) -> dict[str, Table]:
-        """For each resource that travels the least times between places."""
+        """For each resource, the least travel times between places."""
         return {resource.name: shortest(self.shop, resource) for resource in self.shop.resources}
 
     def setup(self, one: Stage | None, other: Stage) -> int:
-        """What must pass between the starts of `one` (None: time 0) and `other` for devices to be changed."""
+        """The least time from the start of `one` (None: time 0) to that of `other`, with devices changed
+        between.
+        """
         needed: dict[str, list[tuple[Changeover, int, int]]] = {}
         for need in first_needs(other).values():
             device = self.shop.device[need.device]
@@ -83,7 +85,10 @@ class Lags:
     def _least(
         self, operator: str, one: Stage | None, other: Stage, changes: Sequence[tuple[Changeover, int, int]]
     ) -> int:
-        """The same for the changes by one operator, which works before and after if a stage uses it."""
+        """The same for the changes by one operator.
+
+        If a stage uses the operator, the changes come after or before this stage.
+        """
         home = self.shop.resource[operator].home
         here = home if one is None else one.destination if operator in one.resources else None
         since = min(each[1] for each in changes) if one and here is None else one.duration if one else 0
@@ -104,7 +109,7 @@ class Lags:
         return {(a, b): lag for (a, b), lag in self.direct.items() if a in names and b in names}
 
     def _longest(self, start: Mapping[str, int], lags: Mapping[tuple[str, str], int]) -> dict[str, int]:
-        """Longest paths (Bellman & Ford), level by level."""
+        """The longest paths from `start` (Bellman & Ford), in rounds."""
         best = dict(start)
         following: dict[str, list[tuple[str, int]]] = {}
         for (one, other), lag in lags.items():
@@ -120,11 +125,11 @@ class Lags:
             if not moved:
                 return best
             changed = moved
-        raise Contradiction(min(changed))
+        raise CircularLags(min(changed))
 
 
 def _way(travel: Table, here: str | None, way: Sequence[Changeover], there: str | None) -> int:
-    """The time for some changes in a row, with travel from `here` and to `there` if they are known."""
+    """The time for some changes in a row, with travel from `here` and to `there` if these are known."""
     places = [here, *(place for change in way for place in (change.origin, change.destination)), there]
     pairs = zip(places[::2], places[1::2], strict=True)
     empty = sum(travel.get((a, b), 0) for a, b in pairs if a is not None and b is not None)
@@ -132,10 +137,10 @@ def _way(travel: Table, here: str | None, way: Sequence[Changeover], there: str 
 
 
 def first_needs(stage: Stage) -> dict[str, Need]:
-    """The first need of each device."""
+    """For each device, the stage's first need."""
     return {need.device: need for need in sorted(stage.needs, key=lambda each: -each.begin)}
 
 
 def last_needs(stage: Stage) -> dict[str, Need]:
-    """The last need of each device."""
+    """For each device, the stage's last need."""
     return {need.device: need for need in sorted(stage.needs, key=lambda each: each.end)}

@@ -1,4 +1,4 @@
-"""What a call of the scheduler may cost."""
+"""The limits of one call of the scheduler."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -6,10 +6,11 @@ from dataclasses import dataclass, field
 
 @dataclass(frozen=True, slots=True)
 class ScheduleLimits:
-    """`work` is deterministic time of the solver, about seconds of one core; with it alone answers repeat exactly.
+    """`work` is a limit on the solver's deterministic time, which is about seconds of one core.
 
-    `workers` above 1 race each other: sooner an answer, not always the same. `interrupted` is asked now and then
-    whether to stop, with the best schedule so far.
+    If it is the only limit, answers repeat exactly. With more than one of `workers`, they race: the answer
+    comes sooner, but is not always the same. `interrupted` is asked now and then whether to stop with the
+    best schedule so far.
     """
 
     work: float = 60.0

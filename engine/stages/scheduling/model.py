@@ -23,7 +23,10 @@ from engine.stages.scheduling.travel import has_shortcuts
 
 @dataclass(frozen=True)
 class Work:
-    """Something that a resource does, if `present`: an interval, and where it begins and ends."""
+    """A piece of work of a resource: its interval, and where it begins and ends.
+
+    It is done if `present` is true or None.
+    """
 
     start: LinearExprT
     end: LinearExprT
@@ -33,12 +36,15 @@ class Work:
     present: IntVar | None = None
     device: str = ""
     period: int = 0
-    lasts: bool = True  # what takes no time takes no unit
+    lasts: bool = True  # work that takes no time takes no unit
 
 
 @dataclass
 class Model:
-    """A model while it is being made. `starts` are the variables of the stages; `horizon` bounds every time."""
+    """A constraint model while it is built.
+
+    `starts` are the start times of the stages; no time exceeds `horizon`.
+    """
 
     shop: Shop
     lags: Lags
@@ -56,11 +62,11 @@ class Model:
             self.cp.add(self.makespan >= self.starts[name] + self.lags.tails[name])
 
     def at(self, moment: Moment) -> LinearExpr:
-        """When a moment is."""
+        """The time of a moment."""
         return self.starts[moment.stage] + moment.offset
 
     def add_windows(self) -> None:
-        """Windows, lags that follow from devices, and the order of jobs that are alike."""
+        """Add windows, the lags that follow from devices, and the order of jobs that are alike."""
         for window in self.shop.windows:
             if window.most is not None:
                 self.cp.add(self.at(window.later) <= self.at(window.earlier) + window.most)
@@ -71,7 +77,7 @@ class Model:
                 self.cp.add(self.starts[first.stages[0].name] <= self.starts[second.stages[0].name])
 
     def add_works(self) -> None:
-        """What resources do for stages."""
+        """Add what resources do for stages."""
         for stage in self.shop.stages.values():
             start = self.starts[stage.name]
             interval = self.cp.new_fixed_size_interval_var(start, stage.duration, stage.name)
@@ -81,7 +87,7 @@ class Model:
                 self.works.setdefault(name, []).append(work)
 
     def add_resources(self) -> None:
-        """Capacities and travel; comes last, when every work is known."""
+        """Add capacities and travel. This comes last, when all works are known."""
         for resource in self.shop.resources:
             works = self.works.get(resource.name, [])
             taken = [work.interval for work in works if work.lasts]
@@ -110,11 +116,17 @@ class Model:
         return self.cp.new_optional_interval_var(self.at(hold.begin), size, self.at(hold.end), some, name)
 
     def _lasts(self, begin: Moment, end: Moment) -> bool:
-        """Whether a hold can never be empty: an empty one takes nothing, and may be within another."""
+        """Whether a hold can never be empty.
+
+        An empty hold takes no unit, so it may lie within another hold.
+        """
         return self.lags.span(begin.stage, end.stage) + end.offset > begin.offset
 
     def _add_travel(self, resource: Resource, works: list[Work]) -> None:
-        """Between any two works there is time to travel; a table with shortcuts through work needs their sequence."""
+        """Between any two works there is time to travel.
+
+        If a way through other work is shorter than the table says, the sequence of the works is modelled.
+        """
         travel = dict(resource.travel)
         if has_shortcuts(self.shop, resource):
             self._add_sequence(resource, works)
@@ -144,7 +156,10 @@ class Model:
         self.cp.add(constraint).only_enforce_if([each for each in literals if each is not None])
 
     def _add_sequence(self, resource: Resource, works: list[Work]) -> None:
-        """One route through all works that are present: 0 is the start and the end, works count from 1."""
+        """One route through all works that are present.
+
+        Node 0 is the start and the end; works count from 1.
+        """
         arcs: list[tuple[int, int, LiteralT]] = [(0, 0, ~self._some(works))]
         for n, work in enumerate(works, 1):
             first = self.cp.new_bool_var("")
@@ -161,7 +176,7 @@ class Model:
         self.cp.add_circuit(arcs)
 
     def _some(self, works: list[Work]) -> IntVar:
-        """Whether any work is present."""
+        """A literal that says whether any work is present."""
         some = self.cp.new_bool_var("")
         present = [work.present for work in works if work.present is not None]
         if len(present) < len(works) or not works:

@@ -1,7 +1,8 @@
 """Places that hold one object at a time, and which of them are interchangeable.
 
-An atom such as `free(slot)` that one block takes away and a later one of the same object gives back is a hold: what came
-first in the plan there came first by chance. Places that can be exchanged in the whole task are one resource together.
+One block makes an atom such as `free(slot)` false, and a later block of the same object makes it true again.
+This is a hold of the place, and the order in which objects use the place in the plan need not be kept. Places
+that can be exchanged in the whole task are one resource together.
 """
 
 from collections.abc import Iterator, Sequence
@@ -16,7 +17,7 @@ from kb.terms import Function, Term
 
 @dataclass(frozen=True, slots=True)
 class Touch:
-    """A step of a stage touches an atom: needs, ends or makes it. `begin` and `end` count from the stage's start."""
+    """A step of a stage needs, ends or makes an atom. `begin` and `end` count from the start of the stage."""
 
     stage: str
     job: str
@@ -33,15 +34,15 @@ class Touch:
 
     @property
     def last(self) -> Moment:
-        """When the step has ended."""
+        """When the step ends."""
         return Moment(self.stage, self.end)
 
 
 def holds_of(resource: str, touches: Sequence[Touch], initially: bool) -> list[Hold] | None:
-    """What takes a place whose being free is touched so; None if it is no such place.
+    """The holds of a place, from what touches its atom `free`; None if the atom is about no such place.
 
-    Each object gives back what it has taken before it takes it again. Whoever gives back first without having taken
-    has been there from the start.
+    Each object must give back what it has taken before it takes it again. An object that gives a place back
+    without having taken it was there from the start.
     """
     jobs: dict[str, list[Touch]] = {}
     for touch in touches:
@@ -57,7 +58,7 @@ def holds_of(resource: str, touches: Sequence[Touch], initially: bool) -> list[H
 
 
 def _holds_of_one(resource: str, touches: Sequence[Touch]) -> list[Hold] | None:
-    """The same for one object; a step that only needs the place free takes it while it lasts."""
+    """The same for one object. A step that only needs the place to be free takes it while the step lasts."""
     found: list[Hold] = []
     taker: Touch | None = None
     for touch in touches:
@@ -79,7 +80,7 @@ def _holds_of_one(resource: str, touches: Sequence[Touch]) -> list[Hold] | None:
 
 @dataclass(frozen=True)
 class Exchange:
-    """Tells which terms of a task can be exchanged without changing it."""
+    """Finds which terms of a task can be exchanged without changing the task."""
 
     task: Task
     goals: Bits
@@ -93,7 +94,7 @@ class Exchange:
         return {_key(each) for each in self.task.operators}
 
     def alike(self, atom: Function) -> tuple[Function, ...]:
-        """The atoms such as `free(place)`, itself included, whose places can be exchanged with that of `atom`."""
+        """The atoms such as `free(place)` whose places can be exchanged with that of `atom`; `atom` is first."""
         number = self._index[atom]
         if len(atom.arguments) != 1 or not self.task.initial >> number & 1:
             return (atom,)
@@ -117,7 +118,7 @@ class Exchange:
         )
 
     def _swap(self, one: Term, other: Term) -> dict[int, int] | None:
-        """Where each atom with one of the terms goes when they change places; None if one goes nowhere."""
+        """What each atom with one of the terms becomes when they are exchanged; None if one is missing."""
         found: dict[int, int] = {}
         for number, atom in enumerate(self.task.atoms):
             if mentions(atom, one) or mentions(atom, other):
@@ -129,12 +130,12 @@ class Exchange:
 
 
 def touches(operator: GroundOperator, swap: dict[int, int]) -> bool:
-    """Whether an operator has any of these atoms."""
+    """Whether an operator has any atom of a swap."""
     return bool((operator.preconditions | operator.adds | operator.deletes) & bitset(list(swap)))
 
 
 def exchanged(term: Function, one: Term, other: Term) -> Function:
-    """A term with two of its parts in each other's place."""
+    """A term in which two of its parts are exchanged."""
     return Function(term.name, tuple(_exchanged(each, one, other) for each in term.arguments))
 
 
@@ -154,7 +155,7 @@ def _moved(bits: Bits, swap: dict[int, int]) -> Bits:
 def _key(
     operator: GroundOperator, swap: dict[int, int] | None = None, pair: tuple[Term, Term] | None = None
 ) -> object:
-    """What tells ground operators apart, with atoms and terms exchanged."""
+    """What identifies a ground operator, after an exchange of atoms and terms."""
     sets: Iterator[Bits] = iter((operator.preconditions, operator.adds, operator.deletes))
     moved = tuple(_moved(each, swap) if swap else each for each in sets)
     resources = tuple(_exchanged(r, *pair) if pair else r for r in operator.resources)

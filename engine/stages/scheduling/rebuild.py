@@ -1,4 +1,4 @@
-"""From a schedule back to steps: which place each object takes, which steps change each device, and when each starts."""
+"""Turns a schedule back into steps: where each object goes, which steps change devices, and when each starts."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -7,12 +7,12 @@ from engine.model.schedule import Schedule
 from engine.model.shop import Hold, Moment
 from engine.model.stages import STAGE
 from engine.model.task import Bits, GroundOperator, Task, bitset, progress
-from engine.stages.scheduling.work import CellWork, Visit
+from engine.stages.scheduling.work import CellWork, PlaceVisit
 from kb.terms import Function, Term
 
 
 class Mislaid(Exception):
-    """A step of the schedule cannot be executed where it stands."""
+    """A step of the schedule cannot be executed at its time."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,7 +24,7 @@ class TimedStep:
 
     @property
     def end(self) -> int:
-        """When it has ended."""
+        """When the step ends."""
         return self.start + self.operator.duration
 
 
@@ -46,7 +46,7 @@ def timed_steps(task: Task, work: CellWork, schedule: Schedule) -> tuple[TimedSt
 def _variant(
     wanted: GroundOperator, variants: Mapping[Function, Sequence[GroundOperator]], state: Bits, stages: Bits
 ) -> GroundOperator:
-    """The operator that the wanted step is in a state: itself, or another way to support the same instance."""
+    """The operator that does the wanted step in a state: the step itself, or one of the same instance."""
     fitting = [
         each
         for each in (wanted, *variants.get(wanted.instance, ()))
@@ -73,11 +73,14 @@ def _wanted(work: CellWork, schedule: Schedule) -> Iterator[TimedStep]:
 
 
 def _rename(step: GroundOperator, places: Mapping[Term, Term]) -> GroundOperator:
-    """The step at other places; what it needs there is looked up by its name, its stage stays."""
+    """The step at other places.
+
+    What it needs there is looked up by its new name; its stage stays the same.
+    """
     instance = _substituted(step.instance, places)
     if instance == step.instance or not isinstance(instance, Function):
         return step
-    impossible = -1  # no state fulfils it: only the variants of the new name are tried
+    impossible = -1  # no state has it: only operators with the new name are tried
     return GroundOperator(
         instance, impossible, step.adds, step.deletes, (), step.resources, step.duration, step.cost
     )
@@ -92,7 +95,7 @@ def _substituted(term: Term, places: Mapping[Term, Term]) -> Term:
 
 
 def _renamed(work: CellWork, schedule: Schedule) -> dict[str, dict[Term, Term]]:
-    """For each stage, the places that it names and those that it gets instead."""
+    """For each stage, the places that it names, each with the place that it gets instead."""
     found: dict[str, dict[Term, Term]] = {}
     for resource, visits in work.visits.items():
         for visit, place in _assigned(visits, work.places[resource], schedule):
@@ -102,9 +105,9 @@ def _renamed(work: CellWork, schedule: Schedule) -> dict[str, dict[Term, Term]]:
 
 
 def _assigned(
-    visits: Sequence[Visit], places: Sequence[Term], schedule: Schedule
-) -> Iterator[tuple[Visit, Term]]:
-    """A place for each visit, first come, first served; its own if that is free."""
+    visits: Sequence[PlaceVisit], places: Sequence[Term], schedule: Schedule
+) -> Iterator[tuple[PlaceVisit, Term]]:
+    """A place for each visit, first come, first served. A visit keeps its own place if that is free."""
     until = dict.fromkeys(places, 0)
     for visit in sorted(visits, key=lambda each: (_begin(each.hold, schedule), _end(each.hold, schedule))):
         begin, end = _begin(visit.hold, schedule), _end(visit.hold, schedule)

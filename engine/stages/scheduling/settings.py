@@ -1,7 +1,7 @@
-"""Doors and lids found in a task: what the arm can change without touching an object of the workflow.
+"""Finds doors and lids in a task: what the arm can change without touching an object of the workflow.
 
-Each device is a small automaton over the atoms that its steps change together; its settings are the states that blocks
-of the plan ask for, and a change of setting is a shortest path of steps.
+Each device is a small automaton over the atoms that its steps change together. Its settings are the states
+that blocks of the plan need. A change of setting is a shortest path of steps.
 """
 
 import heapq
@@ -13,7 +13,7 @@ from engine.model.task import Bits, GroundOperator, Task, progress
 from engine.stages.scheduling.blocks import Block, Unstructured, atoms_about, touched
 from kb.terms import Term
 
-MAX_STATES = 500  # of one device
+MAX_STATES = 500  # that one device may have
 FOUND = "as found"
 
 Path = tuple[GroundOperator, ...]
@@ -22,15 +22,15 @@ Place = Callable[[GroundOperator], str]
 
 @dataclass(frozen=True)
 class Mechanism:
-    """A device of the shop with what it means in the task: `atoms`, and the steps of each change."""
+    """A device of the shop and what it means in the task: its `atoms`, and the steps of each change."""
 
     device: Device
     atoms: Bits
-    settings: Mapping[Bits, str]  # what a block asks for: the setting that has it
+    settings: Mapping[Bits, str]  # the atoms that a block needs, and the setting that has them
     paths: Mapping[tuple[str, str], Path]
 
     def needs(self, block: Block) -> Iterator[Need]:
-        """What a block needs of this device, as few intervals as possible. Raises `Unstructured`."""
+        """What a block needs of this device, as one interval or none. Raises `Unstructured`."""
         wanted = [
             (self.settings[step.preconditions & self.atoms], begin, end)
             for step, begin, end in block.timed
@@ -45,7 +45,10 @@ class Mechanism:
 def mechanisms(
     task: Task, arm: Term, blocks: Sequence[Block], goals: Bits, place: Place
 ) -> tuple[Mechanism, ...]:
-    """The devices that the blocks of a plan need, each moved by the arm alone. Raises `Unstructured`."""
+    """The devices that the blocks of a plan need.
+
+    The arm alone changes each of them. Raises `Unstructured`.
+    """
     about = atoms_about(task, arm)
     prepared = 0
     for step in (step for block in blocks if not block.serves for step in block.steps):
@@ -62,7 +65,10 @@ def mechanisms(
 
 
 def _components(sets: Sequence[Bits]) -> list[Bits]:
-    """Atoms that some step touches together, as disjoint sets, lowest atom first."""
+    """Disjoint sets of atoms, the set with the lowest atom first.
+
+    Atoms that one step touches are in one set.
+    """
     found: list[Bits] = []
     for atoms in (each for each in sets if each):
         joined = atoms
@@ -83,7 +89,7 @@ def _name(operators: Sequence[GroundOperator], arm: Term, taken: Sequence[str]) 
 class _Finder:
     task: Task
     atoms: Bits
-    about: Bits  # of the arm
+    about: Bits  # the atoms about the arm
     operators: Sequence[GroundOperator]
     place: Place
 
@@ -108,7 +114,10 @@ class _Finder:
         return Mechanism(device, self.atoms, {each: names[mode] for each, mode in chosen.items()}, paths)
 
     def _wanted(self, name: str, blocks: Sequence[Block]) -> set[Bits]:
-        """What blocks that serve an object need of these atoms; they change none of them."""
+        """What blocks that serve an object need of these atoms.
+
+        Raises `Unstructured` if such a block changes one of them.
+        """
         serving = [block for block in blocks if block.serves]
         for block in serving:
             if any(bits & self.atoms for bits in (*block.ends, *block.makes)):
@@ -117,7 +126,7 @@ class _Finder:
         return needed - {0}
 
     def _from(self, start: Bits) -> dict[Bits, tuple[int, Path]]:
-        """The states that can be reached, with the time and the steps of a shortest path (Dijkstra)."""
+        """The states that can be reached, each with the time and the steps of a shortest path (Dijkstra)."""
         found: dict[Bits, tuple[int, Path]] = {}
         waiting: list[tuple[int, int, Bits, Path]] = [(0, 0, start, ())]
         count = 0
@@ -127,7 +136,7 @@ class _Finder:
                 continue
             found[state] = time, path
             if len(found) > MAX_STATES:
-                raise Unstructured("a device with too many states")
+                raise Unstructured(f"a device has more than {MAX_STATES} states")
             for operator in self.operators:
                 if operator.preconditions & ~state == 0:
                     count += 1
@@ -147,12 +156,12 @@ class _Finder:
 
 
 def _settings(wanted: set[Bits], modes: Mapping[Bits, tuple[int, Path]]) -> dict[Bits, Bits]:
-    """For each thing asked for the state that gives it: as few states as possible, soon reached."""
+    """The state that fulfils each need: as few states as possible, and those that are reached soonest."""
     chosen: dict[Bits, Bits] = {}
     fitting = {each: [mode for mode in modes if each & ~mode == 0] for each in wanted}
     for each in sorted(wanted, key=lambda w: (len(fitting[w]), w)):
         if not fitting[each]:
-            raise Unstructured("a setting that the arm alone cannot reach")
+            raise Unstructured("a device needs a setting that the arm alone cannot reach")
         used = [mode for mode in fitting[each] if mode in chosen.values()]
         chosen[each] = used[0] if used else min(fitting[each], key=lambda mode: (modes[mode][0], mode))
     return chosen

@@ -13,13 +13,16 @@ from engine.stages.scheduling.lags import Lags
 from engine.stages.scheduling.limits import ScheduleLimits
 from engine.stages.scheduling.model import Model
 
-POLL = 0.02  # seconds between two questions whether to stop
+POLL = 0.02  # seconds between two checks whether to stop
 
 
 def improve(
     lags: Lags, bound: int, horizon: int, first: Schedule | None, limits: ScheduleLimits
 ) -> Schedule | Infeasible | None:
-    """A better schedule than `first`, or `first` with a better bound; None if none was found."""
+    """The best schedule that the solver finds, `first` if it finds none, or the proof that there is none.
+
+    The result is None if there is no schedule so far and no proof.
+    """
     model = Model(lags.shop, lags, horizon)
     model.add_windows()
     model.add_works()
@@ -38,7 +41,7 @@ def improve(
 
 
 def _run(solver: cp_model.CpSolver, model: Model, limits: ScheduleLimits) -> cp_model.CpSolverStatus:
-    """Solve in a thread, so that Ctrl-C and the time limit are heard meanwhile."""
+    """Solve in a thread of its own, so that Ctrl-C and the time limit can stop it."""
     parameters = solver.parameters
     parameters.random_seed = limits.seed
     parameters.max_deterministic_time = limits.work

@@ -1,4 +1,4 @@
-"""Jobs that are alike: the same stages, windows and holds under other names. Which of them is which does not matter."""
+"""Jobs that are alike: their stages, windows and holds differ only in names, so these jobs can be exchanged."""
 
 from collections import defaultdict
 from collections.abc import Hashable
@@ -32,7 +32,7 @@ def alike(shop: Shop) -> tuple[tuple[Job, ...], ...]:
 
 
 def _parts(shop: Shop) -> dict[str, list[Hashable]]:
-    """For each job its windows and holds, with its stages numbered."""
+    """For each job, its windows and holds, with its stages numbered."""
     number = {stage.name: n for job in shop.jobs for n, stage in enumerate(job.stages)}
 
     def numbered(moment: Moment | None) -> Hashable:

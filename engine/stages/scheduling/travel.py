@@ -1,4 +1,4 @@
-"""How soon a resource can be somewhere else: tables of travel closed over all ways, those through its own work included."""
+"""How soon a resource can be at another place: the shortest ways, also those by other places or its own work."""
 
 import itertools
 from collections.abc import Iterator, Mapping
@@ -9,12 +9,15 @@ Table = Mapping[tuple[str, str], int]
 
 
 def shortest(shop: Shop, resource: Resource) -> Table:
-    """The least time from any place to any other (Floyd & Warshall); work that ends elsewhere is a way as well."""
+    """The least time from any place to any other (Floyd & Warshall).
+
+    Work that ends at another place is a way, too.
+    """
     if not resource.travel:
         return {}
     moves = list(_moves(shop, resource))
     between = sorted({place for one, other, _ in moves for place in (one, other)})
-    places = sorted({resource.home, *between})  # nothing goes by way of a home where nothing is done
+    places = sorted({resource.home, *between})  # if nothing is done at home, no way leads through it
     best = {(a, b): 0 if a == b else resource.travel.get((a, b), 0) for a in places for b in places}
     for one, other, lasts in moves:
         best[one, other] = min(best[one, other], lasts)
@@ -24,7 +27,7 @@ def shortest(shop: Shop, resource: Resource) -> Table:
 
 
 def has_shortcuts(shop: Shop, resource: Resource) -> bool:
-    """Whether going by way of other places or other work is shorter than what the table says for some pair."""
+    """Whether some way by other places or other work is shorter than the table says."""
     best = shortest(shop, resource)
     return any(
         best[a, b] < lasts

@@ -1,7 +1,8 @@
-"""From a task-level plan to a shop: objects of the workflow become jobs, blocks become stages.
+"""Turns a task-level plan into a shop: objects of the workflow become jobs, blocks become stages.
 
-Kept are the orders within each object, causal links between objects, and whatever else two objects do to the same atom.
-Given up are orders that only say who came first: at the arm, at places, at devices.
+These orders are kept: those within each object, causal links between objects, and all others between changes
+that two objects make to the same atom. Orders that only say which object came first (at the arm, at places,
+at devices) are dropped.
 """
 
 import itertools
@@ -18,12 +19,14 @@ from engine.stages.scheduling.places import Exchange, Touch, holds_of
 from engine.stages.scheduling.settings import Mechanism, mechanisms
 from kb.terms import Function, Term
 
-REST = "other work"  # the job of what serves no object
+REST = "other work"  # the job of the blocks that serve no object
 
 
 @dataclass(frozen=True)
 class Wishes:
-    """What a cell says about time beside durations: empty travel, longest stays in places, and what jobs are due."""
+    """What a cell says about time besides durations: empty travel, longest stays in places, and when jobs
+    begin and are due.
+    """
 
     travel: Mapping[tuple[Term, Term], int] = field(default_factory=dict)
     longest_stay: Mapping[Term, int] = field(default_factory=dict)
@@ -33,23 +36,23 @@ class Wishes:
 
 
 @dataclass(frozen=True)
-class Visit:
-    """An object takes `place` by a hold of a resource with several equal places."""
+class PlaceVisit:
+    """An object takes `place`, by a hold of a resource that has several equal places."""
 
     hold: Hold
     place: Term
-    stages: tuple[str, ...]  # those that name the place
+    stages: tuple[str, ...]  # from the stage that takes the place to the stage that leaves it
 
 
 @dataclass(frozen=True)
 class CellWork:
-    """A shop, and what its stages, changes of devices and holds mean in the task."""
+    """A shop, and what its stages, device changes and holds mean in the task."""
 
     shop: Shop
     blocks: Mapping[str, Block]
     mechanisms: Mapping[str, Mechanism]
-    visits: Mapping[str, tuple[Visit, ...]]  # by resource
-    places: Mapping[str, tuple[Term, ...]]  # of each such resource
+    visits: Mapping[str, tuple[PlaceVisit, ...]]  # by resource
+    places: Mapping[str, tuple[Term, ...]]  # the equal places of each of these resources
 
 
 def cell_work(
@@ -59,7 +62,7 @@ def cell_work(
     subjects: Sequence[Term],
     wishes: Wishes = Wishes(),
 ) -> CellWork:
-    """The shop behind a plan, given as plain operators in an executable order. Raises `Unstructured`."""
+    """The shop of a plan; `steps` are plain operators in an executable order. Raises `Unstructured`."""
     return _Assembly(task, tuple(steps), goals, tuple(subjects), wishes).work()
 
 
@@ -73,7 +76,7 @@ class _Assembly:
 
     def work(self) -> CellWork:
         holds: list[Hold] = []
-        visits: dict[str, tuple[Visit, ...]] = {}
+        visits: dict[str, tuple[PlaceVisit, ...]] = {}
         places: dict[str, tuple[Term, ...]] = {}
         windows = [window for job in self.jobs for window in in_order(job.stages)]
         for group, found in self._pools():
@@ -98,7 +101,7 @@ class _Assembly:
 
     @cached_property
     def cut(self) -> tuple[Block, ...]:
-        """The blocks of the plan as it stands, but for what it does to no purpose."""
+        """The blocks of the plan in its order, without those that are not necessary."""
         blocks = cut(self.task, self.steps, self.arm, self.subjects)
         return tuple(necessary(self.task, blocks, self.goals))
 
@@ -113,7 +116,7 @@ class _Assembly:
         return mechanisms(self.task, self.arm, self.cut, self.goals, self._place)
 
     def _place(self, step: GroundOperator) -> str:
-        """Where a step is done: the first of its terms that empty travel knows."""
+        """Where a step is done: the first of its terms that is a place of empty travel; empty if none is."""
         known = {place for pair in self.wishes.travel for place in pair}
         terms = (*step.instance.arguments, *(each for each in step.resources if each != self.arm))
         found = [str(term) for term in terms if term in known]
@@ -140,7 +143,10 @@ class _Assembly:
 
     @cached_property
     def touches(self) -> dict[int, list[Touch]]:
-        """What stages do to each atom that is neither the arm's nor a device's, in the order of the plan."""
+        """What stages do to each atom, in the order of the plan.
+
+        Atoms of the arm and of devices are left out.
+        """
         return self._touches(self.named)
 
     def _touches(self, named: Mapping[str, Block]) -> dict[int, list[Touch]]:
@@ -157,7 +163,7 @@ class _Assembly:
 
     @cached_property
     def held(self) -> dict[Function, list[Hold]]:
-        """The atoms that say that a place is free, with what takes it."""
+        """The atoms that say that a place is free, with the holds of this place."""
         return {self.task.atoms[number]: holds for number, holds in self._held(self.touches).items()}
 
     def _held(self, touches: Mapping[int, Sequence[Touch]]) -> dict[int, list[Hold]]:
@@ -170,7 +176,7 @@ class _Assembly:
         return found
 
     def _pools(self) -> Iterator[tuple[tuple[Function, ...], list[tuple[Function, Hold]]]]:
-        """Atoms whose places can be exchanged, with all that takes one of them."""
+        """Groups of atoms whose places can be exchanged, with all holds of these places."""
         exchange = Exchange(self.task, self.goals)
         done: set[Function] = set()
         for atom in self.held:
@@ -183,20 +189,23 @@ class _Assembly:
         moment = hold.begin or hold.end
         return self.named[moment.stage].subject if moment else None
 
-    def _visits(self, name: str, found: Sequence[tuple[Function, Hold]]) -> Iterator[Visit]:
+    def _visits(self, name: str, found: Sequence[tuple[Function, Hold]]) -> Iterator[PlaceVisit]:
         for atom, hold in found:
             if atom.arguments:
-                yield Visit(Hold(name, hold.begin, hold.end), atom.arguments[0], self._between(hold))
+                yield PlaceVisit(Hold(name, hold.begin, hold.end), atom.arguments[0], self._between(hold))
 
     def _between(self, hold: Hold) -> tuple[str, ...]:
-        """The stages of the same object from the one that takes a place to the one that leaves it."""
+        """The stages of the object from the one that takes the place to the one that leaves it."""
         own = [name for name, block in self.named.items() if block.subject == self._owner(hold)]
         first = own.index(hold.begin.stage) if hold.begin else 0
         last = own.index(hold.end.stage) if hold.end else len(own) - 1
         return tuple(own[first : last + 1])
 
     def _stay(self, atom: Function, hold: Hold) -> Iterator[Window]:
-        """An object may stay in a place for so long: from the end of the step that brings it to that which takes it."""
+        """Windows for the longest stay in a place.
+
+        They go from the end of the step that brings an object to the start of the step that takes it.
+        """
         for place, most in self.wishes.longest_stay.items():
             if mentions(atom, place) and hold.begin and hold.end and hold.begin.stage != hold.end.stage:
                 came = next(t for t in self._at(atom) if t.first == hold.begin)
@@ -207,7 +216,7 @@ class _Assembly:
         return self.touches[self.task.atoms.index(atom)]
 
     def _shared_resources(self, pools: Sequence[tuple[Term, ...]]) -> Iterator[Hold]:
-        """Other unary resources of steps of several objects, where no place already keeps them apart."""
+        """Holds of other resources that steps of several objects use, if no place keeps these steps apart."""
         kept = {self.arm, *self.subjects, *itertools.chain(*pools)}
         users: dict[Term, list[Touch]] = defaultdict(list)
         for name, block in self.named.items():
@@ -219,7 +228,9 @@ class _Assembly:
                 yield from (Hold(str(resource), touch.first, touch.last) for touch in touches)
 
     def _links(self) -> Iterator[Window]:
-        """Orders of the plan between objects that do something to one atom, where it is no place."""
+        """Windows that keep the plan's order between objects that change the same atom, unless it is about a
+        place.
+        """
         for number, touches in self.touches.items():
             if self.task.atoms[number] in self.held:
                 continue

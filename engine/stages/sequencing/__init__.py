@@ -1,7 +1,7 @@
-"""Sequencing: the order of visits at least travel cost.
+"""Sequencing: the order of visits with the least travel cost.
 
-The chain of 1987 as a baseline, annealed exchanges with the bound of Held and Karp, and CP-SAT for proofs and side
-conditions. What a visit is, and where the costs come from, is not decided here.
+The methods are the chain of 1987 as a baseline, annealed exchanges with the bound of Held and Karp, and
+CP-SAT for proofs and side conditions. What a visit is and where the costs come from is decided elsewhere.
 """
 
 from engine.stages.sequencing.limits import Limits

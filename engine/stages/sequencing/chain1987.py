@@ -1,4 +1,7 @@
-"""The chain of 1987: convex hull insertion, two-edge exchange, peephole. A baseline, and a quick answer."""
+"""The chain of 1987: convex hull insertion, two-edge exchange, peephole.
+
+It is a baseline, and a quick answer.
+"""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,7 +12,10 @@ WINDOW = 6
 
 
 def chain(cost: Matrix, positions: NDArray[np.floating] | None = None) -> Order:
-    """A closed tour (n,) under symmetric costs, n >= 3. Without `positions` (n, 2) it grows from the dearest edge."""
+    """A closed tour (n,) under symmetric costs, n >= 3.
+
+    It grows from the convex hull of `positions` (n, 2), or without them from the dearest edge.
+    """
     from engine.stages.sequencing.kernels.chain import exchange_edges, insert_all, peephole
 
     tour: Order = insert_all(_ring(cost, positions), cost)
@@ -27,7 +33,10 @@ def _ring(cost: Matrix, positions: NDArray[np.floating] | None) -> Order:
 
 
 def convex_hull(positions: NDArray[np.floating]) -> Order:
-    """The corners of the convex hull of points (n, 2), counter-clockwise (Andrew 1979); two at most if all are in line."""
+    """The corners of the convex hull of points (n, 2), counter-clockwise (Andrew 1979).
+
+    They are at most two if all points lie on one line.
+    """
     order = np.lexsort((positions[:, 1], positions[:, 0]))
     lower, upper = _half(positions, order), _half(positions, order[::-1])
     return np.array(lower[:-1] + upper[:-1], np.int32)

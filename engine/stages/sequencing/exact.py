@@ -1,6 +1,7 @@
-"""Proofs by CP-SAT: a circuit over the visits, with times and ranks where a problem has windows or precedence.
+"""Proofs by CP-SAT: a circuit over the visits, with times for windows and ranks for precedence.
 
-The solver runs with one worker and a limit in its deterministic time, so that the same problem gives the same answer.
+The solver runs with one worker and a limit on its deterministic time, so the same problem gives the same
+answer.
 """
 
 from concurrent.futures import ThreadPoolExecutor, wait
@@ -15,12 +16,12 @@ from engine.model.tour import TourProblem
 from engine.stages.sequencing.limits import Limits
 
 Arcs = dict[tuple[int, int], cp_model.IntVar]
-PERIOD = 0.05  # seconds between two looks at whether to stop
+PERIOD = 0.05  # seconds between two checks whether to stop
 
 
 @dataclass(frozen=True, slots=True)
 class Solved:
-    """The best order found (none: none), a lower bound, and whether it was shown that there is no order at all."""
+    """The best order found, if any; a lower bound; and whether it is proved that there is no order."""
 
     order: tuple[int, ...] | None
     lower_bound: int
@@ -28,7 +29,7 @@ class Solved:
 
 
 def solve_circuit(cost: Longs, allowed: Truths, upper: int, order: tuple[int, ...], limits: Limits) -> Solved:
-    """A closed tour of least cost, at most `upper`, along the `allowed` arcs (n, n); `order` is one of that cost."""
+    """A closed tour of least cost along the `allowed` arcs (n, n), from a known `order` of cost `upper`."""
     model = cp_model.CpModel()
     arcs = {(int(a), int(b)): model.new_bool_var("") for a, b in np.argwhere(allowed) if a != b}
     model.add_circuit([(a, b, arc) for (a, b), arc in arcs.items()])
@@ -40,7 +41,7 @@ def solve_circuit(cost: Longs, allowed: Truths, upper: int, order: tuple[int, ..
 
 
 def solve_ordered(problem: TourProblem, order: tuple[int, ...] | None, limits: Limits) -> Solved:
-    """An order of least cost with everything that the problem says; `order` is a hint."""
+    """An order of least cost that keeps all conditions of the problem; `order` is a hint."""
     model, n = cp_model.CpModel(), len(problem.visits)
     cost = problem.arcs
     arcs = {(a, b): model.new_bool_var("") for a in range(n) for b in range(n) if a != b}
@@ -63,7 +64,7 @@ def solve_ordered(problem: TourProblem, order: tuple[int, ...] | None, limits: L
 def _ends(
     model: cp_model.CpModel, problem: TourProblem, arcs: Arcs
 ) -> tuple[list[cp_model.IntVar], list[cp_model.IntVar]]:
-    """Arcs from and to one more node, n, that stands between the last visit and the first."""
+    """Literals for the first and the last visit: arcs from and to one more node, n, between the two."""
     n = len(problem.visits)
     first = [model.new_bool_var("") for _ in range(n)]
     last = [model.new_bool_var("") for _ in range(n)]
@@ -83,7 +84,7 @@ def _way_back(
     first: list[cp_model.IntVar],
     last: list[cp_model.IntVar],
 ) -> cp_model.IntVar:
-    """The cost of the arc that closes the tour."""
+    """The cost of the arc that closes the tour; 0 if the tour is open."""
     n = len(first)
     if not problem.closed or n == 1:
         return model.new_constant(0)
@@ -128,7 +129,7 @@ def _hint(model: cp_model.CpModel, arcs: Arcs, order: tuple[int, ...]) -> None:
 
 
 def _run(solver: cp_model.CpSolver, model: cp_model.CpModel, limits: Limits) -> Any:
-    """Solve in a thread of its own, so that this one can hear an interrupt and end the search."""
+    """Solve in a thread of its own, so that this thread can notice an interrupt and end the search."""
     with ThreadPoolExecutor(1) as pool:
         running = pool.submit(solver.solve, model)
         while not wait([running], PERIOD).done:
@@ -138,7 +139,7 @@ def _run(solver: cp_model.CpSolver, model: cp_model.CpModel, limits: Limits) -> 
 
 
 def _solved(model: cp_model.CpModel, arcs: Arcs, n: int, limits: Limits) -> Solved:
-    """Solve; the order begins after the last node."""
+    """The best order that the solver finds; it begins after the last node."""
     solver = cp_model.CpSolver()
     solver.parameters.num_workers = 1
     solver.parameters.random_seed = limits.seed

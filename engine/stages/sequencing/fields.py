@@ -1,7 +1,7 @@
-"""Pose fields: one pose for each visit, chosen so that visits near each other have poses near each other.
+"""Pose fields: one pose for each visit, chosen so that visits near each other have similar poses.
 
-A field begins with one pose of one visit and spreads along a shortest tree over the positions, each visit taking its
-pose nearest to that of the visit before. Within a field only the order is left to be chosen.
+A field begins with one pose of one visit and spreads along a shortest spanning tree of the positions. Each
+visit takes the pose that is nearest to its parent's pose. In a field, only the order is still open.
 """
 
 import numpy as np
@@ -9,14 +9,15 @@ import numpy as np
 from engine.kernels.arrays import Floats, Ints, Longs
 from engine.stages.sequencing.symmetric import Matrix
 
-MOST = 256  # poses of the first visit that are tried
+MOST = 256  # at most this many poses of the first visit are tried
 
 
 def fields(table: Floats, offset: Ints, lines: Longs) -> list[Ints]:
-    """A field for each pose of the first visit of the tree, the one that changes least along it first.
+    """A field for each pose of the first visit of the tree.
 
-    `table` (m, k) has all poses as joint times, those of visit v from row offset[v] on; `lines` (n, n) are distances.
-    Each field has a row for each visit (n,).
+    The field whose poses change least along the tree comes first. `table` (m, k) has all poses as joint
+    times; the poses of visit v begin at row offset[v]. `lines` (n, n) are distances. A field has one row
+    number for each visit (n,).
     """
     tree = _tree(lines)
     found = []
@@ -32,7 +33,9 @@ def fields(table: Floats, offset: Ints, lines: Longs) -> list[Ints]:
 
 
 def _tree(lines: Longs) -> list[tuple[int, int]]:
-    """The visits of a shortest spanning tree, each with its parent, parents first; the last visit is the root."""
+    """The visits of a shortest spanning tree with their parents; parents come first, the root is the last
+    visit.
+    """
     n = len(lines)
     near, parent = np.full(n, np.iinfo(np.int64).max), np.zeros(n, np.intp)
     outside, at, tree = np.ones(n, bool), n - 1, []

@@ -1,19 +1,20 @@
-"""How long a sequence is searched for. Work decides the answer; seconds only end it."""
+"""The limits of a search for a sequence. The work decides the answer; a time limit only ends the search."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
 
 
 def never() -> bool:
-    """Go on."""
+    """Never interrupt."""
     return False
 
 
 @dataclass(frozen=True, slots=True)
 class Limits:
-    """`work` kicks or moves at most, 0: as many as suit the number of visits; `interrupted` is asked now and then.
+    """`work` is the greatest number of kicks or moves; 0: a number that suits the number of visits.
 
-    `proof` allows an exact search for as much deterministic time of the solver, about seconds.
+    `interrupted` is asked now and then whether to stop. `proof` is the solver's deterministic time for an
+    exact search, about seconds.
     """
 
     work: int = 0

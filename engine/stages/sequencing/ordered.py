@@ -1,4 +1,4 @@
-"""Orders under costs that depend on the direction, windows, and precedence: annealing, and CP-SAT for the proof."""
+"""Orders under windows, precedence or costs that depend on the direction: annealing, and CP-SAT for proofs."""
 
 import graphlib
 from heapq import heappop, heappush
@@ -11,15 +11,15 @@ from engine.model.tour import Tour, TourProblem, cost_of, violations
 from engine.stages.sequencing.candidates import nearest
 from engine.stages.sequencing.limits import Limits
 
-PROVABLE = 40  # visits up to which a proof is tried
+PROVABLE = 40  # a proof is tried up to this number of visits
 SLICE = 20_000
-MOST = 5_000_000  # moves, if no other number is asked for
+MOST = 5_000_000  # the greatest number of moves, if the caller sets none
 FAR = 2**62
-FINE, HEAVIEST = 2, 256  # for each unit of lateness
+FINE, HEAVIEST = 2, 256  # the first and the greatest fine for each unit of lateness
 
 
 def best_first_order(problem: TourProblem) -> tuple[int, ...] | None:
-    """An order that keeps precedence and ends: urgent visits first; None if the precedence, ends included, has a cycle."""
+    """An order that keeps precedence and ends, urgent visits first; None if precedence and ends form a cycle."""
     n = len(problem.visits)
     before: dict[int, set[int]] = {visit: set() for visit in range(n)}
     for first, second in problem.precedence:
@@ -50,7 +50,7 @@ def _urgency(problem: TourProblem, visit: int) -> tuple[int, int]:
 
 
 def solve_directed(problem: TourProblem, limits: Limits, exact: bool = False) -> Tour | Infeasible | GaveUp:
-    """The best order, proved where there are few visits or `exact` asks for it."""
+    """The best order found. A proof is tried if there are few visits or `exact` asks for it."""
     order, work = _annealed(problem, limits)
     kept: tuple[int, ...] | None = None if violations(problem, order) else order
     lower = _assignment_bound(problem)
@@ -72,9 +72,10 @@ def solve_directed(problem: TourProblem, limits: Limits, exact: bool = False) ->
 
 
 def _annealed(problem: TourProblem, limits: Limits) -> tuple[tuple[int, ...], int]:
-    """The order of least price, in annealings each twice as long as the one before.
+    """The order of least price, and the moves made. Each annealing is twice as long as the one before.
 
-    What breaks windows and precedence is fined: lightly at first, so that the search passes through it, then more.
+    Broken windows and precedence are fined. The fines are light at first, so that the search can pass through
+    such orders, and grow later.
     """
     from engine.stages.sequencing.kernels.directed import anneal, price
 
@@ -109,14 +110,14 @@ def _annealed(problem: TourProblem, limits: Limits) -> tuple[tuple[int, ...], in
 
 
 def _times(problem: TourProblem) -> Longs:
-    """Durations, and the earliest and latest beginnings (3, n)."""
+    """Durations, earliest beginnings and latest beginnings (3, n)."""
     windows = [visit.window or (0, FAR) for visit in problem.visits]
     rows = ([visit.duration for visit in problem.visits], [w[0] for w in windows], [w[1] for w in windows])
     return np.array(rows, np.int64)
 
 
 def _assignment_bound(problem: TourProblem) -> int:
-    """A lower bound from the cheapest way into each visit, or out of each; the open end costs nothing."""
+    """A lower bound: the sum of the cheapest ways into all visits, or out of them. Open ends cost nothing."""
     arcs = problem.arcs.astype(np.int64)
     np.fill_diagonal(arcs, FAR)
     into, out = arcs.min(axis=0), arcs.min(axis=1)

@@ -1,7 +1,8 @@
-"""Tours whose visits can be made in several poses: order and poses chosen together, or one after the other.
+"""Tours of visits that have several poses: order and poses are chosen together, or one after the other.
 
-Costs are whole microseconds. `tour_then_poses` is RoboTSP (Suarez-Ruiz, Lembono & Pham 2018): a short tour of the
-positions, then the shortest path over the poses in that order. It is the baseline, and where the search begins.
+Costs are whole microseconds. `tour_then_poses` is RoboTSP (Suarez-Ruiz, Lembono & Pham 2018): a short tour of
+the positions, then the shortest path over the poses in that order. It is the baseline, and the first tour of
+the search.
 """
 
 from dataclasses import dataclass
@@ -22,14 +23,16 @@ MICROSECONDS = 1e6
 SLICE = 200
 NEAR = 10
 FIELDS, FINALISTS = 24, 3
-WARM, COLD = 0.1, 0.001  # of the mean time between two visits
+WARM, COLD = 0.1, 0.001  # times the mean time between two visits
 FAR_M = 1e6
-LEAST = 8  # with fewer visits ruin and recreate has nothing to hold on to
+LEAST = 8  # ruin and recreate is left out if there are fewer visits
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Ring:
-    """A closed tour: the visits in order (n,), by visit the row of its pose in the table (n,), and the time in seconds."""
+class PoseRing:
+    """A closed tour: the visits in order (n,), the row of each visit's pose in the table (n,), and the time
+    (s).
+    """
 
     order: Ints
     rows: Ints
@@ -42,7 +45,7 @@ def tour_then_poses(problem: PoseProblem) -> Tour:
 
 
 def with_poses(problem: PoseProblem, limits: Limits = Limits()) -> Tour:
-    """Order and poses together: tours of pose fields, then ruin and recreate over both, in `work` rounds."""
+    """Order and poses together: tours of pose fields, then ruin and recreate on both, in `work` rounds."""
     ring, work = _first(problem), 0
     if len(problem.visits) >= LEAST and not limits.interrupted():
         ring = min((ring, *_of_fields(problem, limits)), key=lambda each: each.time)
@@ -51,12 +54,12 @@ def with_poses(problem: PoseProblem, limits: Limits = Limits()) -> Tour:
 
 
 def poses_for(problem: PoseProblem, order: tuple[int, ...]) -> Tour:
-    """The best poses for a closed tour in a given order."""
+    """The best poses for a closed tour whose order is given."""
     table, offset = _table(problem)
     return _tour(problem, _chosen(np.array(order, np.int32), table, offset, problem), 0, "poses")
 
 
-def _first(problem: PoseProblem) -> Ring:
+def _first(problem: PoseProblem) -> PoseRing:
     from engine.stages.sequencing.kernels.chain import exchange_edges
 
     table, offset = _table(problem)
@@ -67,8 +70,8 @@ def _first(problem: PoseProblem) -> Ring:
     return _chosen(order, table, offset, problem)
 
 
-def _of_fields(problem: PoseProblem, limits: Limits) -> list[Ring]:
-    """A tour in each of the smoothest pose fields, the poses chosen anew for its order."""
+def _of_fields(problem: PoseProblem, limits: Limits) -> list[PoseRing]:
+    """A tour in each of the smoothest pose fields, with the poses chosen again for its order."""
     table, offset = _table(problem)
     n, start = len(problem.visits), nearest_first(_straight(problem))
     costs = [times(table, rows) for rows in fields(table, offset, _straight(problem, FAR_M))[:FIELDS]]
@@ -80,7 +83,7 @@ def _of_fields(problem: PoseProblem, limits: Limits) -> list[Ring]:
     return [_chosen(tour.order, table, offset, problem) for tour in best]
 
 
-def _together(problem: PoseProblem, ring: Ring, limits: Limits) -> tuple[Ring, int]:
+def _together(problem: PoseProblem, ring: PoseRing, limits: Limits) -> tuple[PoseRing, int]:
     from engine.stages.sequencing.kernels.poses import search
 
     n = len(problem.visits)
@@ -99,25 +102,25 @@ def _together(problem: PoseProblem, ring: Ring, limits: Limits) -> tuple[Ring, i
     return best, done
 
 
-def _chosen(order: Ints, table: Floats, offset: Ints, problem: PoseProblem) -> Ring:
-    """The best poses for an order; it is cut at the visit with fewest."""
+def _chosen(order: Ints, table: Floats, offset: Ints, problem: PoseProblem) -> PoseRing:
+    """The best poses for an order. The tour is cut at the visit with the fewest poses, which saves time."""
     from engine.stages.sequencing.kernels.poses import best_poses
 
     fewest = int(np.argmin([len(problem.poses[visit]) for visit in order]))
     turned, rows = np.roll(order, -fewest), np.zeros(len(order), np.int32)
     time = best_poses(turned, table, offset, len(order) > 1, rows)
-    return Ring(np.roll(order, -int(np.argmin(order))), rows, time)
+    return PoseRing(np.roll(order, -int(np.argmin(order))), rows, time)
 
 
 def _table(problem: PoseProblem) -> tuple[Floats, Ints]:
-    """All poses in joint times (m, k), and where those of each visit begin (n + 1,)."""
+    """All poses as joint times (m, k), and the row at which the poses of each visit begin (n + 1,)."""
     counts = [len(each) for each in problem.poses]
     table = np.concatenate(problem.poses) / problem.speeds
     return np.ascontiguousarray(table), np.concatenate(([0], np.cumsum(counts))).astype(np.int32)
 
 
 def _straight(problem: PoseProblem, nowhere_m: float = 0.0) -> Longs:
-    """Straight lines (n, n) in micrometres; `nowhere_m` to and from a visit without a position."""
+    """Lengths of straight lines (n, n) in micrometres; `nowhere_m` to and from a visit without a position."""
     n = len(problem.visits)
     places = np.array([visit.position or (0.0, 0.0, 0.0) for visit in problem.visits], float)
     lines = np.sqrt(((places[:, None] - places[None]) ** 2).sum(axis=2))
@@ -127,7 +130,7 @@ def _straight(problem: PoseProblem, nowhere_m: float = 0.0) -> Longs:
     return found
 
 
-def _tour(problem: PoseProblem, ring: Ring, work: int, method: str) -> Tour:
+def _tour(problem: PoseProblem, ring: PoseRing, work: int, method: str) -> Tour:
     _, offset = _table(problem)
     poses = tuple(int(ring.rows[visit] - offset[visit]) for visit in ring.order)
     order = tuple(int(visit) for visit in ring.order)
@@ -135,7 +138,7 @@ def _tour(problem: PoseProblem, ring: Ring, work: int, method: str) -> Tour:
 
 
 def time_of(problem: PoseProblem, order: tuple[int, ...], poses: tuple[int, ...]) -> float:
-    """How long a closed tour takes, in seconds: plainly, for checks."""
+    """How long a closed tour takes, in seconds. It is computed plainly, for checks."""
     where = [problem.poses[visit][pose] / problem.speeds for visit, pose in zip(order, poses, strict=True)]
     ways = zip(where, [*where[1:], where[0]], strict=True)
     return float(sum(np.abs(there - here).max() for here, there in ways))

@@ -1,7 +1,7 @@
-"""Which method fits which problem, and how problems become closed tours.
+"""Which method suits which problem, and how problems become closed tours.
 
-Ends that are fixed or free become one more city: the way from the last visit to it and from it to the first costs
-nothing, and every other way to it more than any order could save.
+Fixed or free ends are modelled by one more city. The way from the last visit to this city and the way from it
+to the first visit cost nothing. Every other way to it costs more than any order could save.
 """
 
 from dataclasses import replace
@@ -19,8 +19,8 @@ from engine.stages.sequencing.limits import Limits
 from engine.stages.sequencing.ordered import best_first_order, solve_directed
 
 METHODS = ("auto", "chain1987", "exact")
-PROVABLE = 120  # visits up to which the default method tries to prove its tour
-SMALL = 9  # visits up to which everything is solved exactly at once
+PROVABLE = 120  # the default method tries to prove its tour up to this number of visits
+SMALL = 9  # up to this number of visits everything is solved exactly at once
 
 Answer = Tour | Infeasible | GaveUp
 
@@ -28,8 +28,8 @@ Answer = Tour | Infeasible | GaveUp
 def sequence(problem: TourProblem, limits: Limits = Limits(), method: str = "auto") -> Answer:
     """The best order found within the limits, with a lower bound; or why there is none.
 
-    `method` is one of METHODS. The chain of 1987 knows symmetric costs only and neither windows nor precedence; where
-    it does not apply the answer is `GaveUp`.
+    `method` is one of METHODS. The chain of 1987 works only with symmetric costs, without windows and
+    precedence; in other cases the answer is `GaveUp`.
     """
     n = len(problem.visits)
     if n == 0:
@@ -42,7 +42,7 @@ def sequence(problem: TourProblem, limits: Limits = Limits(), method: str = "aut
     plain = not problem.ordered and _symmetric(problem)
     if method == "chain1987" and not plain:
         return GaveUp(
-            "the chain of 1987 knows symmetric costs only, and neither windows nor precedence", "method"
+            "the chain of 1987 works only with symmetric costs, without windows and precedence", "method"
         )
     if (n <= SMALL and method != "chain1987") or not plain:
         return solve_directed(problem, limits, exact=n <= SMALL or method == "exact")
@@ -67,7 +67,7 @@ def _symmetric(problem: TourProblem) -> bool:
 
 
 def _plain(problem: TourProblem, limits: Limits, method: str) -> Tour:
-    """Symmetric costs without side conditions."""
+    """The tour for symmetric costs without side conditions."""
     n, fixed = len(problem.visits), problem.start is not None and problem.end is not None
     circle = problem.closed and not fixed
     cost, extra = _circle(problem) if circle else _with_ends(problem)
@@ -91,7 +91,7 @@ def _circle(problem: TourProblem) -> tuple[Longs, int]:
 
 
 def _with_ends(problem: TourProblem) -> tuple[Longs, int]:
-    """Costs (n + 1, n + 1) with one more city, and what is to be added to the cost of its tours."""
+    """Costs (n + 1, n + 1) with one more city, and what must be added to the cost of a tour with it."""
     n, arcs = len(problem.visits), problem.arcs
     dear = 4 * int(arcs.max(initial=0)) + 1
     cost = np.zeros((n + 1, n + 1), np.int64)
@@ -109,12 +109,12 @@ def _with_ends(problem: TourProblem) -> tuple[Longs, int]:
 
 
 def _narrow(cost: Longs) -> symmetric.Matrix:
-    """The costs in 32 bits where sums of four fit."""
+    """The costs in 32 bits if sums of four of them fit, else unchanged."""
     return cost.astype(np.int32) if cost.max(initial=0) < 2**28 else cast(symmetric.Matrix, cost)
 
 
 def nearest_first(cost: NDArray[np.integer]) -> symmetric.Order:
-    """Always on to the nearest city not yet visited."""
+    """A tour that always goes to the nearest city not yet visited."""
     n, at = len(cost), 0
     order, left = np.zeros(n, np.int32), np.ones(n, bool)
     for index in range(1, n):
@@ -126,7 +126,7 @@ def nearest_first(cost: NDArray[np.integer]) -> symmetric.Order:
 
 
 def _positions(problem: TourProblem) -> Floats | None:
-    """Where the visits are (n, 2), if all are in one plane and the same tool serves them."""
+    """The positions of the visits (n, 2), if all have two coordinates and there are no changes of tool."""
     if problem.changes:
         return None
     found = [visit.position for visit in problem.visits]
@@ -136,7 +136,7 @@ def _positions(problem: TourProblem) -> Floats | None:
 
 
 def _unrolled(problem: TourProblem, tour: Ints) -> tuple[int, ...]:
-    """The order of the visits that a closed tour means, beginning where it should."""
+    """The order of the visits in a closed tour, from the right visit on and in the right direction."""
     n, order = len(problem.visits), [int(each) for each in tour]
     if n in order:
         at = order.index(n)
@@ -159,7 +159,7 @@ def _rolled(problem: TourProblem, order: tuple[int, ...], cost: Longs) -> tuple[
 
 
 def _bounded(problem: TourProblem, made: Tour, cost: Longs, extra: int, limits: Limits) -> Tour:
-    """The tour with a lower bound, and proved, or a better one, where that can be hoped for."""
+    """The tour with a lower bound. If a proof seems possible, it is proved or replaced by a better tour."""
     from engine.stages.sequencing.kernels.bounds import excess
 
     upper = made.cost - extra

@@ -10,17 +10,17 @@ from engine.kernels.arrays import Floats, Ints
 from engine.stages.sequencing.candidates import nearest, quadrant
 from engine.stages.sequencing.limits import Limits, never
 
-Matrix = Ints  # or of 64 bits, where costs are that large
+Matrix = Ints  # or of 64 bits, if costs are large
 Order = Ints
 FEW = 8  # fewer cities are left to the exact methods
 SLICE = 4000
-WARM, COLD = 0.3, 0.003  # of the mean edge, at the beginning and the end of each annealing
-STEPS = 300  # of the ascent, where no proof is tried; fewer where each takes long
+WARM, COLD = 0.3, 0.003  # times the mean edge, at the beginning and the end of each annealing
+STEPS = 300  # of the ascent if no proof is tried; fewer if each takes long
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Searched:
-    """The best order, its cost, and the kicks that were made."""
+    """The best order, its cost, and the number of kicks made."""
 
     order: Order
     cost: int
@@ -35,7 +35,10 @@ def length(cost: Matrix, order: Order) -> int:
 def search(
     cost: Matrix, start: Order, limits: Limits, positions: NDArray[np.floating] | None = None
 ) -> Searched:
-    """The best closed tour found from `start` (n,), n >= 8, in annealings that are each twice as long as the one before."""
+    """The best closed tour found from `start` (n,), n >= 8.
+
+    Each annealing is twice as long as the one before.
+    """
     from engine.stages.sequencing.kernels.kicks import improve
 
     n = len(cost)
@@ -61,14 +64,17 @@ def search(
 
 
 def default_work(n: int) -> int:
-    """Kicks that suit n visits: about a second and a half for a thousand."""
+    """The number of kicks that suits n visits: about a second and a half for a thousand."""
     return 20_000 + 40 * n
 
 
 def bound(
     cost: Matrix, upper: int, steps: int = 0, interrupted: Callable[[], bool] = never
 ) -> tuple[int, Floats]:
-    """A lower bound on every closed tour, and the penalties (n,) that show it; n >= 3; `steps` 0: as suits n."""
+    """A lower bound on all closed tours, and the penalties (n,) that prove it; n >= 3.
+
+    If `steps` is 0, their number suits n.
+    """
     from engine.stages.sequencing.kernels.bounds import ascend
 
     steps = steps or max(60, min(STEPS, 400_000 // len(cost)))

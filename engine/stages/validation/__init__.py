@@ -1,18 +1,20 @@
 """The checker: does a partially ordered plan do what it claims, in every order and overlap that it allows?
 
-It executes one linearisation against the domain itself, verifies every causal link, and shows that unordered steps
-cannot disturb each other, so that all other linearisations do the same. It shares no code with grounding or search: what
-both take from `kb` is how terms are written and matched, what the static rules derive, and what a workflow means
+It executes the steps in one order against the domain itself, verifies every causal link, and shows that
+unordered steps cannot disturb each other. So every other order gives the same result. It shares no code with
+grounding or search. Both use these parts of `kb`: terms and how they are matched (`kb.terms`), their
+arithmetic (`kb.arithmetic`), what clingo derives from the static rules (`kb.asp`), and what a workflow means
 (`kb.model.workflow`).
 """
 
 from collections.abc import Iterator
 from functools import cached_property
 
+from engine.stages.validation.changes import Change
 from engine.stages.validation.datalog import Facts, holds
 from engine.stages.validation.interference import Executed, Interference, is_stage, signed
-from engine.stages.validation.semantics import Change, Semantics
-from engine.stages.validation.workflow import Stages
+from engine.stages.validation.semantics import Semantics
+from engine.stages.validation.workflow import ChainProgress
 from kb.diagnostics import Diagnostic, Source
 from kb.model.conditions import And, Condition, Literal, literals
 from kb.model.plan import GOAL, START, CausalLink, Plan, Step, StepId
@@ -26,7 +28,7 @@ def validate(problem: Problem, plan: Plan, name: str = "plan") -> list[Diagnosti
 
 
 def findings(semantics: Semantics, plan: Plan, name: str = "plan") -> list[Diagnostic]:
-    """`validate` for the problem of a semantics, whose static facts may have been evaluated already."""
+    """The same as `validate`, for a semantics whose static facts may have been evaluated already."""
     return _Check(semantics, plan, Source(name)).run()
 
 
@@ -54,7 +56,7 @@ class _Check:
         self.found.append(Diagnostic(self.where, code, message, hint))
 
     def _well_formed(self) -> bool:
-        """Steps have distinct numbers and wait only for steps before them."""
+        """Whether step numbers are distinct and positive, and every step that is waited for or linked exists."""
         seen: set[StepId] = set()
         for step in self.plan.steps:
             for other in step.after:
@@ -76,7 +78,7 @@ class _Check:
     def _executes(self) -> bool:
         self.start = self.semantics.initial()
         state = self.semantics.layer(self.start)
-        stages = Stages(self.problem.domain, self.problem.chains)
+        stages = ChainProgress(self.problem.domain, self.problem.chains)
         for step in self.plan.steps:
             change = self._execute(step, state)
             if change is None:

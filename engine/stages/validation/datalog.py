@@ -1,6 +1,6 @@
-"""Bodies solved over sets of facts, plainly: the checker's own reading of conditions.
+"""Solves bodies over sets of facts by plain recursion: this is how the checker itself evaluates conditions.
 
-It shares with the search what a term is worth and which term comes first (`kb.arithmetic`), and no way of solving.
+It shares with the search how terms are computed and compared (`kb.arithmetic`), but no code that solves.
 """
 
 from collections.abc import Iterable, Iterator, Mapping, Set
@@ -40,7 +40,10 @@ Bindings = Mapping[Variable, Term]
 
 
 class Facts:
-    """Ground atoms, over a layer of facts that never change; by predicate from when some predicate's are asked for."""
+    """A set of ground atoms on top of a layer of facts that never change.
+
+    The atoms are indexed by predicate when the atoms of some predicate are asked for.
+    """
 
     def __init__(self, atoms: Iterable[Atom] = (), below: "Facts | None" = None) -> None:
         self.below = below
@@ -54,7 +57,7 @@ class Facts:
         return index
 
     def add(self, atom: Atom) -> bool:
-        """Add one; whether it is new."""
+        """Add an atom. Returns whether it is new."""
         if atom in self:
             return False
         self._by_name.setdefault(atom.name, []).append(atom)
@@ -62,7 +65,10 @@ class Facts:
         return True
 
     def after(self, ends: Set[Atom], adds: Set[Atom]) -> "Facts":
-        """The facts when some end and then others are added; predicates that are not touched are shared."""
+        """The facts after some atoms end and then others are added.
+
+        Untouched predicates share their lists.
+        """
         found = Facts((), self.below)
         found._atoms = (self._atoms - ends) | adds
         found._by_name = self._by_name.copy()
@@ -94,7 +100,10 @@ class Facts:
 def solve(
     body: Body, facts: Facts, bindings: Bindings, below: Facts | None = None
 ) -> Iterator[dict[Variable, Term]]:
-    """Every binding that extends `bindings` and satisfies `body`; `not p` is judged by `below` (default: `facts`)."""
+    """Every binding that extends `bindings` and satisfies `body`.
+
+    `below` (default: `facts`) decides whether `not p` holds.
+    """
     if not body:
         yield dict(bindings)
         return
@@ -104,7 +113,10 @@ def solve(
 
 
 def _next(body: Body, bindings: Bindings) -> tuple[BodyPart, Body]:
-    """The part to look at first: a test whose variables are bound, else a positive literal."""
+    """The part to solve first, and the other parts.
+
+    First comes a test whose variables are bound, else a positive literal.
+    """
     for index, part in enumerate(body):
         if _is_test(part, bindings):
             return part, body[:index] + body[index + 1 :]
@@ -125,7 +137,7 @@ def _is_test(part: BodyPart, bindings: Bindings) -> bool:
 
 
 def _is_open(side: Term) -> bool:
-    """Whether a side of a comparison is to be computed and cannot be yet."""
+    """Whether a side of a comparison must be computed, but some of its variables have no value yet."""
     return isinstance(side, Operation) and not is_ground(side)
 
 
@@ -169,7 +181,7 @@ def _comparison(part: Comparison, bindings: Bindings) -> Iterator[Bindings]:
 
 
 def holds(condition: Condition, facts: Facts, bindings: Bindings, below: Facts | None = None) -> bool:
-    """Whether a condition is true; with `below`, whether it is true of every state between `facts` and `below`."""
+    """Whether a condition is true; with `below`, whether it is true in every state from `facts` to `below`."""
     match condition:
         case Literal() | Comparison():
             return next(_part(condition, facts, bindings, below or facts), None) is not None
@@ -192,7 +204,7 @@ def holds(condition: Condition, facts: Facts, bindings: Bindings, below: Facts |
 def _values(
     parameters: tuple[Parameter, ...], part: Condition, facts: Facts, bindings: Bindings
 ) -> Iterator[Bindings]:
-    """Bindings of quantified variables: from the facts where the part is a literal, else over the types."""
+    """Bindings of quantified variables: from the facts if the part is a literal, else from the types."""
     if isinstance(part, Literal) and part.positive:
         for found in _literal(substitute_atom(part.atom, bindings), True, facts, bindings, facts):
             if all(p.variable not in found or facts.has_type(found[p.variable], p.type) for p in parameters):

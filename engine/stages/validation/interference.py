@@ -1,24 +1,28 @@
-"""Whether unordered steps can disturb each other: then a plan does not do the same in every order and overlap."""
+"""Checks whether unordered steps can disturb each other.
+
+If they can, the result of a plan may depend on their order.
+"""
 
 import itertools
 from collections.abc import Iterable, Iterator, Mapping, Set
 from dataclasses import dataclass, field
 from functools import cached_property
 
+from engine.stages.validation.changes import Change, Denial, State
 from engine.stages.validation.datalog import Bindings, Facts, holds
-from engine.stages.validation.semantics import Change, Denial, Semantics, State
+from engine.stages.validation.semantics import Semantics
 from kb.model.conditions import TRUE, Condition, bind, literals
 from kb.model.domain import Operator
 from kb.model.plan import Plan, Step, StepId
 from kb.model.problem import Problem
 from kb.terms import ANYTHING, Atom, Function, match, substitute_atom, variables
 
-MAX_UNCERTAIN = 7  # atoms whose every combination is tried
+MAX_UNCERTAIN = 7  # if at most this many atoms are open, every combination is tried
 
 
 @dataclass(frozen=True)
 class Executed:
-    """A step with what it did in the canonical order."""
+    """A step and what it did in the canonical order."""
 
     step: Step
     operator: Operator
@@ -27,22 +31,26 @@ class Executed:
 
     @cached_property
     def denied(self) -> State:
-        """The atoms that it denies one by one."""
+        """The single ground atoms that the step denies."""
         return frozenset(denial.pattern for denial in self.change.denials if denial.consequence is None)
 
     @cached_property
     def deductions(self) -> tuple[Denial, ...]:
-        """The denials that deduction makes, of whatever matches."""
+        """The denials that come from deductive operators. Each denies every atom that matches it."""
         return tuple(denial for denial in self.change.denials if denial.consequence is not None)
 
     def denies(self, atom: Atom, statics: Facts) -> bool:
-        """Whether the step denies an atom, true at the moment or not."""
+        """Whether the step denies an atom. The atom need not be true at the moment."""
         return atom in self.denied or any(each.matches(atom, statics) for each in self.deductions)
 
 
 @dataclass
 class Reads:
-    """What must not change beside a step: links are one-sided, watched patterns suffer from any change."""
+    """What must not change while a step runs.
+
+    Atoms in `true` must not become false, and atoms in `false` must not become true. Atoms that match a
+    pattern in `watched` must not change at all.
+    """
 
     true: set[Atom] = field(default_factory=set)
     false: set[Atom] = field(default_factory=set)
@@ -51,7 +59,7 @@ class Reads:
 
 @dataclass
 class Interference:
-    """The executed steps of a plan, in their canonical order, and which come before which."""
+    """The executed steps of a plan in their canonical order, and for each step the steps that come before it."""
 
     problem: Problem
     plan: Plan
@@ -61,7 +69,10 @@ class Interference:
     start: State
 
     def conflicts(self) -> Iterator[str]:
-        """What is wrong with each pair of unordered steps, which may come in either order or overlap."""
+        """A message for each pair of unordered steps that disturb each other.
+
+        Such steps may come in either order or overlap.
+        """
         steps = list(self.executed.values())
         reads: dict[StepId, Reads] = {}
         for position, one in enumerate(steps):
@@ -76,7 +87,7 @@ class Interference:
                     yield f"steps {other.step.id} and {one.step.id} are unordered, but {problem}"
 
     def _conflict(self, one: Executed, other: Executed, reads: dict[StepId, Reads]) -> str:
-        """How `one` disturbs `other`, or nothing."""
+        """How `one` disturbs `other`; an empty text if it does not."""
         if one.step.resources and (shared := set(one.step.resources) & set(other.step.resources)):
             return f"both hold {min(map(str, shared))}"
         needed = reads[other.step.id]
@@ -99,7 +110,7 @@ class Interference:
         return {atom for atoms in exposed for atom in executed.denied & atoms} - executed.change.adds
 
     def _reads(self, executed: Executed) -> Reads:
-        """Causal links where they prove the precondition; else everything that it mentions."""
+        """What a step depends on: its causal links if they prove the precondition, else all that it mentions."""
         reads = Reads(watched=set(executed.change.triggered))
         for link in self.plan.links:
             if link.consumer == executed.step.id and not is_stage(link.condition):
@@ -117,9 +128,10 @@ class Interference:
         return reads
 
     def _proved(self, condition: Condition, bindings: Bindings, reads: Reads) -> bool:
-        """Whether what the links guarantee makes the condition true in every state that agrees with them.
+        """Whether the causal links make the condition true in every state that agrees with them.
 
-        Bounds on what is true come first; where they are too coarse and little is open, every such state is tried.
+        Bounds on what is true are tried first. If they are too coarse and few atoms are open, every such
+        state is tried.
         """
         possible = self.everything - reads.false
         lower, upper = self.semantics.bounds(reads.true, possible)
@@ -142,7 +154,7 @@ class Interference:
         return self.start.union(*(executed.change.adds for executed in self.executed.values()))
 
     def _mentioned(self, condition: Condition, bindings: Bindings) -> Iterator[Atom]:
-        """The fluent atoms, or patterns of them, on which a condition can depend."""
+        """The fluent atoms, or patterns of fluent atoms, on which a condition can depend."""
         for literal in literals(bind(condition, bindings)):
             atom = literal.atom
             fluents = self.semantics.fluents_behind(atom.name)
@@ -153,12 +165,12 @@ class Interference:
 
 
 def atom_pattern(problem: Problem, name: str) -> Atom:
-    """Any atom of a predicate."""
+    """A pattern that matches every atom of a predicate."""
     return Function(name, (ANYTHING,) * len(problem.domain.predicates[name].arguments))
 
 
 def signed(condition: Atom) -> tuple[Atom, bool]:
-    """An atom and whether it must be true: `not(p)` is a condition that p is false."""
+    """The atom of a condition, and whether it must be true: `not(p)` is the condition that p is false."""
     if (
         condition.name == "not"
         and len(condition.arguments) == 1
@@ -169,5 +181,8 @@ def signed(condition: Atom) -> tuple[Atom, bool]:
 
 
 def is_stage(condition: Atom) -> bool:
-    """Whether a condition counts the stages of a chain, which the workflow check follows by itself."""
+    """Whether a condition counts the stages of a chain.
+
+    The workflow check handles such conditions by itself.
+    """
     return signed(condition)[0].name == "_stage"

@@ -1,6 +1,7 @@
-"""What a step does, read straight from the domain: the language reference's Meaning 2 to 7 on sets of atoms.
+"""What a step does, taken directly from the domain (docs/language.md, "Meaning", points 2 to 7).
 
-Deliberately naive: deduction follows rules atom by atom, derived predicates are closed by fixpoint in every state.
+The code works on sets of atoms and is plain on purpose. It deduces atom by atom, and it computes derived
+predicates as a fixpoint in every state.
 """
 
 import copy
@@ -9,6 +10,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
+from engine.stages.validation.changes import Change, Denial, State, well_typed
 from engine.stages.validation.datalog import Bindings, Facts, holds, solve
 from kb.asp import Grounder
 from kb.asp.vocabulary import guard, static_program
@@ -18,67 +20,20 @@ from kb.model.domain import Consequence, DeductiveOperator, Effect, Kind, Operat
 from kb.model.problem import Problem
 from kb.terms import Atom, Function, Term, Variable, match, substitute_atom, variables
 
-State = frozenset[Atom]
-
-
-@dataclass(frozen=True, slots=True)
-class Denial:
-    """Atoms that match `pattern` under `body` become false; `deduced` ones may not be added at the same time.
-
-    A denial that no deductive operator makes, without `consequence`, is of one ground atom.
-    """
-
-    pattern: Atom
-    body: Body = ()
-    bindings: tuple[tuple[Variable, Term], ...] = ()
-    consequence: Consequence | None = None
-    deduced: bool = True
-
-    def among(self, facts: Facts, statics: Facts) -> list[Atom]:
-        """Those of some facts that this denies."""
-        if self.consequence is None:
-            return [self.pattern] if self.pattern in facts else []
-        return [atom for atom in facts.named(self.pattern.name) if self.matches(atom, statics)]
-
-    def matches(self, atom: Atom, statics: Facts) -> bool:
-        """Whether this denies `atom`."""
-        if self.consequence is None:
-            return atom == self.pattern
-        if atom.name != self.pattern.name:
-            return False
-        found = match(self.pattern, atom, dict(self.bindings))
-        if found is None:
-            return False
-        return (
-            _typed(self.consequence, found, statics)
-            and next(solve(self.body, statics, found), None) is not None
-        )
-
-
-@dataclass(frozen=True, slots=True)
-class Change:
-    """What a step does in one state: atoms added, atoms of that state that end, and all that it denies."""
-
-    adds: State
-    ends: State
-    denials: tuple[Denial, ...]
-    triggered: State = frozenset()  # denied atoms whose end had consequences
-    contradiction: Atom | None = None
-    events: tuple[Atom, ...] = ()
-
 
 @dataclass
 class Semantics:
-    """A problem's statics, evaluated once by clingo, and the meaning of its operators over them."""
+    """The static facts of a problem, evaluated once by clingo, and the meaning of its operators over them."""
 
     problem: Problem
     _where: dict[Body, Body] = field(default_factory=dict)
     _start: State | None = None
 
     def about(self, problem: Problem, state: State | None = None) -> "Semantics | None":
-        """The same for another problem of the same domain, objects and static facts, which are evaluated once; else None.
+        """The semantics of another problem with the same domain, objects and static facts; None if they
+        differ.
 
-        `state` stands for the initial state of the problem.
+        The static facts are not evaluated again. `state` replaces the initial state of the problem.
         """
         own = self.problem
         same = problem.domain is own.domain and all(
@@ -104,7 +59,7 @@ class Semantics:
 
     @cached_property
     def statics(self) -> Facts:
-        """Every static fact, types included; bodies with aggregates are given a predicate each."""
+        """Every static fact, types included. Each body with aggregates gets a predicate of its own."""
         grounder = Grounder()
         grounder.ground("\n".join([static_program(self.problem), *self._aggregate_rules()]))
         return Facts(grounder.everything())
@@ -123,22 +78,22 @@ class Semantics:
                 self._where[body] = (Literal(head),)
 
     def body(self, body: Body) -> Body:
-        """The body with aggregates replaced by what clingo found."""
+        """The body; if it has aggregates, the predicate that clingo has evaluated for it."""
         return self._where.get(body, body) if self.statics else body
 
     def facts(self, state: Iterable[Atom] | Facts) -> Facts:
-        """A state with its derived atoms, over the statics."""
+        """A state with its derived atoms, on top of the static facts."""
         facts = Facts((), self.layer(state))
         for rules in self.strata:
             _close(rules, facts, facts)
         return facts
 
     def layer(self, state: Iterable[Atom] | Facts) -> Facts:
-        """A state as facts over the statics; `Facts.after` gives the next one for less than making it anew."""
+        """A state as facts on top of the static facts. `Facts.after` makes the next state with less work."""
         return state if isinstance(state, Facts) else Facts(state, self.statics)
 
     def bounds(self, certain: Iterable[Atom], possible: Iterable[Atom]) -> tuple[Facts, Facts]:
-        """What is true in every state between two sets of atoms, and what can be, derived atoms included."""
+        """What is true in every state between two sets of atoms, and what can be true, with derived atoms."""
         lower, upper = Facts(certain, self.statics), Facts(possible, self.statics)
         for rules in self.strata:
             _close(rules, lower, upper)
@@ -147,7 +102,7 @@ class Semantics:
 
     @cached_property
     def strata(self) -> list[list[Rule]]:
-        """The rules of derived predicates in an order in which negation looks only backwards."""
+        """The rules of derived predicates, in an order in which a negated predicate comes before its users."""
         return [
             [rule for name in sorted(part) for rule in self._rules[name]] for part in components(self._uses)
         ]
@@ -161,7 +116,7 @@ class Semantics:
         return graph
 
     def fluents_behind(self, name: str) -> set[str]:
-        """The fluents that a predicate depends on: itself, or those its rules lead to."""
+        """The fluents that a predicate depends on: the predicate itself, or those that its rules lead to."""
         if name not in self._rules:
             return {name} if self._kinds.get(name) is Kind.FLUENT else set()
         used = {
@@ -174,7 +129,7 @@ class Semantics:
         return {other for other in used if self._kinds.get(other) is Kind.FLUENT}
 
     def initial(self) -> State:
-        """The initial state (Meaning 6)."""
+        """The initial state (point 6 of "Meaning")."""
         if self._start is not None:
             return self._start
         if self.problem.complete:
@@ -201,7 +156,7 @@ class Semantics:
         return sorted(found, key=str)
 
     def binding(self, step: Function) -> tuple[Operator, dict[Variable, Term]] | str:
-        """A step's operator and the binding of its header; or why there is none."""
+        """The operator of a step and the values of its parameters; a text with the reason if there are none."""
         operator = self.operators.get(step.name)
         if operator is None or len(operator.parameters) != len(step.arguments):
             return f"there is no operator {step.name}/{len(step.arguments)}"
@@ -214,7 +169,7 @@ class Semantics:
         return operator, bindings
 
     def change(self, operator: Operator, bindings: Bindings, facts: Facts, state: State | Facts) -> Change:
-        """What a step does in a state; `facts` are the state with its derived atoms."""
+        """What a step does in a state; `facts` is the state with its derived atoms."""
         added: list[Atom] = []
         explicit: list[Atom] = []
         events: list[Atom] = []
@@ -241,7 +196,10 @@ class Semantics:
         yield from (each for each in choices if holds(effect.condition, facts, each))
 
     def deduce(self, added: Iterable[Atom], explicit: tuple[Denial, ...], state: State | Facts) -> Change:
-        """The least fixpoint of adds and denials from `added`; the end of an atom counts only if `state` has it."""
+        """The least fixpoint of what is added and denied, starting from `added`.
+
+        The end of an atom has consequences only if the atom is in `state`.
+        """
         current = self.layer(state)
         adds: dict[Atom, None] = {}
         denials: list[Denial] = []
@@ -278,7 +236,7 @@ class Semantics:
                 body = self.body((*deductive.body, *consequence.body))
                 if consequence.implied:
                     found |= self._imply(consequence, body, bindings, waiting)
-                elif _typed(consequence, bindings, self.statics):
+                elif well_typed(consequence, bindings, self.statics):
                     fresh.append(Denial(consequence.atom, body, tuple(bindings.items()), consequence))
                     found = True
         return found
@@ -291,14 +249,14 @@ class Semantics:
         )
         found = False
         for each in solve((*typed, *body), self.statics, bindings):
-            if _typed(consequence, each, self.statics):
+            if well_typed(consequence, each, self.statics):
                 waiting.append(substitute_atom(consequence.atom, each))
                 found = True
         return found
 
 
 def _close(rules: Iterable[Rule], facts: Facts, judge: Facts) -> None:
-    """Add what follows by rules of one stratum; `judge` decides negations."""
+    """Add everything that follows by the rules of one stratum; `judge` decides negations."""
     changed = True
     while changed:
         derived = [substitute_atom(r.head, b) for r in rules for b in solve(r.body, facts, {}, judge)]
@@ -307,11 +265,3 @@ def _close(rules: Iterable[Rule], facts: Facts, judge: Facts) -> None:
 
 def _open(consequence: Consequence, bindings: Bindings) -> set[Variable]:
     return {variable for variable in variables(consequence.atom) if variable not in bindings}
-
-
-def _typed(consequence: Consequence, bindings: Bindings, statics: Facts) -> bool:
-    return all(
-        statics.has_type(bindings[parameter.variable], parameter.type)
-        for parameter in consequence.parameters
-        if parameter.variable in bindings
-    )

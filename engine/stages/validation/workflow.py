@@ -1,4 +1,4 @@
-"""The stages of a workflow, followed along one order of the steps."""
+"""Follows the stages of a workflow along one order of the steps."""
 
 import itertools
 from collections.abc import Iterator, Mapping, Sequence
@@ -13,18 +13,21 @@ from kb.terms import Atom
 Counters = tuple[int, ...]
 
 
-Trail = tuple[tuple[StepId, ...], ...]  # for each chain the steps that reached its stages
+Trail = tuple[tuple[StepId, ...], ...]  # for each chain, the steps that reached its stages
 
 
-class Stages:
-    """How far each chain has come. An event may belong to several chains, so every possible reading is kept."""
+class ChainProgress:
+    """How far each chain has come.
+
+    An event may belong to several chains, so all possible readings are kept.
+    """
 
     def __init__(self, domain: Domain, chains: Sequence[Chain]) -> None:
         self.domain, self.chains = domain, chains
         self.readings: dict[Counters, Trail] = {tuple(0 for _ in chains): tuple(() for _ in chains)}
 
     def step(self, step: StepId, events: Sequence[Atom], adds: frozenset[Atom]) -> Atom | None:
-        """Move on by what a step did; the event that no chain expects now, if there is one."""
+        """Advance by what a step did. Returns an event that no chain expects now; None if there is none."""
         moved: dict[Counters, Trail] = {}
         for reading, trail in self.readings.items():
             waiting = self._waiting(reading)
@@ -55,7 +58,9 @@ class Stages:
         return [*found, *(f"{last} at the end" for last in wanted if last not in state)]
 
     def orders(self) -> Iterator[tuple[StepId, StepId, str]]:
-        """Pairs of steps that must be ordered, and why: stages of one chain, and chains after others."""
+        """Pairs of steps that must be ordered, and why: stages of one chain, or of chains that follow each
+        other.
+        """
         trail = self.readings[max(self.readings, key=sum)]
         steps = dict(zip((chain.name for chain in self.chains), trail, strict=True))
         for chain in self.chains:
@@ -67,7 +72,7 @@ class Stages:
 
 
 def _chains_of(events: Sequence[Atom], waiting: Mapping[int, Atom]) -> Iterator[frozenset[int]]:
-    """Every way to give each event a chain of its own that waits for it."""
+    """Every way to assign the events to chains that wait for them, at most one event to a chain."""
     if not events:
         yield frozenset()
         return

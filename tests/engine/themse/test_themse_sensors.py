@@ -6,7 +6,8 @@ import pytest
 
 from engine.model.outcome import Found
 from engine.pipelines import planning
-from engine.stages.validation.semantics import Semantics, State
+from engine.stages.validation.changes import State
+from engine.stages.validation.semantics import Semantics
 from kb.loader import load_domain, load_problem, with_goals
 from kb.model.conditions import And, Literal
 from kb.model.domain import Operator

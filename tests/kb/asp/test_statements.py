@@ -9,11 +9,11 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from kb.asp.compiled import NotCompilable, compiled
-from kb.asp.statements import Parsed, Refused, plain_fact, rule, statements
+from kb.asp.statements import ParsedStatement, RefusedStatement, plain_fact, rule, statements
 from kb.asp.tree import Reading
 from kb.diagnostics import NOWHERE
 from kb.files import File
-from kb.model.statement import Constant, Sign, Statement, Use, derivation
+from kb.model.statement import Constant, PredicateUse, Sign, Statement, derivation
 from kb.syntax import parse
 from kb.terms import Function, Variable
 
@@ -22,13 +22,13 @@ laws = settings(max_examples=60, deadline=None, derandomize=True, suppress_healt
 
 def read(text: str) -> list[Statement]:
     found = list(statements(text, File.of("rules.lp", text).line))
-    assert all(isinstance(each, Parsed) for each in found), found
-    return [each.statement for each in found if isinstance(each, Parsed)]
+    assert all(isinstance(each, ParsedStatement) for each in found), found
+    return [each.statement for each in found if isinstance(each, ParsedStatement)]
 
 
-def refused(text: str) -> Refused:
+def refused(text: str) -> RefusedStatement:
     (found,) = statements(text, File.of("rules.lp", text).line)
-    assert isinstance(found, Refused)
+    assert isinstance(found, RefusedStatement)
     return found
 
 
@@ -36,7 +36,7 @@ def test_a_rule_tells_its_head_its_uses_and_its_place() -> None:
     _, found = read("item(bolt).\n  heavy(I) :- item(I), not light(I), weight(I, W), W > 2 * 3.")
     assert (found.defines, found.head) == (("heavy", 1), "heavy(I)")
     assert found.uses == (
-        Use(("item", 1), Sign.POSITIVE), Use(("light", 1), Sign.NEGATIVE), Use(("weight", 2), Sign.POSITIVE),
+        PredicateUse(("item", 1), Sign.POSITIVE), PredicateUse(("light", 1), Sign.NEGATIVE), PredicateUse(("weight", 2), Sign.POSITIVE),
     )  # fmt: skip
     assert found.variables == ("I", "I", "I", "I", "W", "W")
     assert (str(found.where), found.is_constraint, found.counts) == ("rules.lp:2:3", False, False)
@@ -206,7 +206,7 @@ def test_the_short_way_reads_a_fact_as_its_tree_does(text: str) -> None:
     (node,) = nodes(f"{text}.")
     short, long = plain_fact(str(node), NOWHERE), rule(node, NOWHERE, Reading())
     assert short is not None
-    assert isinstance(long, Parsed)
+    assert isinstance(long, ParsedStatement)
     assert all(getattr(short, name) == getattr(long.statement, name) for name in Statement.__slots__)
 
 

@@ -12,7 +12,7 @@ from pathlib import Path
 from engine.formats.interop.pddl.conditions import ConditionReader
 from engine.formats.interop.pddl.domain import DomainReader
 from engine.formats.interop.pddl.expressions import Document, Expression, Group, Word, read_document
-from engine.formats.interop.pddl.names import Names
+from engine.formats.interop.pddl.names import NameMapping
 from engine.formats.interop.pddl.scope import typed
 from kb.diagnostics import InvalidInput
 from kb.model.conditions import TRUE, Condition
@@ -25,7 +25,7 @@ class PddlProblem:
     """A problem, and the PDDL name for each of its names."""
 
     problem: Problem
-    names: Names
+    names: NameMapping
 
 
 def read_pddl(domain_path: Path, problem_path: Path) -> PddlProblem:

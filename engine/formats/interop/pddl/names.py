@@ -9,7 +9,7 @@ RESERVED = {"not", "object", "int", "time", "text"}
 
 
 @dataclass
-class Names:
+class NameMapping:
     """A one-to-one mapping per kind of name. Types and predicates share one, because ASP does not distinguish them."""
 
     _given: dict[tuple[str, str], str] = field(default_factory=dict)

@@ -4,7 +4,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 
 from engine.formats.interop.pddl.expressions import Document, Expression, Group, Word
-from engine.formats.interop.pddl.names import Names
+from engine.formats.interop.pddl.names import NameMapping
 from kb.diagnostics import nearest
 from kb.model.conditions import Parameter
 from kb.model.domain import OBJECT, Type
@@ -16,7 +16,7 @@ from kb.terms import Function, Variable
 class Scope:
     """The declarations of a domain and its problem, by PDDL name."""
 
-    names: Names = field(default_factory=Names)
+    names: NameMapping = field(default_factory=NameMapping)
     types: dict[str, Type] = field(default_factory=dict)  # by ASP name
     unions: dict[str, tuple[Statement, ...]] = field(default_factory=dict)  # types made of several
     objects: dict[str, str] = field(default_factory=dict)  # PDDL name: ASP name of its type

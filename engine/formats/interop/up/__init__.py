@@ -6,7 +6,7 @@ get_environment().factory.add_engine("cellwright", "engine.formats.interop.up", 
 from collections.abc import Callable
 from typing import Any
 
-from engine.formats.interop.up.engine import Stages, UpEngine
+from engine.formats.interop.up.engine import StageFunctions, UpEngine
 from engine.model.outcome import Outcome
 from engine.pipelines import planning
 from engine.pipelines.gate import PlanGate
@@ -52,4 +52,4 @@ def _instances(problem: Problem) -> tuple[Function, ...]:
 class CellwrightEngine(UpEngine):
     """One-shot and anytime planner, validator of sequential and partial-order plans, grounder and replanner."""
 
-    stages = Stages(_plan, _revise, proved, every_order, _instances)
+    stages = StageFunctions(_plan, _revise, proved, every_order, _instances)

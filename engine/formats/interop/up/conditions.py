@@ -11,7 +11,7 @@ from itertools import count
 from unified_planning import model as up
 from unified_planning.model import FNode, OperatorKind
 
-from engine.formats.interop.pddl.names import Names
+from engine.formats.interop.pddl.names import NameMapping
 from kb.model.conditions import (
     TRUE,
     And,
@@ -52,7 +52,7 @@ class Locals:
 class ConditionTranslator:
     """Translates expressions with one set of names."""
 
-    def __init__(self, names: Names) -> None:
+    def __init__(self, names: NameMapping) -> None:
         self.names, self._fresh = names, count(1)
         self._table: dict[OperatorKind, Callable[[FNode, bool], Condition]] = {
             OperatorKind.AND: lambda at, positive: self._joined(at, positive, And if positive else Or),

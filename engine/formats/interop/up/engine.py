@@ -65,7 +65,7 @@ class Reviser(Protocol):
 
 
 @dataclass(frozen=True, slots=True)
-class Stages:
+class StageFunctions:
     """The functions that do the work.
 
     `prove` says whether a plan is a cheapest one; it may find a cheaper plan. `judge` checks all orders of a plan.
@@ -93,7 +93,7 @@ class UpEngine(
     options are limits of the planner (`strategy`, `seed`, `expansions`, `improvement`).
     """
 
-    stages: ClassVar[Stages]
+    stages: ClassVar[StageFunctions]
 
     def __init__(
         self,

@@ -7,7 +7,7 @@ from itertools import product
 from unified_planning import model as up
 from unified_planning.model.fluent import get_all_fluent_exp
 
-from engine.formats.interop.pddl.names import Names
+from engine.formats.interop.pddl.names import NameMapping
 from engine.formats.interop.up.conditions import ConditionTranslator, Locals, Unsupported
 from engine.formats.interop.up.costs import Costs, costs
 from engine.formats.interop.up.effects import EffectTranslator
@@ -25,7 +25,7 @@ class Translated:
 
     theirs: up.Problem
     ours: Problem
-    names: Names
+    names: NameMapping
     costs: Costs | None
 
 
@@ -36,7 +36,7 @@ def translated(problem: up.Problem) -> Translated:
 
 class _Translation:
     def __init__(self, problem: up.Problem) -> None:
-        self.problem, self.names = problem, Names()
+        self.problem, self.names = problem, NameMapping()
         self.conditions = ConditionTranslator(self.names)
         self.costs = costs(problem)
         self.static = problem.get_static_fluents()

@@ -1,4 +1,4 @@
-# Types with which Cython compiles belief.py. Its meaning is written there.
+# The types with which Cython compiles belief.py. That file says what they mean.
 import cython
 from engine.stages.diagnosis.kernels.memo cimport Memo
 from engine.stages.diagnosis.kernels.ranking cimport Ranking

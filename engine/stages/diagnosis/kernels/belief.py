@@ -1,9 +1,10 @@
 # cython: language_level=3, annotation_typing=False, boundscheck=False, wraparound=False, initializedcheck=False
 # cython: cdivision=True
-"""Exact search where outcomes are uncertain: a state is the causes still possible and the outcomes seen, in two words.
+"""Exact search if outcomes are uncertain: a state is the causes still possible and the outcomes seen, in two
+words.
 
-The same branch and bound as over partitions; beliefs are carried along as weights, the prior times the likelihoods of
-what was seen. The bound is what the case would cost if the cause were known.
+The branch and bound is the same as over partitions. Beliefs are kept as weights: the prior times the
+likelihoods of what was seen. The bound is the cost of the case if the cause were known.
 """
 
 from math import inf
@@ -18,7 +19,7 @@ from engine.stages.diagnosis.kernels.ranking import Ranking
 class Beliefs:
     """A problem in arrays: C causes, A actions, O outcomes, K situations, G conclusions.
 
-    Each array stands here twice: by its name for NumPy, and with an underscore for kernels.
+    Each array has two names here: one for NumPy, and one with an underscore for the kernels.
     """
 
     def __init__(
@@ -35,11 +36,14 @@ class Beliefs:
         widths: Longs,
         situations: int,
     ) -> None:
-        """Takes `likelihoods` (A, O, C); `masks` (A, O) the causes under which an outcome is possible; `ends` (A, O), and
-        `repairs` (A,) the actions that have one; `costs` and `following` (K, A); `losses` (G, C) of the conclusions;
-        `known` (C,) a lower bound of the cost if c were known. The rest of a key is the situation in its lowest bits
-        (`situations` of them) and, at `shifts` (A,), the outcome of action a plus one in `widths` (A,) bits, none for
-        actions whose outcomes are certain. Raises `ValueError` where shapes do not agree.
+        """Takes the arrays of a problem. Raises `ValueError` if their shapes do not agree.
+
+        `likelihoods` (A, O, C). `masks` (A, O): the causes under which an outcome is possible. `ends` (A, O):
+        the outcomes that end the case; `repairs` (A,): the actions that have such an outcome. `costs` and
+        `following` (K, A). `losses` (G, C) of the conclusions. `known` (C,): a lower bound of the cost if c
+        were known. The second word of a key, `rest`, has the situation in its lowest bits (`situations` of
+        them). At `shifts` (A,) it has the outcome of action a plus one, in `widths` (A,) bits; actions with
+        certain outcomes have no bits.
         """
         self.actions, self.outcomes, self.causes = likelihoods.shape
         self.conclusions, self.changes = len(losses), len(costs)
@@ -59,13 +63,17 @@ class Beliefs:
 
 
 class Trail:
-    """Weights (levels, C) on the way from one state to others, and the `ranking` of the actions at each level.
+    """Weights (levels, C) on the way from one state to others, and the `ranking` of the actions at each
+    level.
 
-    No way is longer than the number of actions: an action that was done tells nothing more.
+    No way is longer than the number of actions, because an action that was done brings no new information.
     """
 
     def __init__(self, problem: Beliefs, weights: Floats) -> None:
-        """Begins at level 0 with weights (C,). Raises `ValueError` unless there is one for each cause."""
+        """Begins at level 0 with weights (C,).
+
+        Raises `ValueError` unless there is one weight for each cause.
+        """
         if weights.shape != (problem.causes,):
             raise ValueError(f"{problem.causes} weights were expected, not {weights.shape}")
         levels = problem.actions + 2
@@ -82,7 +90,7 @@ class Trail:
         return total
 
     def possible(self, level: int) -> int:
-        """The causes that have a weight, as a set."""
+        """The causes that have a positive weight, as a set."""
         found, bit = 0, 1
         for cause in range(self.causes):
             if self.weights[level, cause] > 0.0:
@@ -91,14 +99,14 @@ class Trail:
         return found
 
     def follow(self, problem: Beliefs, level: int, action: int, outcome: int) -> None:
-        """Write the weights of the next level: those when an action had an outcome."""
+        """Write the weights of the next level: those after an outcome of an action."""
         for cause in range(self.causes):
             likelihood = problem._likelihoods[action, outcome, cause]
             self.weights[level + 1, cause] = self.weights[level, cause] * likelihood
 
 
 def stop(problem: Beliefs, trail: Trail, level: int) -> float:
-    """The loss of the best conclusion; infinite where none may be drawn."""
+    """The loss of the best conclusion; infinite if none is allowed."""
     best = inf
     for conclusion in range(problem.conclusions):
         loss = 0.0
@@ -111,7 +119,7 @@ def stop(problem: Beliefs, trail: Trail, level: int) -> float:
 
 
 def floor_of(problem: Beliefs, trail: Trail, level: int) -> float:
-    """What the case costs at least from these weights."""
+    """The least that the case costs with these weights."""
     total = 0.0
     for cause in range(problem.causes):
         total += trail.weights[level, cause] * problem._known[cause]
@@ -119,12 +127,12 @@ def floor_of(problem: Beliefs, trail: Trail, level: int) -> float:
 
 
 def is_done(problem: Beliefs, action: int, rest: int) -> bool:
-    """Whether the key tells an outcome of an action; of those whose outcomes are certain it tells none."""
+    """Whether the key has an outcome of an action. It has none for actions whose outcomes are certain."""
     return (rest >> problem._shifts[action]) & ((1 << problem._widths[action]) - 1) != 0
 
 
 def _ended(problem: Beliefs, trail: Trail, level: int, action: int) -> float:
-    """What an action saves of the least cost by the outcomes that end the case."""
+    """How much of the least cost an action saves by the outcomes that end the case."""
     saved = 0.0
     for outcome in range(problem.outcomes):
         if problem._ends[action, outcome]:
@@ -135,7 +143,7 @@ def _ended(problem: Beliefs, trail: Trail, level: int, action: int) -> float:
 
 
 def tells(problem: Beliefs, trail: Trail, level: int, action: int, rest: int) -> bool:
-    """Whether an action is still to be done and may end the case or change the belief."""
+    """Whether an action is still open and may end the case or change the belief."""
     if is_done(problem, action, rest):
         return False
     for outcome in range(problem.outcomes):
@@ -150,12 +158,12 @@ def tells(problem: Beliefs, trail: Trail, level: int, action: int, rest: int) ->
 
 
 def situation_of(problem: Beliefs, rest: int) -> int:
-    """The situation that a key names."""
+    """The situation in a key."""
     return rest & ((1 << problem.situations) - 1)
 
 
 def rest_after(problem: Beliefs, action: int, outcome: int, rest: int) -> int:
-    """The rest of the key when an action had an outcome."""
+    """The second word of the key after an outcome of an action."""
     situation = situation_of(problem, rest)
     after = rest ^ situation ^ problem._following[situation, action]
     if problem._widths[action]:
@@ -164,7 +172,7 @@ def rest_after(problem: Beliefs, action: int, outcome: int, rest: int) -> int:
 
 
 def lower(problem: Beliefs, table: Memo, trail: Trail, level: int, rest: int) -> float:
-    """What is known so far of the value from below: stop now, or pay for a step and then at least for what is known."""
+    """The lower bound known so far: stop now, or pay for a step and then the bounds of what follows."""
     causes = trail.possible(level)
     at = table.slot(causes, rest)
     if table.possible[at] != 0:
@@ -185,7 +193,7 @@ def lower(problem: Beliefs, table: Memo, trail: Trail, level: int, rest: int) ->
 def estimate(
     problem: Beliefs, table: Memo, trail: Trail, level: int, action: int, causes: int, rest: int
 ) -> float:
-    """A lower bound of beginning with an action."""
+    """A lower bound on the cost of beginning with an action."""
     value = problem._costs[situation_of(problem, rest), action] * trail.mass(level)
     for outcome in range(problem.outcomes):
         if causes & problem._masks[action, outcome] and not problem._ends[action, outcome]:
@@ -195,7 +203,10 @@ def estimate(
 
 
 def ranked(problem: Beliefs, table: Memo, trail: Trail, level: int, causes: int, rest: int) -> int:
-    """Rank the actions that tell something by the lower bound of beginning with them; how many there are."""
+    """Rank the useful actions by the lower bounds of beginning with them.
+
+    Returns the number of these actions.
+    """
     count = 0
     for action in range(problem.actions):
         if tells(problem, trail, level, action, rest):
@@ -205,7 +216,7 @@ def ranked(problem: Beliefs, table: Memo, trail: Trail, level: int, causes: int,
 
 
 def solve(problem: Beliefs, table: Memo, trail: Trail, level: int, rest: int, limit: float) -> float:
-    """The value of a state if it is below `limit`; otherwise, or when the budget is spent, a lower bound of it."""
+    """The value of a state if it is below `limit`. Otherwise, or if the budget is spent, a lower bound."""
     known, causes = lower(problem, table, trail, level, rest), trail.possible(level)
     if table.exact[table.slot(causes, rest)] or known >= limit or table.spent or table.full:
         return known
@@ -215,7 +226,9 @@ def solve(problem: Beliefs, table: Memo, trail: Trail, level: int, rest: int, li
     best = min(limit, floor)
     for rank in range(count):
         action = trail.ranking.order[level, rank]
-        value = estimate(problem, table, trail, level, action, causes, rest)  # more may be known by now
+        value = estimate(
+            problem, table, trail, level, action, causes, rest
+        )  # the table may have a better bound by now
         for outcome in range(problem.outcomes):
             seen = causes & problem._masks[action, outcome]
             if value < best and seen != 0 and not problem._ends[action, outcome]:
@@ -224,7 +237,9 @@ def solve(problem: Beliefs, table: Memo, trail: Trail, level: int, rest: int, li
                 guess = lower(problem, table, trail, level + 1, then)
                 value += solve(problem, table, trail, level + 1, then, inf) - guess
         floor, best = min(floor, value), min(best, value)
-        if rank + 1 < count and trail.ranking.values[level, rank + 1] >= best:  # so are all that follow
+        if (
+            rank + 1 < count and trail.ranking.values[level, rank + 1] >= best
+        ):  # the following actions are no better
             floor = min(floor, trail.ranking.values[level, rank + 1])
             break
     return table.conclude(causes, rest, floor, limit)

@@ -1,4 +1,4 @@
-# Types with which Cython compiles dense.py. Its meaning is written there.
+# The types with which Cython compiles dense.py. That file says what they mean.
 import cython
 from engine.stages.diagnosis.kernels.belief cimport Beliefs, Trail, stop
 

@@ -1,9 +1,9 @@
 # cython: language_level=3, annotation_typing=False, boundscheck=False, wraparound=False, initializedcheck=False
 # cython: cdivision=True
-"""Plain dynamic programming over every sequence of outcomes, for problems where few actions make that affordable.
+"""Plain dynamic programming over all sequences of outcomes, for problems with few actions.
 
-A state is a number in a mixed radix: digit a is 0 while action a is not done, else its outcome plus one. Doing something
-only makes the number larger, so that one pass downwards meets every successor first.
+A state is a number in a mixed radix: digit a is 0 while action a is not done, else its outcome plus one. An
+action only makes the number larger, so one downward pass reaches every successor before the state itself.
 """
 
 import numpy as np
@@ -13,7 +13,10 @@ from engine.stages.diagnosis.kernels.belief import Beliefs, Trail, stop
 
 
 class States:
-    """The values (K, N) of all states in all situations, N the product of `radix` (A,); digits and places (A,) of one."""
+    """The values (K, N) of all states in all situations; N is the product of `radix` (A,).
+
+    Digits and places (A,) are those of one state.
+    """
 
     def __init__(self, problem: Beliefs, prior: Floats, radix: Longs) -> None:
         """Raises `ValueError` unless each action has a radix from 1 to the number of outcomes plus one."""
@@ -43,7 +46,7 @@ class States:
                     self.trail.weights[0, cause] *= problem._likelihoods[action, digit - 1, cause]
 
     def _going(self, situation: int, number: int, action: int, going: float) -> float:
-        """The cost of an action, `going` without what comes after it."""
+        """The cost of an action; `going` is the cost without what comes after it."""
         problem = self.problem
         after = problem._following[situation, action]
         for outcome in range(self.radix[action] - 1):
@@ -52,7 +55,7 @@ class States:
         return going
 
     def fill(self) -> None:
-        """Compute every value from the last state to the first."""
+        """Compute every value, from the last state to the first."""
         problem = self.problem
         for number in range(self.count - 1, -1, -1):
             self._enter(number)
@@ -67,7 +70,7 @@ class States:
 
 
 def values(problem: Beliefs, prior: Floats, radix: Longs) -> Floats:
-    """The weighted cost of every state in every situation (K, N), N the product of `radix` (A,)."""
+    """The weighted cost of every state in every situation (K, N); N is the product of `radix` (A,)."""
     states = States(problem, prior, radix)
     states.fill()
     return states.found

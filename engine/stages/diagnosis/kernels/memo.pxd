@@ -1,4 +1,4 @@
-# Types with which Cython compiles memo.py. Its meaning is written there.
+# The types with which Cython compiles memo.py. That file says what they mean.
 import cython
 
 cdef unsigned long long WORD, FIRST, SECOND, THIRD

@@ -1,6 +1,6 @@
 # cython: language_level=3, annotation_typing=False, boundscheck=False, wraparound=False, initializedcheck=False
 # cython: cdivision=True
-"""What is known of the value of each state: a table with open addressing, keyed by two words."""
+"""What is known of the value of each state: a table with open addressing, whose keys are two words."""
 
 import numpy as np
 
@@ -11,14 +11,14 @@ FIRST, SECOND, THIRD = 0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F, 0x94D049BB133111E
 
 
 class Memo:
-    """For each state (`possible`, `rest`) a lower bound of its value, and whether it is the value itself.
+    """For each state (`possible`, `rest`) a lower bound of its value, and whether this is the value itself.
 
-    `possible` is 0 where a slot is empty: a state without causes has no value. A search goes on while the table is not
-    `full` and its budget of `expansions` not `spent`.
+    In an empty slot `possible` is 0, since a state without causes has no value. A search goes on until the
+    table is `full` or its budget of `expansions` is `spent`.
     """
 
     def __init__(self, length: int, budget: int) -> None:
-        """An empty table of `length` slots. Raises `ValueError` unless that is a power of two."""
+        """An empty table with `length` slots. Raises `ValueError` unless `length` is a power of two."""
         if length < 1 or length & (length - 1):
             raise ValueError(f"a table has a power of two of slots, not {length}")
         self.possible = whole(np.zeros(length, np.int64))
@@ -30,12 +30,12 @@ class Memo:
         self.spent = self.full = False
 
     def resume(self, budget: int) -> None:
-        """Let the search go on until there were so many expansions, or until the table is full."""
+        """Let the search go on up to this total of expansions, or until the table is full."""
         self.budget = budget
         self.spent = self.full = False
 
     def slot(self, possible: int, rest: int) -> int:
-        """Where the state stands, or the empty slot where it would."""
+        """The slot of a state, or the empty slot where it would go."""
         last = self.length - 1
         mixed = ((possible * FIRST) ^ (rest * SECOND)) & WORD
         mixed ^= mixed >> 31
@@ -46,7 +46,7 @@ class Memo:
         return at
 
     def enter(self, at: int, possible: int, rest: int, value: float, exact: bool) -> None:
-        """Fill an empty slot; the table may become too full to go on."""
+        """Fill an empty slot. After this the table may be too full to go on."""
         self.possible[at] = possible
         self.rest[at] = rest
         self.value[at] = value
@@ -56,20 +56,23 @@ class Memo:
             self.full = True
 
     def conclude(self, possible: int, rest: int, floor: float, limit: float) -> float:
-        """Note that a value is at least `floor`, and that it is the value if all below `limit` was searched; what is known."""
+        """Note that a value is at least `floor`, or exactly `floor` if all below `limit` was searched.
+
+        Returns what is known.
+        """
         at = self.slot(possible, rest)
         self.value[at] = max(self.value[at], floor)
         self.exact[at] = not self.full and not self.spent and floor < limit
         return self.value[at]
 
     def expand(self) -> None:
-        """Count one expansion; the budget may then be spent."""
+        """Count one expansion. After this the budget may be spent."""
         self.expansions += 1
         if self.expansions >= self.budget:
             self.spent = True
 
     def grown(self) -> "Memo":
-        """A table four times as long with the same content and counts."""
+        """A table four times as long, with the same content and counts."""
         larger = Memo(4 * self.length, self.budget)
         for i in range(self.length):
             if self.possible[i] != 0:

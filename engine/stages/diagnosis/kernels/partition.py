@@ -1,9 +1,10 @@
 # cython: language_level=3, annotation_typing=False, boundscheck=False, wraparound=False, initializedcheck=False
 # cython: cdivision=True
-"""Exact search where every cause fixes every outcome: a state is the set of causes still possible, in one word.
+"""Exact search if every cause determines every outcome: a state is the set of causes still possible, in one
+word.
 
-Depth-first branch and bound over the AND/OR graph with a memo of lower bounds and values; the bound is the cost of
-separating pairs of causes that may not be concluded together.
+It is a depth-first branch and bound over the AND/OR graph, with a memo of lower bounds and values. The bound
+is the cost of separating pairs of causes that may not be concluded together.
 """
 
 from math import inf
@@ -16,7 +17,7 @@ from engine.stages.diagnosis.kernels.ranking import Ranking
 
 
 class Partition:
-    """A problem in words: bit c of a mask is cause c."""
+    """A problem in words: bit c of a mask stands for cause c."""
 
     def __init__(
         self,
@@ -30,11 +31,13 @@ class Partition:
         exempt: Longs,
         cures: Floats,
     ) -> None:
-        """Takes `masses` (8, 256) probability of each byte of a set; `masks` (A, O) causes that give outcome o of action a,
-        an outcome in `ends` (A, O) finishing the case; `costs` and `following` (K, A) of action a in situation k,
-        `cheapest` (A,) over the situations; `goals` (G,) sets that may be concluded; `exempt` (E,) disjoint sets within
-        which no pair needs separating; `cures` (C,) the least that ending the case costs, given the cause. Raises
-        `ValueError` where shapes do not agree.
+        """Takes the arrays of a problem. Raises `ValueError` if their shapes do not agree.
+
+        `masses` (8, 256): the probability of each byte of a set. `masks` (A, O): the causes that give outcome
+        o of action a; an outcome in `ends` (A, O) ends the case. `costs` and `following` (K, A) of action a
+        in situation k; `cheapest` (A,) over the situations. `goals` (G,): sets that may be concluded.
+        `exempt` (E,): disjoint sets within which no pair needs to be separated. `cures` (C,): the least cost
+        of ending the case if the cause is known.
         """
         self.actions, self.outcomes = masks.shape
         self.conclusions, self.groups, row = len(goals), len(exempt), (self.actions,)
@@ -47,9 +50,10 @@ class Partition:
 
 
 class Room:
-    """What a search writes: the ranking of the actions at each level, the last one for bounds; and blocks of causes (64,).
+    """Working space of a search: the ranking of the actions at each level (the last one for bounds), and
+    blocks of causes (64,).
 
-    No way is longer than the number of actions: an action that was done tells nothing more.
+    No way is longer than the number of actions, because an action that was done brings no new information.
     """
 
     def __init__(self, problem: Partition) -> None:
@@ -69,7 +73,7 @@ def mass(problem: Partition, causes: int) -> float:
 
 
 def is_final(problem: Partition, causes: int) -> bool:
-    """Whether something may be concluded while all of these are possible."""
+    """Whether a conclusion is allowed while all of these causes are possible."""
     for goal in range(problem.conclusions):  # noqa: SIM110  (`any` over a generator would not compile to a loop)
         if causes & ~problem.goals[goal] == 0:
             return True
@@ -94,7 +98,7 @@ def _unlike(problem: Partition, action: int, causes: int, total: float) -> float
 
 
 def _needed(problem: Partition, action: int, causes: int, total: float) -> float:
-    """As `_unlike`, without pairs that may be concluded together."""
+    """The same as `_unlike`, without pairs that may be concluded together."""
     weight = _unlike(problem, action, causes, total)
     for group in range(problem.groups):
         part = causes & problem.exempt[group]
@@ -104,7 +108,10 @@ def _needed(problem: Partition, action: int, causes: int, total: float) -> float
 
 
 def _refine(problem: Partition, room: Room, action: int, count: int) -> tuple[int, float]:
-    """Split blocks by the outcomes of an action; the number of blocks and the weight of pairs newly separated."""
+    """Split blocks by the outcomes of an action.
+
+    Returns the number of blocks and the weight of the pairs that this separates.
+    """
     weight, last = 0.0, count
     for index in range(last):
         block = room.blocks[index]
@@ -126,9 +133,9 @@ def _refine(problem: Partition, room: Room, action: int, count: int) -> tuple[in
 def bound(problem: Partition, room: Room, causes: int) -> float:
     """A lower bound of the weighted cost from here.
 
-    Each pair (i, j) that may not be concluded together is separated at one state only. A state of mass P where action a
-    separates pairs of weight W pays c P, that is c P / W for each unit of weight; in a smaller state W / P is smaller,
-    so that no pair is ever had for less than its cheapest rate here.
+    Each pair (i, j) that may not be concluded together is separated at one state only. A state of mass P
+    where action a separates pairs of weight W costs c P, that is c P / W for each unit of weight. In a
+    smaller state W / P is smaller, so no pair ever costs less than its cheapest rate here.
     """
     total, ranking = mass(problem, causes), room.ranking
     count = 0
@@ -146,7 +153,7 @@ def bound(problem: Partition, room: Room, causes: int) -> float:
 
 
 def _cure_cost(problem: Partition, causes: int) -> float:
-    """What ending the case costs if the cause were known."""
+    """The least cost of ending the case if the cause were known."""
     cost, cause = 0.0, 0
     while causes >> cause != 0:
         if (causes >> cause) & 1 and problem.cures[cause] > 0.0:
@@ -156,7 +163,7 @@ def _cure_cost(problem: Partition, causes: int) -> float:
 
 
 def lower(problem: Partition, table: Memo, room: Room, causes: int, situation: int) -> float:
-    """What is known so far of the value from below."""
+    """The lower bound that is known so far."""
     at = table.slot(causes, situation)
     if table.possible[at] == 0:
         final = is_final(problem, causes)
@@ -165,7 +172,7 @@ def lower(problem: Partition, table: Memo, room: Room, causes: int, situation: i
 
 
 def estimate(problem: Partition, table: Memo, room: Room, action: int, causes: int, situation: int) -> float:
-    """A lower bound of beginning with an action."""
+    """A lower bound on the cost of beginning with an action."""
     value = problem.costs[situation, action] * mass(problem, causes)
     after = problem.following[situation, action]
     for outcome in range(problem.outcomes):
@@ -176,7 +183,10 @@ def estimate(problem: Partition, table: Memo, room: Room, action: int, causes: i
 
 
 def ranked(problem: Partition, table: Memo, room: Room, level: int, causes: int, situation: int) -> int:
-    """Rank the actions that tell something by the lower bound of beginning with them; how many there are."""
+    """Rank the useful actions by the lower bounds of beginning with them.
+
+    Returns the number of these actions.
+    """
     count = 0
     for action in range(problem.actions):
         if tells(problem, action, causes):
@@ -188,7 +198,7 @@ def ranked(problem: Partition, table: Memo, room: Room, level: int, causes: int,
 def solve(
     problem: Partition, table: Memo, room: Room, level: int, causes: int, situation: int, limit: float
 ) -> float:
-    """The value of a state if it is below `limit`; otherwise, or when the budget is spent, a lower bound of it."""
+    """The value of a state if it is below `limit`. Otherwise, or if the budget is spent, a lower bound."""
     known = lower(problem, table, room, causes, situation)
     if table.exact[table.slot(causes, situation)] or known >= limit or table.spent or table.full:
         return known
@@ -197,7 +207,9 @@ def solve(
     best, floor = limit, inf
     for rank in range(count):
         action = room.ranking.order[level, rank]
-        value = estimate(problem, table, room, action, causes, situation)  # more may be known by now
+        value = estimate(
+            problem, table, room, action, causes, situation
+        )  # the table may have a better bound by now
         after = problem.following[situation, action]
         for outcome in range(problem.outcomes):
             part = causes & problem.masks[action, outcome]
@@ -205,7 +217,9 @@ def solve(
                 guess = lower(problem, table, room, part, after)
                 value += solve(problem, table, room, level + 1, part, after, best - value + guess) - guess
         floor, best = min(floor, value), min(best, value)
-        if rank + 1 < count and room.ranking.values[level, rank + 1] >= best:  # so are all that follow
+        if (
+            rank + 1 < count and room.ranking.values[level, rank + 1] >= best
+        ):  # the following actions are no better
             floor = min(floor, room.ranking.values[level, rank + 1])
             break
     return table.conclude(causes, situation, floor, limit)

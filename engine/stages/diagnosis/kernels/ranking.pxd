@@ -1,4 +1,4 @@
-# Types with which Cython compiles ranking.py. Its meaning is written there.
+# The types with which Cython compiles ranking.py. That file says what they mean.
 import cython
 
 @cython.final

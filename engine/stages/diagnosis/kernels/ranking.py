@@ -1,6 +1,6 @@
 # cython: language_level=3, annotation_typing=False, boundscheck=False, wraparound=False, initializedcheck=False
 # cython: cdivision=True
-"""Actions in the order of their values, one row for each level of a search."""
+"""Actions in the order of their values, with one row for each level of a search."""
 
 import numpy as np
 
@@ -8,14 +8,20 @@ from engine.kernels.arrays import real, whole
 
 
 class Ranking:
-    """Rows of actions (levels, A), ascending by their values (levels, A); who fills a row knows how many it has."""
+    """Rows of actions (levels, A), ascending by their values (levels, A).
+
+    The caller remembers how many a row has.
+    """
 
     def __init__(self, levels: int, actions: int) -> None:
         self.order = whole(np.empty((levels, actions), np.int64))
         self.values = real(np.empty((levels, actions)))
 
     def insert(self, level: int, action: int, value: float, count: int) -> int:
-        """Put an action among the first `count` of a row, behind its equals; how many there are then."""
+        """Insert an action among the first `count` of a row, behind those with equal values.
+
+        Returns the new number.
+        """
         place = count
         while place > 0 and self.values[level, place - 1] > value:
             self.values[level, place] = self.values[level, place - 1]

@@ -1,4 +1,4 @@
-# Types with which Cython compiles rollout.py. Its meaning is written there.
+# The types with which Cython compiles rollout.py. That file says what they mean.
 import cython
 cimport libc.math as math
 from engine.stages.diagnosis.kernels.belief cimport Beliefs, Trail, rest_after, situation_of, stop, tells

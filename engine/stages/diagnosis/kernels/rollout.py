@@ -1,9 +1,9 @@
 # cython: language_level=3, annotation_typing=False, boundscheck=False, wraparound=False, initializedcheck=False
 # cython: cdivision=True
-"""One-step rules, what following them costs, and rollout of two steps with such a rule as base policy.
+"""One-step rules, the cost of following them, and rollout of two steps with such a rule as base policy.
 
-Bertsekas, Tsitsiklis & Wu 1997: choosing by lookahead over the cost of a base policy never does worse than the policy.
-Here the leaves take the cheapest of several base policies, which keeps that property.
+Bertsekas, Tsitsiklis & Wu 1997: lookahead over the cost of a base policy is never worse than this policy.
+Here each leaf takes the cheapest of several base policies; this remains true.
 """
 
 import math
@@ -22,7 +22,7 @@ RULES: dict[str, int] = {"gain": GAIN, "pairs": PAIRS, "p/c": CURES}
 
 
 class Groups:
-    """For each cause (C,) the number of its group, at most C of them; and room for their masses."""
+    """For each cause (C,) the number of its group, at most C groups; and working space for their masses."""
 
     def __init__(self, problem: Beliefs, groups: Longs) -> None:
         """Raises `ValueError` unless there is a group for each cause."""
@@ -33,7 +33,10 @@ class Groups:
 
 
 def uncertainty(trail: Trail, level: int, groups: Groups, rule: int) -> float:
-    """Entropy (bits) over groups of causes, or the weight of pairs of different groups; times or per the mass."""
+    """The entropy (bits) over groups of causes, times the mass.
+
+    For the rule `PAIRS`: the weight of pairs of different groups, divided by the mass.
+    """
     total, found = trail.mass(level), 0.0
     if total <= 0.0:
         return 0.0
@@ -51,9 +54,9 @@ def uncertainty(trail: Trail, level: int, groups: Groups, rule: int) -> float:
 
 
 def _price(problem: Beliefs, action: int, rest: int, rule: int) -> float:
-    """What an action costs as a rule sees it.
+    """The cost of an action as a rule counts it.
 
-    `MILD` is gain that minds costs less: the square root of a cost or, where there is set-up, the cost without it.
+    `MILD` gives costs less weight: it takes the square root of the cost or, with set-up, the cost without it.
     """
     cost = problem._costs[situation_of(problem, rest), action]
     if rule == MILD and problem.changes > 1:
@@ -67,7 +70,7 @@ def _price(problem: Beliefs, action: int, rest: int, rule: int) -> float:
 def index(
     problem: Beliefs, groups: Groups, action: int, trail: Trail, level: int, rest: int, rule: int
 ) -> float:
-    """What a rule thinks of an action, per unit of cost; larger is better."""
+    """The worth of an action by a rule, per unit of cost; larger is better."""
     left, ended = 0.0, 0.0
     for outcome in range(problem.outcomes):
         if problem._ends[action, outcome]:
@@ -83,7 +86,7 @@ def index(
 def _preferred(
     problem: Beliefs, groups: Groups, trail: Trail, level: int, rest: int, rule: int
 ) -> tuple[int, float]:
-    """The first action of the largest index, and that; -1 when none tells anything."""
+    """The first action with the largest index, and this index; -1 if no action is useful."""
     best, value = -1, -inf
     for action in range(problem.actions):
         if tells(problem, trail, level, action, rest):
@@ -94,7 +97,10 @@ def _preferred(
 
 
 def greedy(problem: Beliefs, groups: Groups, trail: Trail, level: int, rest: int, rule: int) -> int:
-    """The action that a rule prefers; -1 when none tells anything. By p/c, tests come when no repair can cure."""
+    """The action that a rule prefers; -1 if no action is useful.
+
+    By p/c, tests come only if no repair can cure.
+    """
     best, value = _preferred(problem, groups, trail, level, rest, rule)
     if rule == CURES and value <= 0.0:
         best, value = _preferred(problem, groups, trail, level, rest, GAIN)
@@ -104,11 +110,13 @@ def greedy(problem: Beliefs, groups: Groups, trail: Trail, level: int, rest: int
 def follow(
     problem: Beliefs, groups: Groups, table: Memo, trail: Trail, level: int, rest: int, rule: int
 ) -> float:
-    """The weighted cost of following a rule, stopping where that is cheaper."""
+    """The weighted cost of following a rule, and of stopping if that is cheaper."""
     causes = trail.possible(level)
     at = table.slot(causes, rest)
     if table.possible[at] != 0 or table.full:
-        return table.value[at]  # of no use if full: the caller asks again with a longer table
+        return table.value[
+            at
+        ]  # if the table is full, the value is not used: the caller asks again with a longer table
     value = stop(problem, trail, level)
     action = greedy(problem, groups, trail, level, rest, rule)
     if action >= 0 and value > 0.0:
@@ -126,7 +134,7 @@ def follow(
 
 
 def base_cost(problem: Beliefs, groups: Groups, bases: Bases, trail: Trail, level: int, rest: int) -> float:
-    """The cost of the cheapest of the base policies."""
+    """The cost of the cheapest base policy."""
     least = follow(problem, groups, bases[0], trail, level, rest, GAIN)
     least = min(least, follow(problem, groups, bases[1], trail, level, rest, PAIRS))
     return min(least, follow(problem, groups, bases[2], trail, level, rest, MILD))
@@ -142,9 +150,9 @@ def look_ahead(
     steps: int,
     limit: float,
 ) -> tuple[int, float]:
-    """The best first action and its cost by a lookahead of `steps` over the base policies; -1 to stop.
+    """The best first action and its cost, by a lookahead of `steps` over the base policies; -1 to stop.
 
-    Actions that cannot get below `limit` are left early; the cost is then no less than `limit`.
+    Actions that cannot cost less than `limit` are left early; their cost is then at least `limit`.
     """
     best, value = -1, stop(problem, trail, level)
     if steps == 0 or value <= 0.0:

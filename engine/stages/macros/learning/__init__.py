@@ -1,1 +1,1 @@
-"""From a plan to a MACROP: why it works, and for what else."""
+"""Learns a MACROP from a plan: explains why the plan works, and generalises it."""

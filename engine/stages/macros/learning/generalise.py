@@ -1,4 +1,8 @@
-"""From a plan to a MACROP: the proof made, its safety established, the result read off with readable names."""
+"""Generalises a plan to a MACROP.
+
+First comes a proof that the plan works, then the conditions that keep its instances safe. The MACROP is read
+off the proof, with readable names.
+"""
 
 from engine.stages.macros.learning.proof import Proof
 from engine.stages.macros.learning.reading import Generalised, Reading
@@ -15,9 +19,11 @@ __all__ = ["Generalised", "NotGeneral", "generalise"]
 
 
 def generalise(problem: Problem, plan: Plan, world: CellDomain, initial: State) -> Generalised:
-    """The MACROP of a valid plan from `initial`. Raises `NotGeneral` with the reason if there is none.
+    """The MACROP of a valid plan from the state `initial`.
 
-    Goals that held all along are not goals of the MACROP.
+    Raises `NotGeneral` with the reason if there is none.
+
+    Goals that no step had to achieve are not goals of the MACROP.
     """
     if not plan.steps:
         raise NotGeneral("a plan without steps teaches nothing")
@@ -32,7 +38,10 @@ def generalise(problem: Problem, plan: Plan, world: CellDomain, initial: State) 
 
 
 def _goals(problem: Problem, proof: Proof) -> tuple[Literal, ...]:
-    """The goals that the plan achieves, with variables; a goal that is no literal counts as what proves it."""
+    """The goals that the plan achieves, with variables.
+
+    A goal that is not a literal is replaced by those that prove it.
+    """
     found: dict[Literal, None] = {}
     for goal in goal_parts(problem.goal):
         _rest_on(goal, proof, found)
@@ -69,7 +78,7 @@ def _as_literal(goal: Condition) -> Literal | None:
 
 
 def _variablised(part: BodyPart, proof: Proof) -> BodyPart:
-    """A goal's literal with a variable for each argument; what the plan needs of them comes back by its links."""
+    """A goal's literal with a variable for each argument. The links of the proof bind what must be bound."""
     if not isinstance(part, Literal) or not proof.world.schemas.is_dynamic(part):
         return part
     return Literal(variablised(part.atom, proof), part.positive)

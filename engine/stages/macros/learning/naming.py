@@ -1,11 +1,11 @@
-"""Names for the variables of a MACROP: those of the operators' headers, numbered as they occur in the body."""
+"""Names for the variables of a MACROP: those in the operators' headers, numbered in the order of the body."""
 
 from collections.abc import Iterable
 
 from kb.terms import Term, Variable, variables
 
 
-class Names:
+class FreshNames:
     """New names for variables, given in order of first use."""
 
     def __init__(self) -> None:
@@ -13,7 +13,7 @@ class Names:
         self._counts: dict[str, int] = {}
 
     def number(self, terms: Iterable[tuple[Variable, Term]]) -> None:
-        """Name what header variables stand for: `Arm1`, `Id1`, `Id2` after the first header variable of each."""
+        """Name the terms of header variables, each after its first header variable: `Arm1`, `Id1`, `Id2`."""
         for header, term in terms:
             if isinstance(term, Variable) and term not in self.names:
                 base = _base(header)
@@ -21,7 +21,7 @@ class Names:
                 self.names[term] = Variable(f"{base}{self._counts[base]}")
 
     def keep(self, terms: Iterable[Term]) -> None:
-        """Name the remaining variables as they were, with a number where the name is taken."""
+        """Keep the names of the remaining variables; add a number if a name is already used."""
         for term in terms:
             for variable in variables(term):
                 if variable not in self.names:

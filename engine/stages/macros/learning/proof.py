@@ -1,8 +1,9 @@
-"""Why a plan works, with variables for constants: explanation-based generalisation.
+"""Proves why a plan works, with variables in place of constants: explanation-based generalisation.
 
-Every step becomes its operator with fresh variables; every causal link makes a condition of its consumer equal to a
-consequence of its producer, and nothing else is made equal (Fikes, Hart & Nilsson 1972; Mooney & DeJong's EGGS 1986;
-for partial orders Kambhampati & Kedar 1994). What the proof relies on not to happen is `engine.stages.macros.learning.safety`'s part.
+Every step becomes its operator with new variables. Every causal link makes a condition of its consumer equal
+to a consequence of its producer, and nothing else is made equal (Fikes, Hart & Nilsson 1972; Mooney &
+DeJong's EGGS 1986; for partial orders Kambhampati & Kedar 1994). `engine.stages.macros.learning.safety` adds
+the conditions that exclude disturbances.
 """
 
 from collections.abc import Iterator
@@ -22,7 +23,7 @@ MAX_DEPTH = 40
 
 
 @dataclass(frozen=True, slots=True)
-class Need:
+class SupportedLiteral:
     """A literal that must hold before `consumer`, and the step that makes it so."""
 
     atom: Atom
@@ -32,8 +33,8 @@ class Need:
 
 
 @dataclass(frozen=True, slots=True)
-class Part:
-    """One conjunct that a consumer rests on: the literal with variables."""
+class Conjunct:
+    """One literal that a consumer needs, with variables, and its ground atom in the plan."""
 
     literal: Literal
     ground: Atom
@@ -41,7 +42,7 @@ class Part:
 
 @dataclass
 class Proof:
-    """The proof of one plan, growing. `origin` gives the constant that each variable stands for in that plan."""
+    """The proof of one plan, built step by step. `origin` has the constant of each variable in that plan."""
 
     world: CellDomain
     plan: Plan
@@ -49,7 +50,7 @@ class Proof:
     equal: Equalities = field(default_factory=Equalities)
     origin: dict[Variable, Term] = field(default_factory=dict)
     schemas: dict[StepId, OperatorSchema] = field(default_factory=dict)
-    needs: dict[Need, None] = field(default_factory=dict)
+    needs: dict[SupportedLiteral, None] = field(default_factory=dict)
     constraints: dict[BodyPart, None] = field(default_factory=dict)
     states: dict[StepId, Facts] = field(default_factory=dict)
     changes: dict[StepId, StepChange] = field(default_factory=dict)
@@ -73,7 +74,7 @@ class Proof:
         self.origin.update({fresh[variable]: bindings[variable] for variable in bindings})
 
     def header(self, step: StepId) -> dict[Variable, Variable]:
-        """The variables of this proof for those of the step's operator."""
+        """For each variable in the header of the step's operator, the variable in this proof."""
         return self._header[step]
 
     def _execute(self) -> None:
@@ -85,7 +86,7 @@ class Proof:
         self.states[GOAL] = with_derived(self.world, facts)
 
     def justify(self, step: Step) -> None:
-        """Collect what one step rests on: its constraints, and its precondition by what its links provide."""
+        """Collect what one step needs: its constraints, and its precondition as its links provide it."""
         schema = self.schemas[step.id]
         found = next(solve(schema.body, self.world.statics, self._ground(schema.body)), None)
         if found is None:
@@ -96,8 +97,11 @@ class Proof:
 
     def rest(
         self, body: Body, consumer: StepId, bindings: dict[Variable, Term], links: bool = True
-    ) -> list[Part] | None:
-        """Make `consumer` rest on a body; the literals over fluents that this came to, or None if it does not hold."""
+    ) -> list[Conjunct] | None:
+        """Prove a body for `consumer`, and add its needs to the proof.
+
+        Returns the literals over fluents that the proof uses, or None if the body does not hold.
+        """
         sources = [[*self._provided(consumer)]] if links and self._linked.get(consumer) else []
         for available in [*map(Facts, sources), self.states[consumer]]:
             start = {**self._ground(body), **bindings}
@@ -121,19 +125,22 @@ class Proof:
         self.origin.update(found)
         self.constraints.update(dict.fromkeys(body))
 
-    def _leaf(self, leaf: BodyPart, consumer: StepId) -> Iterator[Part]:
+    def _leaf(self, leaf: BodyPart, consumer: StepId) -> Iterator[Conjunct]:
         if not self.world.schemas.is_dynamic(leaf) or not isinstance(leaf, Literal):
             self.constraints[leaf] = None
             return
         ground = substitute_atom(leaf.atom, self.origin)
         if self.world.schemas.kinds.get(leaf.atom.name) is Kind.FLUENT:
             self.need(leaf.atom, leaf.positive, consumer)
-            yield Part(leaf, ground)
+            yield Conjunct(leaf, ground)
         else:
             yield from self._frozen(leaf, consumer)
 
-    def _frozen(self, leaf: Literal, consumer: StepId) -> Iterator[Part]:
-        """What is false for want of every support stays as it was: constants, and all that links provide."""
+    def _frozen(self, leaf: Literal, consumer: StepId) -> Iterator[Conjunct]:
+        """A negated derived literal stays as it was in the plan: with its constants.
+
+        It is false because no rule supports it, so the consumer needs everything that its links provide.
+        """
         for variable in variables(leaf.atom):
             self.equal.join(variable, self.origin[variable])
         for condition in self._linked.get(consumer, {}):
@@ -141,15 +148,15 @@ class Proof:
             atom = condition.arguments[0] if negated else condition
             if isinstance(atom, Function) and not atom.name.startswith("_"):
                 self.need(atom, not negated, consumer)
-                yield Part(Literal(atom, not negated), atom)
+                yield Conjunct(Literal(atom, not negated), atom)
 
-    # What makes a literal true.
+    # The following methods explain how a literal becomes true.
 
     def need(self, atom: Atom, positive: bool, consumer: StepId) -> None:
-        """Let `consumer` rest on a fluent literal and explain how it comes to hold."""
+        """Add a fluent literal to the needs of `consumer`, and explain how it becomes true."""
         ground = substitute_atom(atom, self.origin)
         producer = self._producer(ground, positive, consumer)
-        self.needs[Need(atom, positive, producer, consumer)] = None
+        self.needs[SupportedLiteral(atom, positive, producer, consumer)] = None
         if producer != START:
             self.produce(producer, atom, ground, positive)
 
@@ -175,7 +182,7 @@ class Proof:
         return found
 
     def produce(self, producer: StepId, atom: Atom, ground: Atom, positive: bool) -> None:
-        """Make a literal equal to the consequence of a step that provides it, and rest on why it follows."""
+        """Make a literal equal to a consequence of `producer`. The guard and needs of this join the proof."""
         schema = self.schemas[producer]
         candidates = sorted(schema.adds if positive else schema.denies, key=lambda each: len(each.guard))
         for each in candidates:
@@ -192,7 +199,10 @@ class Proof:
         raise NotGeneral(f"step {producer} does not provide {ground}")
 
     def apart(self, each: Following) -> Following:
-        """With local variables of its own: what follows for one value may follow for others, too."""
+        """The consequence with new local variables.
+
+        It may be used for several values, and each use needs its own.
+        """
         used = (variable for part in (*each.guard, *each.needs) for variable in part_variables(part))
         local = {
             v: self.world.schemas.fresh(v) for v in (*variables(each.atom), *used) if v not in self.origin
@@ -213,7 +223,7 @@ class Proof:
             else:
                 self.constraints[part] = None
 
-    # Bodies are proved by resolution, on the plan's own constants beside the variables.
+    # Bodies are proved by resolution, with the constants of the plan. The variables are kept beside them.
 
     def _prove(
         self, body: Body, ground: dict[Variable, Term], available: Facts, consumer: StepId, depth: int
@@ -249,7 +259,7 @@ class Proof:
         elif isinstance(part, Literal) and is_ground(substitute_atom(part.atom, ground)):
             yield from solve((part,), self.states[consumer], ground)
         else:
-            raise NotGeneral(f"{part} speaks of all instances")
+            raise NotGeneral(f"{part} is about all instances")
 
     def _by_rule(
         self,

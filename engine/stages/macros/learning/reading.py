@@ -1,10 +1,10 @@
-"""Reading a MACROP off a finished proof: terms resolved, variables named, constraints told apart by arity."""
+"""Reads a MACROP off a finished proof: resolves terms, names variables, separates constraints by arity."""
 
 import dataclasses
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
-from engine.stages.macros.learning.naming import Names
+from engine.stages.macros.learning.naming import FreshNames
 from engine.stages.macros.learning.proof import Proof
 from engine.stages.macros.learning.safety import Safety
 from engine.stages.macros.learning.terms import apart, decided
@@ -27,7 +27,7 @@ from kb.terms import Atom, Function, Number, Substitution, Term, Variable, subst
 
 @dataclass(frozen=True, slots=True)
 class Generalised:
-    """A MACROP with the bindings under which it is the plan that it was made from."""
+    """A MACROP, and the bindings that turn it back into the original plan."""
 
     macrop: Macrop
     bindings: dict[Variable, Term]
@@ -40,7 +40,7 @@ class Reading:
         self, proof: Proof, safety: Safety, goals: tuple[Literal, ...], chains: tuple[MacroChain, ...]
     ) -> None:
         self.proof, self.safety, self.goals, self.chains = proof, safety, goals, chains
-        self.names = Names()
+        self.names = FreshNames()
         for step in proof.plan.steps:
             header = proof.header(step.id)
             self.names.number((v, proof.equal.resolved(own)) for v, own in header.items())
@@ -127,7 +127,7 @@ class Reading:
         return tuple(sorted(found, key=lambda each: order.get(each.consumer, len(order))))
 
     def _stage(self, condition: Atom) -> Atom:
-        """A counter of a chain, which names the chain, with the chain's variable."""
+        """A counter of a chain, in which the name of the chain is replaced by the chain's variable."""
         names = {
             self.proof.origin[each.name]: each.name for each in self.chains if isinstance(each.name, Variable)
         }
@@ -140,7 +140,7 @@ class Reading:
         return Function(condition.name, arguments)
 
     def _adders(self) -> tuple[Atom, ...]:
-        """What holds at the end of every instance: added for certain, and not denied by anything that may come later."""
+        """The atoms that hold at the end of every instance: surely added, and not denied by a later step."""
         proof, found = self.proof, dict[Atom, None]()
         for step, schema in proof.schemas.items():
             for each in schema.adds:
@@ -215,5 +215,5 @@ def _is_apart(part: BodyPart) -> bool:
 
 
 def _amount(term: Term | None, bindings: Substitution, given: int) -> Term:
-    """A duration or cost: as the operator says, else as the plan has it."""
+    """A duration or cost: that of the operator; if it has none, that of the plan."""
     return Number(given) if term is None else substitute(term, bindings)

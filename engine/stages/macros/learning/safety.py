@@ -1,14 +1,15 @@
-"""What a plan relies on not to happen: threats to links, contradictions, interference of unordered steps.
+"""Excludes what would make an instance of a plan fail.
 
-Whatever could happen for some binding is excluded by the weakest condition that held in the original plan: most often
-that two terms differ. So two constants are kept apart only where some step needs it.
+This may be a threat to a link, a contradiction, or interference between unordered steps. If it could happen
+for some binding, the weakest condition that held in the original plan excludes it; most often, that two terms
+differ. So two terms must differ only if some step needs it.
 """
 
 import itertools
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
-from engine.stages.macros.learning.proof import Need, Proof
+from engine.stages.macros.learning.proof import Proof, SupportedLiteral
 from engine.stages.macros.learning.terms import apart, equations, simplified
 from engine.stages.macros.lifted.bodies import satisfiable
 from engine.stages.macros.lifted.schema import Following, NotGeneral
@@ -32,7 +33,7 @@ class Safety:
     _constrained_at: tuple[int, int] = (-1, -1)
 
     def establish(self) -> None:
-        """Exclude everything that could go wrong; repeated while that makes terms equal or adds needs."""
+        """Exclude everything that could go wrong. Repeat while this makes terms equal or adds needs."""
         while True:
             known = (len(self.proof.equal.bindings), len(self.proof.needs))
             self.disequalities.clear()
@@ -49,7 +50,7 @@ class Safety:
                 return
 
     def _threats(self) -> Iterator[tuple[Pairs, Following, StepId]]:
-        """Consequences of steps that may come between the ends of a link and end it."""
+        """Threats: steps that may come between the ends of a link, with a consequence that ends it."""
         denied = self._by_predicate(False)
         added = self._by_predicate(True)
         for need in self.proof.needs:
@@ -59,7 +60,11 @@ class Safety:
                     yield [(each.atom, need.atom)], each, step
 
     def _taken_back(self) -> Iterator[tuple[Pairs, Following, StepId]]:
-        """What a step makes false and adds by itself: for some bindings that may be the same atom, which then is true."""
+        """Additions of a step that could undo its own denials.
+
+        A step may deny one atom and add another of the same predicate. Under some bindings they are the same
+        atom. Then the atom is true after the step, although a later step needs it to be false.
+        """
         for need in self.proof.needs:
             if not need.positive and need.producer != START:
                 for added in self.proof.schemas[need.producer].adds:
@@ -73,7 +78,7 @@ class Safety:
                 found.setdefault(each.atom.name, []).append((step, each))
         return found
 
-    def _between(self, step: StepId, need: Need) -> bool:
+    def _between(self, step: StepId, need: SupportedLiteral) -> bool:
         if step in (need.producer, need.consumer):
             return False
         early = need.producer != START and step in self.proof.before[need.producer]
@@ -88,7 +93,7 @@ class Safety:
                         yield (*_apart(self.proof, denied, added), step)
 
     def _interference(self) -> Iterator[tuple[Pairs, Following, StepId]]:
-        """Unordered steps share no resource, and none denies what the other adds."""
+        """Interference: unordered steps that share a resource, or where one denies what the other adds."""
         resources = {
             step: [substitute(r, self.proof.header(step)) for r in schema.operator.resources]
             for step, schema in self.proof.schemas.items()
@@ -108,7 +113,7 @@ class Safety:
                     yield (*_apart(self.proof, denied, added), step)
 
     def _exclude(self, pairs: Pairs, cause: Following, step: StepId) -> None:
-        """Let the pairs never be equal while the cause's guard holds."""
+        """Demand a condition under which the pairs are never all equal while the guard of `cause` holds."""
         parts = self.firing(pairs, cause.guard)
         if parts is None or (cause.needs and self._prevented(parts, cause, step)):
             return
@@ -120,19 +125,19 @@ class Safety:
         if false:
             self._negate(false)
         elif satisfiable(parts, self.proof.world.statics, self._values(parts)):
-            raise NotGeneral(f"step {step} {cause.atom}: the plan itself does not exclude what it must")
+            raise NotGeneral(f"step {step} {cause.atom}: the original plan itself does not exclude this")
         else:
             self.exclusions[tuple(part for part in parts if part not in own) or parts] = None
 
     def excluded(self, parts: Body) -> bool:
-        """Whether a condition that is demanded already keeps the parts from holding together."""
+        """Whether a condition that is already demanded prevents the parts from holding together."""
         equal = [part for part in parts if isinstance(part, Comparison) and part.relation == "="]
         return any(self._known_apart(part) for part in equal) or any(
             isinstance(part, Literal) and _negation(part) in self.negated for part in parts
         )
 
     def _known_apart(self, part: Comparison) -> bool:
-        """Whether a disequality or a constraint keeps two terms apart."""
+        """Whether a disequality or a constraint says that the two terms of an equation differ."""
         differ = apart(part.left, part.right)
         if differ in self.disequalities:
             return True
@@ -146,7 +151,7 @@ class Safety:
         return differ in self._constrained
 
     def firing(self, pairs: Pairs, guard: Body) -> Body | None:
-        """When all pairs are equal and the guard holds, simplified; None if never."""
+        """The condition that all pairs are equal and the guard holds, simplified; None if never true."""
         equal = self.proof.equal
         found = equations([(equal.resolved(one), equal.resolved(other)) for one, other in pairs])
         if found is None:
@@ -168,7 +173,10 @@ class Safety:
         return satisfiable((part,), self.proof.world.statics, self._values((part,)))
 
     def _prevented(self, parts: Body, cause: Following, step: StepId) -> bool:
-        """Whether a conditional effect is kept from happening by a condition that was false: rest on that."""
+        """Whether a conditional effect does not happen because one of its conditions is false.
+
+        The step then needs that.
+        """
         if not satisfiable(parts, self.proof.world.statics, self._values(parts)):
             return False
         state = self.proof.states[step]
@@ -181,7 +189,11 @@ class Safety:
         return False
 
     def _negate(self, false: list[BodyPart]) -> None:
-        """Add the weakest negation: that terms differ, else a comparison, else a static fact's absence, else equality."""
+        """Add the weakest negation of the parts.
+
+        This is the first that is possible: terms differ, a comparison is negated, a static fact is negated,
+        terms are equal.
+        """
         equal = [part for part in false if isinstance(part, Comparison) and part.relation == "="]
         others = [part for part in false if isinstance(part, Comparison) and part.relation not in ("=", "!=")]
         literals = [part for part in false if isinstance(part, Literal)]
@@ -196,7 +208,7 @@ class Safety:
 
 
 def _apart(proof: Proof, denied: Following, added: Following) -> tuple[Pairs, Following]:
-    """A denial and an addition as one event, with local variables of their own."""
+    """A denial and an addition of the same atom, as one cause. The addition has its own local variables."""
     own = proof.apart(added)
     guard, needs = (*denied.guard, *own.guard), (*denied.needs, *own.needs)
     return [(denied.atom, own.atom)], Following(denied.atom, guard, needs)

@@ -1,4 +1,4 @@
-"""A workflow with variables: which step reached which stage, and what that makes equal."""
+"""Workflow chains with variables: which step reached which stage, and which terms this makes equal."""
 
 from engine.stages.macros.learning.proof import Proof
 from engine.stages.macros.lifted.schema import NotGeneral
@@ -11,7 +11,7 @@ from kb.terms import Atom, Function, Term, Text, Variable, match
 
 
 def lifted_chains(problem: Problem, proof: Proof) -> tuple[MacroChain, ...]:
-    """The chains of a problem with variables, every stage equal to the event or consequence that reached it."""
+    """The chains of a problem with variables. Each stage equals the event or consequence that reached it."""
     names = {chain.name: _named(chain.name, proof) for chain in problem.chains}
     subjects: dict[Term, Variable] = {}
     lasts = lasting(problem.chains, problem.domain)
@@ -42,7 +42,7 @@ def _value(term: Term, base: str, proof: Proof) -> Variable:
 
 
 def _stage(stage: Atom, step: Step, atom: Atom, proof: Proof) -> Atom:
-    """The stage with a variable for each argument, made equal to what reached it."""
+    """The stage with a variable for each argument, made equal to the event or consequence that reached it."""
     lifted = Function(stage.name, tuple(_value(each, "Value", proof) for each in atom.arguments))
     schema = proof.schemas[step.id]
     if proof.world.schemas.kinds.get(stage.name) is Kind.EVENT:
@@ -51,13 +51,16 @@ def _stage(stage: Atom, step: Step, atom: Atom, proof: Proof) -> Atom:
             if match(event, atom, known) is not None:
                 proof.equal.join(event, lifted)
                 return lifted
-        raise NotGeneral(f"step {step.id} does not let {atom} happen")
+        raise NotGeneral(f"step {step.id} does not cause the event {atom}")
     proof.produce(step.id, lifted, atom, True)
     return lifted
 
 
 def _reached(problem: Problem, proof: Proof) -> dict[str, list[tuple[Step, Atom]]]:
-    """For every chain the steps that reached its stages, as soon as possible, with the atoms that did."""
+    """The steps that reached the stages of each chain, and the atoms by which they did.
+
+    Stages are reached at the first chance.
+    """
     found: dict[str, list[tuple[Step, Atom]]] = {chain.name: [] for chain in problem.chains}
     for step in proof.plan.steps:
         change = proof.changes[step.id]

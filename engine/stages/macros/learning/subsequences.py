@@ -1,7 +1,7 @@
-"""Sub-sequences of plans that are worth a look: steps joined by causal links that can run right after one another.
+"""Finds sub-sequences of plans: steps that causal links join, and that can run directly after one another.
 
-What recurs in the plans of a domain is found here (the steps that the causal graph of a solution joins: Botea, Enzenberger, Müller
-& Schaeffer 2005); whether it pays to offer it to a search is measured elsewhere.
+Sub-sequences that recur in the plans of a domain may help a search (Botea, Enzenberger, Müller & Schaeffer
+2005, who join the steps of the causal graph of a solution). Whether they do is measured elsewhere.
 """
 
 from collections.abc import Collection, Iterable, Iterator, Sequence
@@ -11,15 +11,15 @@ from functools import cached_property
 from kb.model.plan import Plan, Step, StepId
 from kb.terms import Function, Term, Variable, match
 
-LONGEST = 4  # steps of a sub-sequence
-LARGEST = 200  # steps of a plan that is worth searching for them
+LONGEST = 4  # steps of the longest sub-sequence
+LARGEST = 200  # steps; longer plans are not searched for sub-sequences
 Positions = int
 """A set of steps of a plan by their positions, as a bitset."""
 
 
 @dataclass(frozen=True, slots=True)
 class Recurring:
-    """Sub-sequences of one shape: how many a plan has, and one of them with the steps that must come before it."""
+    """The sub-sequences of one shape: how many there are, and one of them with the steps before it."""
 
     count: int
     before: tuple[Step, ...]
@@ -27,12 +27,12 @@ class Recurring:
 
     @property
     def operators(self) -> tuple[Function, ...]:
-        """What the steps of the one do."""
+        """The operators of the one sub-sequence."""
         return tuple(step.operator for step in self.steps)
 
 
 def recurring(plan: Plan) -> list[Recurring]:
-    """The sub-sequences of a plan by shape, those that would save most steps first."""
+    """The sub-sequences of a plan by shape. Those that would save the most steps come first."""
     kinds: dict[str, list[Positions]] = {}
     order = Order(plan)
     for found in order.subsequences:
@@ -44,7 +44,10 @@ def recurring(plan: Plan) -> list[Recurring]:
 def occurring(
     order: "Order", pattern: Sequence[Function], but: Collection[StepId] = ()
 ) -> Iterator[tuple[Step, ...]]:
-    """The sub-sequences of a plan that are instances of a pattern; none overlaps another, or the steps of `but`."""
+    """The sub-sequences of a plan that are instances of a pattern.
+
+    They overlap neither each other nor the steps `but`.
+    """
     taken = sum(1 << place for place, step in enumerate(order.plan.steps) if step.id in but)
     for found in sorted(order.subsequences):
         free = found.bit_count() == len(pattern) and not found & taken
@@ -54,20 +57,20 @@ def occurring(
 
 
 def shape(operators: Iterable[Function]) -> str:
-    """What sequences have in common that differ in names alone: operators, and which arguments are equal."""
+    """The shape of a sequence: its operators, and which of their arguments are equal. Names do not matter."""
     names: dict[Term, Term] = {}
     return ", ".join(str(_renamed(each, names)) for each in operators)
 
 
 def _renamed(term: Term, names: dict[Term, Term]) -> Term:
-    """A term with variables, the same for the same, in place of its constants, variables and numbers."""
+    """A term whose constants, variables and numbers are replaced by variables, equal ones by the same."""
     if isinstance(term, Function) and term.arguments:
         return Function(term.name, tuple(_renamed(each, names) for each in term.arguments))
     return names.setdefault(term, Variable(f"X{len(names)}"))
 
 
 def fits(pattern: Sequence[Function], operators: Sequence[Function]) -> bool:
-    """Whether operators are an instance of a pattern, step by step."""
+    """Whether the operators are an instance of the pattern, step by step."""
     bindings: dict[Variable, Term] | None = {}
     for step, operator in zip(pattern, operators, strict=True):
         bindings = None if bindings is None else match(step, operator, bindings)
@@ -75,7 +78,7 @@ def fits(pattern: Sequence[Function], operators: Sequence[Function]) -> bool:
 
 
 class Order:
-    """The steps of a plan with what is before and after each, and which of them causal links join."""
+    """The steps before and after each step of a plan, and the steps to which causal links join it."""
 
     def __init__(self, plan: Plan) -> None:
         self.plan = plan
@@ -94,7 +97,7 @@ class Order:
 
     @cached_property
     def subsequences(self) -> list[Positions]:
-        """All connected sets of at least two steps between which no other step must come."""
+        """All connected sets of at least two steps such that no other step must come between them."""
         found: dict[Positions, None] = {}
         grown = dict.fromkeys(1 << place for place in range(len(self.plan.steps)))
         for _ in range(LONGEST - 1):
@@ -109,15 +112,15 @@ class Order:
         return not between & ~positions
 
     def before(self, positions: Positions) -> Positions:
-        """The steps that must come before some of these."""
+        """The other steps that must come before at least one of these."""
         return _union(self._earlier, positions) & ~positions
 
     def steps(self, positions: Positions) -> tuple[Step, ...]:
-        """The steps, in the order of the plan."""
+        """The steps at these positions, in the order of the plan."""
         return tuple(self.plan.steps[place] for place in _places(positions))
 
     def operators(self, positions: Positions) -> tuple[Function, ...]:
-        """What they do."""
+        """The operators of the steps at these positions."""
         return tuple(step.operator for step in self.steps(positions))
 
 

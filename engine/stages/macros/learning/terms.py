@@ -1,4 +1,4 @@
-"""Equalities between terms, growing; and what must differ, simplified to what can be decided."""
+"""Equalities between terms, collected step by step, and the simplification of conditions on terms."""
 
 from collections.abc import Iterable, Mapping
 
@@ -9,14 +9,14 @@ from kb.terms import Function, Operation, Term, Variable, is_ground, unify
 
 
 class Equalities:
-    """Which variables stand for the same term: a unifier that grows in place."""
+    """The terms that variables stand for: a unifier that is extended in place."""
 
     def __init__(self) -> None:
         self.bindings: dict[Variable, Term] = {}
-        self._resolved: dict[Variable, Term] = {}  # until something becomes equal
+        self._resolved: dict[Variable, Term] = {}  # a cache; cleared when terms become equal
 
     def join(self, one: Term, other: Term) -> bool:
-        """Make two terms equal; whether that was new. Raises `NotGeneral` if they cannot be."""
+        """Make two terms equal. Returns whether that was new. Raises `NotGeneral` if they cannot be equal."""
         one, other = self._root(one), self._root(other)
         if one == other:
             return False
@@ -31,7 +31,7 @@ class Equalities:
         ):
             pairs = zip(one.arguments, other.arguments, strict=True)
             return any([self.join(left, right) for left, right in pairs])
-        raise NotGeneral(f"{one} is not {other}")
+        raise NotGeneral(f"{one} cannot be equal to {other}")
 
     def _bind(self, variable: Variable, term: Term) -> bool:
         self.bindings[variable] = term
@@ -44,7 +44,7 @@ class Equalities:
         return term
 
     def resolved(self, term: Term) -> Term:
-        """The term with every variable replaced by what it stands for."""
+        """The term with every variable replaced by the term that it stands for."""
         if isinstance(term, Variable):
             found = self._resolved.get(term)
             if found is None:
@@ -65,7 +65,10 @@ class Equalities:
 
 
 def equations(pairs: Iterable[tuple[Term, Term]]) -> dict[Variable, Term] | None:
-    """The weakest equations that make every pair equal, none bound variable on a right side; None if nothing does."""
+    """The weakest equations that make all pairs equal; None if there are none.
+
+    No variable that an equation binds occurs on a right side.
+    """
     found: dict[Variable, Term] | None = {}
     for one, other in pairs:
         found = unify(one, other, found) if found is not None else None
@@ -83,7 +86,7 @@ def _followed(term: Term, bindings: Mapping[Variable, Term]) -> Term:
 
 
 def decided(part: BodyPart) -> bool | None:
-    """Whether a comparison is true or false whatever its variables are; None if that depends."""
+    """Whether a comparison is true or false, if that does not depend on its variables; None if it does."""
     if not isinstance(part, Comparison):
         return None
     if part.relation not in ("=", "!="):
@@ -104,7 +107,7 @@ def _same(left: Term, right: Term) -> bool | None:
 
 
 def apart(left: Term, right: Term) -> Comparison:
-    """`left != right`, with compound terms that differ in one argument reduced to that argument."""
+    """`left != right`. If compound terms differ in only one argument, the comparison is of this argument."""
     while (
         isinstance(left, Function)
         and isinstance(right, Function)
@@ -119,7 +122,7 @@ def apart(left: Term, right: Term) -> Comparison:
 
 
 def simplified(body: Body) -> Body | None:
-    """The parts that are not true anyway; None if one is false anyway."""
+    """The parts of a body that are not always true; None if one is always false."""
     kept: list[BodyPart] = []
     for part in body:
         truth = decided(part)

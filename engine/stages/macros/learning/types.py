@@ -1,4 +1,4 @@
-"""Unary constraints: what type each variable has, told apart from the n-ary ones."""
+"""Separates unary constraints, the types of variables, from n-ary constraints."""
 
 from collections.abc import Iterable, Iterator
 
@@ -8,7 +8,7 @@ from kb.terms import Function, Term, Variable
 
 
 def unary(parts: Iterable[BodyPart], domain: Domain) -> tuple[Body, tuple[Parameter, ...]]:
-    """The n-ary constraints and the narrowest types of each variable among conjuncts that mix them."""
+    """The n-ary constraints among the conjuncts, and the narrowest types of each variable."""
     rest: dict[BodyPart, None] = {}
     types: dict[Variable, list[str]] = {}
     for part in parts:
@@ -34,7 +34,10 @@ def _narrow(names: list[str], name: str, domain: Domain) -> None:
 
 
 def _typed(term: Term, type_: str, domain: Domain) -> Iterator[Parameter | Literal]:
-    """What is left to test: a compound term has its type if its arguments have theirs, a known object has its own."""
+    """The tests that remain for a term of a type.
+
+    A compound term has the type if its arguments have theirs. A known object needs no test.
+    """
     if isinstance(term, Variable):
         yield Parameter(term, type_)
         return
@@ -59,9 +62,9 @@ def _is_known(term: Function, type_: str, domain: Domain) -> bool:
 
 
 def without_copies(body: Body, outer: set[Variable]) -> Body:
-    """The body without second copies of conjuncts that differ in the names of existential variables alone.
+    """The body without copies of conjuncts that are equal except for the names of existential variables.
 
-    Conjuncts that share such a variable belong together, so they are compared and dropped together.
+    Conjuncts that share such a variable belong together, so they are compared and removed together.
     """
     kept: list[BodyPart] = []
     seen: set[str] = set()

@@ -1,1 +1,1 @@
-"""Operators with variables, evaluated without grounding: what a step does in a state."""
+"""Operators with variables. What a step does in a state is evaluated without grounding the task."""

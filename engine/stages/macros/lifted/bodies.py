@@ -1,4 +1,7 @@
-"""Bodies solved over facts by join: the cheapest part first, tests as soon as they can be decided."""
+"""Solves bodies over facts by join.
+
+The cheapest part comes first, and each test runs as soon as it can be decided.
+"""
 
 from collections.abc import Iterator, Mapping
 
@@ -18,7 +21,7 @@ def solve(body: Body, facts: Facts, bindings: Bindings) -> Iterator[dict[Variabl
 def _solved(
     parts: list[BodyPart], facts: Facts, bindings: dict[Variable, Term]
 ) -> Iterator[dict[Variable, Term]]:
-    """The same for parts in which all that is bound stands already."""
+    """The same, for parts in which the bound variables are already replaced."""
     waiting = []
     for part in parts:
         truth = _truth(part, facts)
@@ -36,14 +39,14 @@ def _solved(
 
 
 def _truth(part: BodyPart, facts: Facts) -> bool | None:
-    """Whether a part holds, None while it has open variables."""
+    """Whether a part holds; None while it has open variables."""
     match part:
         case Literal(atom, positive):
             return (atom in facts) == positive if is_ground(atom) else None
         case Comparison(left, relation, right):
             return compare(left, relation, right) if is_ground(left) and is_ground(right) else None
         case Aggregate():
-            raise ValueError(f"aggregates are evaluated beforehand: {part}")
+            raise ValueError(f"aggregates must be evaluated before this: {part}")
 
 
 def satisfiable(body: Body, facts: Facts, bindings: Bindings) -> bool:
@@ -57,7 +60,7 @@ def _cheapest(parts: list[BodyPart], facts: Facts) -> int:
 
 
 def _cost(part: BodyPart, facts: Facts) -> float:
-    """How many bindings a part with open variables may yield."""
+    """An estimate of how many bindings a part with open variables yields."""
     match part:
         case Comparison(left, relation, right):
             return 0 if relation == "=" and _binds(left, right) else float("inf")
@@ -83,7 +86,10 @@ def _extensions(part: BodyPart, facts: Facts) -> Iterator[Bindings]:
 
 
 def _binds(left: Term, right: Term) -> bool:
-    """Whether an equation gives the variables of one side values: the other has one, and nothing open is to be computed."""
+    """Whether an equation gives values to the variables of one side.
+
+    The other side must have a value, and the side with the variables must not be arithmetic.
+    """
     one, other = is_ground(left), is_ground(right)
     return (one or other) and not isinstance(right if one else left, Operation)
 

@@ -1,8 +1,9 @@
-"""Deduction on operators with variables: everything that adding or denying something leads to.
+"""Deduction on operators with variables: what follows from the atoms that an operator adds or denies.
 
-Each possible consequence carries a guard over statics; an instance has the consequence where its guard holds. A
-denial triggers `not` rules only through the operator's own positive preconditions, as grounding has it (language
-reference, Meaning 3: what else it might end is a diagnostic there).
+Each possible consequence has a guard over statics. An instance of the operator has the consequence if the
+guard holds. A denial triggers `not` rules only if a positive precondition of the operator guarantees that the
+atom held before. Grounding does the same; it reports a diagnostic for other atoms that the denial might end
+(language reference, Meaning 3).
 """
 
 import hashlib
@@ -36,7 +37,7 @@ MAX_CONSEQUENCES = 400
 
 
 class NotGeneral(Exception):
-    """A plan that cannot be generalised; the text says which part of the domain or plan stands in the way."""
+    """The plan cannot be generalised. The text names the part of the domain or plan that is the reason."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,7 +50,7 @@ class Following:
     deduced: bool = True
 
     def renamed(self, bindings: Substitution) -> "Following":
-        """With other variables."""
+        """The same consequence with other variables."""
         atom = substitute_atom(self.atom, bindings)
         return Following(
             atom, renamed_body(self.guard, bindings), renamed_body(self.needs, bindings), self.deduced
@@ -62,7 +63,10 @@ def renamed_body(body: Body, bindings: Substitution) -> Body:
 
 
 def without_aggregates(body: Body, parameters: Iterable[Parameter]) -> Body:
-    """The body, or, where only clingo can evaluate it, one literal of a predicate that stands for it."""
+    """The body itself.
+
+    If it has aggregates, which only clingo can evaluate, one literal that stands for the body.
+    """
     if not any(isinstance(part, Aggregate) for part in body):
         return body
     return (Literal(stand_in(body, parameters)),)
@@ -75,12 +79,15 @@ def stand_in(body: Body, parameters: Iterable[Parameter]) -> Atom:
 
 
 def type_guards(parameters: Iterable[Parameter]) -> Body:
-    """Literals that test each parameter's type; built-in types have no extension."""
+    """One literal per parameter that tests its type.
+
+    Built-in types are left out: no facts list their members.
+    """
     return tuple(type_literal(p) for p in parameters if p.type not in BUILT_IN_TYPES)
 
 
-class Deduction:
-    """The deductive operators of a domain. `fresh` gives a variable that stands nowhere else."""
+class DeductiveOperators:
+    """The deductive operators of a domain. `fresh` makes a variable that is used nowhere else."""
 
     def __init__(self, rules: Iterable[DeductiveOperator], fresh: Callable[[Variable], Variable]) -> None:
         self._rules = tuple(rules)
@@ -89,7 +96,10 @@ class Deduction:
     def closure(
         self, adds: list[Following], denies: list[Following], held: list[Atom]
     ) -> tuple[list[Following], list[Following]]:
-        """All that an operator adds and denies, from its own effects and the fluents that it demands to hold."""
+        """Everything that an operator adds and denies.
+
+        `held` are the fluents that its precondition demands.
+        """
         added, denied = dict.fromkeys(adds), dict.fromkeys(denies)
         waiting: list[tuple[bool, Following]] = [*((True, a) for a in adds), *((False, d) for d in denies)]
         while waiting:
@@ -141,7 +151,10 @@ def _locals(cause: Following) -> set[Variable]:
 def _bound(
     atom: Atom, guard: Body, needs: Body, found: dict[Variable, Term], own: set[Variable]
 ) -> Following:
-    """The consequence under a unifier; what it says of variables that are not its `own` becomes part of the guard."""
+    """The consequence under the unifier `found`.
+
+    Bindings of variables that are not its `own` become part of the guard.
+    """
     bindings = {variable: resolve(variable, found) for variable in found}
     for variable in list(bindings):
         value = bindings[variable]
@@ -164,13 +177,13 @@ def _bound(
 
 
 def _distinct(body: Body) -> Body:
-    """The body without repeated parts and those that say nothing."""
+    """The body without repeated parts and without equations of a term with itself."""
     kept = (p for p in body if not (isinstance(p, Comparison) and p.relation == "=" and p.left == p.right))
     return tuple(dict.fromkeys(kept))
 
 
 def _same(one: Following, other: Following) -> bool:
-    """Whether two consequences differ in the names of their local variables alone."""
+    """Whether two consequences are equal except for the names of their local variables."""
     return one.deduced == other.deduced and _canonical(one) == _canonical(other)
 
 

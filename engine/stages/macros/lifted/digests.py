@@ -1,4 +1,7 @@
-"""Digests of the parts of a domain that a proof rests on: a MACROP is stale when one of them has changed."""
+"""Digests of the parts of a domain that a proof depends on.
+
+A MACROP is stale when one of these parts has changed.
+"""
 
 import dataclasses
 import hashlib
@@ -12,15 +15,16 @@ from kb.model.domain import Domain
 from kb.model.macro import Macrop
 from kb.terms import Function, Term
 
-MEANINGLESS = frozenset({"where", "command", "weight"})  # where it stands, what is sent, what is tried first
+MEANINGLESS = frozenset({"where", "command", "weight"})  # source, controller command, order of search
 
 
 class Digests:
     """The digests of one domain's parts, each computed once.
 
-    `operator p` is an operator; `deduction p` all deductive operators that p triggers, so that a new one counts, too;
-    `rules p` the rules of a derived predicate; `predicate p`, `function f`, `object o` and `type t` are declarations,
-    the last two with every type above them.
+    The parts have these names. `operator p` is an operator. `deduction p` is all deductive operators that p
+    triggers, so a new one changes the digest, too. `rules p` is the rules of a derived predicate. The
+    other names, `predicate p`, `function f`, `object o` and `type t`, are declarations; an object or type
+    includes every type above it.
     """
 
     def __init__(self, domain: Domain) -> None:
@@ -28,7 +32,7 @@ class Digests:
         self._known: dict[str, str] = {}
 
     def of(self, part: str) -> str:
-        """The digest of a part by name; that of nothing if the domain has no such part."""
+        """The digest of a named part; that of an empty text if the domain has no such part."""
         if part not in self._known:
             kind, _, name = part.partition(" ")
             text = "\n".join(map(canonical, self._parts(kind, name)))
@@ -54,16 +58,16 @@ class Digests:
                 return _lineage(name, domain)
 
     def fresh(self, depends: Mapping[str, str]) -> bool:
-        """Whether nothing that something depends on has changed."""
+        """Whether all parts in `depends` still have the same digest."""
         return all(self.of(part) == digest for part, digest in depends.items())
 
     def changed(self, depends: Mapping[str, str]) -> tuple[str, ...]:
-        """The parts that are not what they were."""
+        """The parts in `depends` that have changed, sorted."""
         return tuple(sorted(part for part, digest in depends.items() if self.of(part) != digest))
 
 
 def _lineage(name: str, domain: Domain) -> list[object]:
-    """A type and those above it."""
+    """The declaration of a type and of all types above it."""
     found: list[object] = []
     while name in domain.types:
         found.append(domain.types[name])
@@ -72,7 +76,7 @@ def _lineage(name: str, domain: Domain) -> list[object]:
 
 
 def canonical(value: Any) -> str:
-    """A text that is equal exactly for values of equal meaning."""
+    """A text for a value. Two values have the same text exactly if they mean the same."""
     if dataclasses.is_dataclass(value):
         kept = (f.name for f in dataclasses.fields(value) if f.compare and f.name not in MEANINGLESS)
         return f"{type(value).__name__}({','.join(canonical(getattr(value, name)) for name in kept)})"
@@ -86,7 +90,7 @@ def canonical(value: Any) -> str:
 def dependencies(
     macrop: Macrop, schemas: Iterable[OperatorSchema], digests: Digests, derived: Iterable[str]
 ) -> dict[str, str]:
-    """The parts that a proof over these operators and derived predicates rests on, with their digests."""
+    """The parts that a proof with these operators and derived predicates depends on, with their digests."""
     parts = {*_proved(schemas, digests.domain), *_declared(macrop, digests.domain)}
     parts |= {f"{kind} {name}" for name in derived for kind in ("rules", "predicate")}
     return {part: digests.of(part) for part in sorted(parts)}
@@ -107,7 +111,7 @@ def _proved(schemas: Iterable[OperatorSchema], domain: Domain) -> Iterator[str]:
 
 
 def _declared(macrop: Macrop, domain: Domain) -> Iterator[str]:
-    """The types that were tested, and the functions and constants whose types were not: they are known."""
+    """The types that the MACROP tests, and its functions and constants, whose types need no test."""
     yield from (f"type {each.type}" for each in macrop.types)
     for name in _names(macrop):
         if name in domain.functions:

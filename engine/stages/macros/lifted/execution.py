@@ -1,6 +1,6 @@
-"""Plans executed by lifted operators: what each step does, and the situation that it leads to.
+"""Executes plans with lifted operators: what each step does, and the situation after it.
 
-`Execution` asks whether each step can be taken; `changes_of` and `executed` take that for granted.
+`Execution` checks whether each step can be taken. `changes_of` and `executed` assume it.
 """
 
 from collections.abc import Iterable, Iterator
@@ -19,14 +19,17 @@ from kb.terms import Atom
 
 @dataclass
 class Execution:
-    """One linearisation, executed."""
+    """The execution of one linearisation.
+
+    `facts` is the present state; `changes` are those of the steps taken.
+    """
 
     world: CellDomain
     facts: Facts
     changes: dict[StepId, StepChange] = field(default_factory=dict)
 
     def run(self, plan: Plan) -> str:
-        """Execute all steps; why one cannot be taken, or nothing."""
+        """Execute all steps. Returns the reason why a step cannot be taken, or an empty text."""
         for step in plan.steps:
             refusal = self._take(step)
             if refusal:
@@ -38,7 +41,7 @@ class Execution:
         return self.take_known(step, known) if known is not None else self.take_any(step)
 
     def take_known(self, step: Step, known: GroundStep) -> str:
-        """Execute a step that was worked out before; why it cannot be taken, or nothing."""
+        """Execute a prepared step. Returns the reason why it cannot be taken, or an empty text."""
         if known.refusal or not known.applicable(self.facts):
             return known.refusal or "its precondition does not hold"
         ends = known.ended(self.facts, self.world.statics)
@@ -47,7 +50,10 @@ class Execution:
         return ""
 
     def take_any(self, step: Step) -> str:
-        """Execute a step from its operator's schema; why it cannot be taken, or nothing."""
+        """Execute a step from its operator's schema.
+
+        Returns the reason why it cannot be taken, or an empty text.
+        """
         schema, bindings = self.world.binding(step.operator)
         if not satisfiable(schema.body, self.world.statics, bindings):
             return "its constraints do not hold"
@@ -78,7 +84,7 @@ def _needs(schema: OperatorSchema) -> Iterator[Body]:
 
 
 def changes_of(start: Situation, steps: Iterable[Step]) -> list[StepChange]:
-    """What the steps of a valid plan do when they are executed one after another."""
+    """The changes that the steps of a valid plan make when they are executed one after another."""
     world, facts, found = start.world, start.facts, list[StepChange]()
     for step in steps:
         schema, _ = world.binding(step.operator)

@@ -1,15 +1,21 @@
-"""Sets of ground atoms with indexes: values that a step changes at the cost of the predicates it touches."""
+"""Sets of ground atoms with indexes. They are values: a change makes a new set.
+
+The new set shares all predicates that the change does not touch, so a step costs only what it touches.
+"""
 
 from collections.abc import Collection, Iterable, Iterator
 
 from kb.model.domain import NUMERIC_TYPES, OBJECT
 from kb.terms import Atom, Function, Number, Term, Text, is_ground, match
 
-SMALL = 4  # so few atoms are tried one by one
+SMALL = 4  # atoms; up to this number they are tried one by one
 
 
 class Extent:
-    """The atoms of one predicate. Indexes by argument are made when first asked for and handed on by `after`."""
+    """The atoms of one predicate.
+
+    An index by argument is made at its first use; `after` passes it on to the new value.
+    """
 
     __slots__ = ("_indexes", "atoms")
 
@@ -20,7 +26,7 @@ class Extent:
         self._indexes: dict[int, dict[Term, tuple[Atom, ...]]] = indexes if indexes is not None else {}
 
     def after(self, ends: Iterable[Atom], adds: Iterable[Atom]) -> "Extent":
-        """Without some atoms, with others."""
+        """The atoms without `ends` and with `adds`."""
         atoms = self.atoms.copy()
         indexes = {position: index.copy() for position, index in self._indexes.items()}
         for atom in ends:
@@ -38,7 +44,7 @@ class Extent:
         return Extent(atoms, indexes)
 
     def where(self, position: int, value: Term) -> tuple[Atom, ...]:
-        """The atoms with a value as one of their arguments."""
+        """The atoms whose argument at `position` is `value`."""
         index = self._indexes.get(position)
         if index is None:
             gathered: dict[Term, list[Atom]] = {}
@@ -52,7 +58,7 @@ NOTHING = Extent({})
 
 
 class Facts:
-    """Ground atoms by predicate, in the order given. Iterating gives them all."""
+    """Ground atoms, grouped by predicate, otherwise in the given order. Iteration yields all of them."""
 
     __slots__ = ("_extents",)
 
@@ -71,11 +77,11 @@ class Facts:
             yield from extent.atoms
 
     def atoms(self) -> frozenset[Atom]:
-        """All of them."""
+        """All atoms."""
         return frozenset().union(*(extent.atoms for extent in self._extents.values()))
 
     def after(self, ends: Collection[Atom], adds: Collection[Atom]) -> "Facts":
-        """The facts when some end and others are added; those added stay."""
+        """The facts without `ends` and with `adds`. An atom in both is kept."""
         changed = Facts()
         changed._extents = self._extents.copy()
         touched: dict[str, tuple[list[Atom], list[Atom]]] = {}
@@ -89,11 +95,11 @@ class Facts:
         return changed
 
     def named(self, name: str) -> Collection[Atom]:
-        """Every atom of a predicate."""
+        """All atoms of a predicate."""
         return self._extents.get(name, NOTHING).atoms
 
     def matching(self, pattern: Atom) -> Collection[Atom]:
-        """A superset of the atoms that match a pattern: those that agree in one ground argument, the rarest of few."""
+        """A superset of the atoms that match a pattern: those that share one of its ground arguments."""
         extent = self._extents.get(pattern.name)
         if extent is None:
             return ()
@@ -109,13 +115,13 @@ class Facts:
         return best
 
     def any_match(self, pattern: Atom) -> bool:
-        """Whether some atom matches; `_` and variables stand for anything."""
+        """Whether some atom matches the pattern, in which `_` and variables stand for anything."""
         if is_ground(pattern):
             return pattern in self
         return any(match(pattern, other, {}) is not None for other in self.matching(pattern))
 
     def has_type(self, term: Term, type_: str) -> bool:
-        """Whether a ground term is a value of a type."""
+        """Whether a ground term is a member of a type."""
         if type_ in NUMERIC_TYPES:
             return isinstance(term, Number)
         if type_ == "text":

@@ -1,7 +1,8 @@
-"""Ground steps as far as they do not depend on a state: what is worked out once per step serves every plan that has it.
+"""Ground steps, prepared as far as they do not depend on a state.
 
-Only for operators whose precondition names all its atoms and whose effects ask nothing of the state; the others are
-executed by `engine.stages.macros.lifted.world` alone, which says the same of these, too, and more slowly.
+Every plan that has the step uses the same result. This works for operators whose precondition names all its
+atoms and whose effects have no conditions on the state. `engine.stages.macros.lifted.world` executes the
+other operators. It gives the same answers for all operators, but slower.
 """
 
 from collections.abc import Collection, Iterator
@@ -13,12 +14,15 @@ from engine.stages.macros.lifted.schema import Following, OperatorSchema, Schema
 from kb.model.conditions import Body, Literal, part_variables, substitute_part
 from kb.terms import Atom, is_ground, match, substitute_atom
 
-Needed = tuple[tuple[Atom, ...], tuple[Atom, ...]]  # what must hold, and what must not
+Needed = tuple[tuple[Atom, ...], tuple[Atom, ...]]  # atoms that must hold, and atoms that must not
 
 
 @dataclass(frozen=True, slots=True)
 class GroundStep:
-    """`refusal` stands against the step in every state. `sweeps` end the atoms of a pattern for which a guard holds."""
+    """A ground step in any state. With a `refusal`, a reason against the step, no state allows it.
+
+    Each of `sweeps` ends the atoms of the state that match a pattern, if a guard holds for them.
+    """
 
     refusal: str
     alternatives: tuple[Needed, ...]
@@ -28,14 +32,14 @@ class GroundStep:
     events: tuple[Atom, ...] = ()
 
     def applicable(self, facts: Facts) -> bool:
-        """Whether the precondition holds."""
+        """Whether the precondition holds in a state."""
         return any(
             all(atom in facts for atom in holding) and not any(atom in facts for atom in absent)
             for holding, absent in self.alternatives
         )
 
     def ended(self, facts: Facts, statics: Facts) -> tuple[Atom, ...]:
-        """The atoms of a state that end."""
+        """The atoms of a state that the step ends."""
         found = dict.fromkeys(atom for atom in self.ends if atom in facts)
         for pattern, guard in self.sweeps:
             for atom in facts.matching(pattern):
@@ -50,7 +54,7 @@ def _swept(pattern: Atom, guard: Body, atom: Atom, statics: Facts) -> bool:
 
 
 def is_plain(schema: OperatorSchema, schemas: Schemas) -> bool:
-    """Whether the instances of an operator can be worked out without a state."""
+    """Whether the instances of an operator can be prepared without a state."""
     header = set(schema.operator.variables)
     return not any(each.needs for each in (*schema.adds, *schema.denies)) and all(
         isinstance(part, Literal)
@@ -63,7 +67,7 @@ def is_plain(schema: OperatorSchema, schemas: Schemas) -> bool:
 
 
 def ground_step(schema: OperatorSchema, bindings: Bindings, statics: Facts) -> GroundStep:
-    """The instance of a plain operator."""
+    """The instance of a plain operator under `bindings`."""
     if not satisfiable(schema.body, statics, bindings):
         return GroundStep("its constraints do not hold", (), (), (), ())
     adds = tuple(
@@ -88,7 +92,7 @@ def ground_step(schema: OperatorSchema, bindings: Bindings, statics: Facts) -> G
 
 
 def _seen(each: Following, bindings: Bindings) -> tuple[Atom, Body]:
-    """A denial and its guard as one instance has them."""
+    """The atom of a denial and its guard, under the bindings of one instance."""
     return substitute_atom(each.atom, bindings), tuple(substitute_part(part, bindings) for part in each.guard)
 
 
@@ -97,7 +101,7 @@ def _ends(pattern: Atom, guard: Body, adds: Collection[Atom], statics: Facts) ->
 
 
 def _possible(guard: Body, statics: Facts) -> bool:
-    """Whether nothing in a guard that is decided already is false."""
+    """Whether all parts of a guard hold, as far as they have no open variables."""
     return satisfiable(tuple(part for part in guard if next(part_variables(part), None) is None), statics, {})
 
 

@@ -1,11 +1,11 @@
-"""Operators with everything that follows from them, still with variables: what each instance can add and deny."""
+"""Schemas: operators with variables, and all that their instances can add and deny, deduction included."""
 
 import itertools
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 
 from engine.stages.macros.lifted.deduction import (
-    Deduction,
+    DeductiveOperators,
     Following,
     NotGeneral,
     renamed_body,
@@ -21,7 +21,7 @@ from kb.terms import ANYTHING, Atom, Function, Substitution, Term, Variable, sub
 
 @dataclass(frozen=True, slots=True)
 class OperatorSchema:
-    """An operator: the alternatives of its precondition and all that it may add, deny and let happen."""
+    """An operator, the alternatives of its precondition, all that it may add or deny, and its events."""
 
     operator: Operator
     body: Body
@@ -31,7 +31,7 @@ class OperatorSchema:
     events: tuple[Atom, ...]
 
     def renamed(self, bindings: Substitution) -> "OperatorSchema":
-        """With other variables; header variables must be among the bindings."""
+        """The same schema with other variables. `bindings` must contain the variables of the header."""
         return OperatorSchema(
             self.operator,
             renamed_body(self.body, bindings),
@@ -42,7 +42,7 @@ class OperatorSchema:
         )
 
     def variables(self) -> Iterator[Variable]:
-        """Every variable in the schema, `_` excepted."""
+        """All variables of the schema, except `_`."""
         found = dict.fromkeys(self.operator.variables)
         bodies = [self.body, *self.alternatives]
         for each in (*self.adds, *self.denies):
@@ -54,7 +54,7 @@ class OperatorSchema:
 
 
 class Schemas:
-    """The operator schemas of a domain, made when first asked for."""
+    """The operator schemas of a domain. Each is made at its first use."""
 
     def __init__(self, domain: Domain) -> None:
         self.domain = domain
@@ -66,26 +66,28 @@ class Schemas:
         self.rules = tuple(
             Rule(self._closed(each.head), tuple(map(self._named_apart, each.body))) for each in domain.rules
         )
-        self._deduction = Deduction(map(self._deductive_apart, domain.deductive_operators), self.fresh)
+        self._deduction = DeductiveOperators(
+            map(self._deductive_apart, domain.deductive_operators), self.fresh
+        )
 
     def is_dynamic(self, part: BodyPart) -> bool:
         """Whether a part of a body depends on the state."""
         return isinstance(part, Literal) and self.kinds.get(part.atom.name) in (Kind.FLUENT, Kind.DERIVED)
 
     def is_derived(self, atom: Atom) -> bool:
-        """Whether an atom follows from rules over fluents."""
+        """Whether rules over fluents define the predicate of an atom."""
         return self.kinds.get(atom.name) is Kind.DERIVED
 
     def rests_on_rules(self, body: Iterable[BodyPart]) -> bool:
-        """Whether a body asks for a derived predicate over fluents."""
+        """Whether a body contains a predicate that is derived from fluents."""
         return any(isinstance(part, Literal) and self.is_derived(part.atom) for part in body)
 
     def fresh(self, variable: Variable) -> Variable:
-        """A variable that stands nowhere else."""
+        """A variable that is used nowhere else."""
         return Variable(f"{variable.name.split('@')[0]}@{next(self._fresh)}")
 
     def named(self, name: str) -> OperatorSchema:
-        """The schema of an operator."""
+        """The schema of the operator with this name. Raises `NotGeneral` if there is none."""
         if name not in self._operators:
             raise NotGeneral(f"there is no operator {name}")
         if name not in self._made:
@@ -93,14 +95,15 @@ class Schemas:
         return self._made[name]
 
     def disjuncts(self, condition: Condition, types: dict[Variable, str]) -> tuple[Body, ...]:
-        """The alternatives of a condition, each a body with `_` replaced by variables of their own.
+        """The alternatives of a condition. Each is a body in which every `_` is replaced by a new variable.
 
-        Raises `NotGeneral` for a condition on all objects: what is true of these need not be of others.
+        Raises `NotGeneral` for a condition on all objects: it may be true of these objects and false for
+        others.
         """
         found = self._normaliser.disjuncts(condition, types)
         if self._normaliser.rules:
             self._normaliser.rules.clear()
-            raise NotGeneral(f"the condition speaks of all objects: {condition}")
+            raise NotGeneral(f"the condition is about all objects: {condition}")
         return tuple(tuple(self._named_apart(part) for part in body) for body in found)
 
     def _deductive_apart(self, each: DeductiveOperator) -> DeductiveOperator:

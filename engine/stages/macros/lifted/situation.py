@@ -1,4 +1,4 @@
-"""Where one is: a state of a world, from which plans are looked up, learned, revised and executed."""
+"""A situation: a state of a world. Plans are looked up, learned, revised and executed from situations."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -10,17 +10,20 @@ from kb.terms import Atom, ordered
 
 @dataclass(frozen=True, slots=True)
 class Situation:
-    """A state of a world. Successors share what a step does not touch, so that moving on is cheap."""
+    """A state of a world.
+
+    The situation after a step shares everything that the step does not touch, so it is cheap.
+    """
 
     world: CellDomain
     facts: Facts
 
     @classmethod
     def of(cls, world: CellDomain, state: Iterable[Atom]) -> "Situation":
-        """The situation of a state, in an order that repeats."""
+        """The situation of a state. The atoms are sorted, so that results repeat."""
         return cls(world, Facts(ordered(state)))
 
     @property
     def state(self) -> frozenset[Atom]:
-        """The true atoms."""
+        """The atoms that are true."""
         return self.facts.atoms()

@@ -1,4 +1,7 @@
-"""What problems of one cell share: their domain and statics, evaluated once; and what a ground step does there."""
+"""The world of a cell: the domain and statics that its problems share. The statics are evaluated once.
+
+The module also says what a ground step does in a state of such a world.
+"""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -23,14 +26,14 @@ KEPT = 1 << 15  # ground steps
 
 @dataclass(frozen=True, slots=True)
 class StepChange:
-    """What a step adds, and which atoms of the state end."""
+    """The atoms that a step adds, the atoms of the state that it ends, and its events."""
 
     adds: tuple[Atom, ...]
     ends: tuple[Atom, ...]
     events: tuple[Atom, ...] = ()
 
     def applied(self, facts: Facts) -> Facts:
-        """The facts afterwards."""
+        """The facts after the step."""
         return facts.after(self.ends, self.adds)
 
 
@@ -46,14 +49,14 @@ class CellDomain:
 
     @cached_property
     def statics(self) -> Facts:
-        """Everything that holds whatever is done; worked out when it is first asked for."""
+        """The atoms that hold in every state. They are evaluated at the first use."""
         grounder = Grounder()
         grounder.ground("\n".join([static_program(self.problem), *_aggregate_rules(self.domain)]))
         return Facts(grounder.everything())
 
     @property
     def violated(self) -> bool:
-        """Whether an integrity constraint of the domain does not hold: then no plan means anything."""
+        """Whether an integrity constraint of the domain is violated. Then no plan makes sense."""
         return bool(self.statics.named(VIOLATED))
 
     @cached_property
@@ -63,7 +66,7 @@ class CellDomain:
 
     @cached_property
     def strata(self) -> list[list[Rule]]:
-        """The rules of derived predicates in an order in which negation looks only backwards."""
+        """The rules of derived predicates in groups. Negation in a group refers only to earlier groups."""
         graph: dict[str, list[str]] = {rule.head.name: [] for rule in self.schemas.rules}
         for rule in self.schemas.rules:
             used = (part.atom.name for part in rule.body if isinstance(part, Literal))
@@ -79,21 +82,27 @@ class CellDomain:
         )
 
     def binding(self, step: Function) -> tuple[OperatorSchema, dict[Variable, Term]]:
-        """A step's schema and the binding of its header."""
+        """The schema of a step, and the values of its header variables.
+
+        Raises `NotGeneral` if they do not fit.
+        """
         schema = self.schemas.named(step.name)
         if len(step.arguments) != len(schema.operator.parameters):
             raise NotGeneral(f"{step.name} takes {len(schema.operator.parameters)} arguments")
         return schema, dict(zip(schema.operator.variables, step.arguments, strict=True))
 
     def _ground_step(self, step: Function) -> GroundStep | None:
-        """What a step is in every state; None if only a state can tell."""
+        """A step prepared for all states; None if that depends on the state."""
         schema, bindings = self.binding(step)
         if step.name not in self._plain:
             self._plain[step.name] = is_plain(schema, self.schemas)
         return ground_step(schema, bindings, self.statics) if self._plain[step.name] else None
 
     def change(self, step: Function, facts: Facts) -> StepChange:
-        """What a step does in a state in which it can be taken; `facts` have the derived atoms that effects ask for."""
+        """What a step does in a state that allows it.
+
+        `facts` must include the derived atoms that the conditions of its effects name.
+        """
         schema, bindings = self.binding(step)
         adds = dict.fromkeys(atom for each in schema.adds for atom in self._instances(each, bindings, facts))
         ends = dict.fromkeys(atom for each in schema.denies for atom in self._ended(each, bindings, facts))
@@ -111,7 +120,7 @@ class CellDomain:
                 yield atom
 
     def fires(self, each: Following, atom: Atom, bindings: Bindings, facts: Facts) -> bool:
-        """Whether a consequence of a step is this atom."""
+        """Whether a step adds or denies `atom` by this consequence."""
         found = match(each.atom, atom, bindings)
         if found is None:
             return False
@@ -121,7 +130,7 @@ class CellDomain:
 
 
 def holds(body: Body, world: CellDomain, state: Facts, bindings: Bindings) -> bool:
-    """Whether some binding makes a body true in a state; derived atoms must be in `state` already."""
+    """Whether some binding makes a body true in a state. `state` must include the derived atoms."""
     static = tuple(part for part in body if not world.schemas.is_dynamic(part))
     dynamic = tuple(part for part in body if world.schemas.is_dynamic(part))
     positive = tuple(part for part in dynamic if isinstance(part, Literal) and part.positive)
@@ -134,7 +143,7 @@ def holds(body: Body, world: CellDomain, state: Facts, bindings: Bindings) -> bo
 
 
 def with_derived(world: CellDomain, facts: Facts) -> Facts:
-    """A state with its derived atoms, stratum by stratum, each closed by naive rounds."""
+    """A state with its derived atoms. The rules of each stratum are applied until nothing new follows."""
     for stratum in world.strata:
         while True:
             found = [
@@ -170,14 +179,14 @@ def _aggregate_rules(domain: Domain) -> Iterator[str]:
 
 
 class CellDomains:
-    """The worlds met lately, so that problems of one cell share one."""
+    """The worlds that were used last, at most `most`. Problems of one cell share one world."""
 
     def __init__(self, most: int = 8) -> None:
         self._most = most
         self._recent: list[CellDomain] = []
 
     def of(self, problem: Problem) -> CellDomain:
-        """The world of a problem; a new one is evaluated when none of the recent ones fits."""
+        """The world of a problem. If none of the recent ones fits, a new one is made."""
         for index, world in enumerate(self._recent):
             if world.fits(problem):
                 if index:

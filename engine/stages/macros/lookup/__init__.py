@@ -1,1 +1,1 @@
-"""From a problem to a MACROP that serves it."""
+"""Finds a MACROP that solves a problem, and the plan that it gives there."""

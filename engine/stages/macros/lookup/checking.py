@@ -1,7 +1,8 @@
-"""A fast check of an instance: the plan is executed in the situation, step by step, from the domain's own operators.
+"""A fast check of an instance of a MACROP.
 
-Independent of matching: it sees only the finished plan and the problem's goals, never a MACROP. It shares the
-operator schemas with generalisation, so the gate (`engine.pipelines.gate`) still has the last word.
+The plan is executed in the situation, step by step, with the domain's own operators. The check does not
+depend on matching: it sees only the finished plan and the problem's goals, never a MACROP. It shares the
+operator schemas with generalisation, so the gate (`engine.pipelines.gate`) checks the plan again.
 """
 
 import itertools
@@ -22,32 +23,39 @@ from kb.terms import Atom, is_ground, match, substitute_atom
 
 
 @dataclass(frozen=True, slots=True)
-class Refused:
-    """Why a plan is none for a query; `lost` if a goal that held is given up, as other instances would, too."""
+class Refusal:
+    """The reason why a plan does not serve a query.
+
+    `lost` says that the plan ends a goal that held before. Other instances of the MACROP would end it, too.
+    """
 
     reason: str
     lost: bool = False
 
 
-def check(plan: Plan, asked: Query) -> Situation | Refused:
-    """The situation that a plan leads to, if it serves the query in every order that it allows; else why not."""
+def check(plan: Plan, asked: Query) -> Situation | Refusal:
+    """The situation after a plan, if it serves the query in every order that it allows; else why not."""
     run = Execution(asked.world, asked.facts)
     try:
         refusal = run.run(plan)
     except NotGeneral as error:
         refusal = str(error)
     if refusal:
-        return Refused(refusal)
+        return Refusal(refusal)
     end = Situation(asked.world, run.facts)
     missed = next((goal for goal in (*asked.goals, *asked.kept) if not is_met(goal, end)), None)
     if missed is not None:
-        return Refused(f"{missed} does not hold at the end", missed in asked.kept)
+        return Refusal(f"{missed} does not hold at the end", missed in asked.kept)
     refusal = _unfinished(plan, asked, run, end) or _disturbed(plan, run)
-    return Refused(refusal) if refusal else end
+    return Refusal(refusal) if refusal else end
 
 
 def _unfinished(plan: Plan, asked: Query, run: Execution, end: Situation) -> str:
-    """Which chain of the workflow is not worked through, as soon as possible and in order; or nothing."""
+    """The first problem with the workflow, or an empty text.
+
+    Each chain must reach all its stages in order, each as soon as possible, and its last stage must hold if
+    it has to.
+    """
     reached = dict.fromkeys((chain.name for chain in asked.chains), 0)
     for step in plan.steps:
         change = run.changes[step.id]
@@ -64,7 +72,7 @@ def _unfinished(plan: Plan, asked: Query, run: Execution, end: Situation) -> str
 
 
 def _disturbed(plan: Plan, run: Execution) -> str:
-    """Which unordered steps can disturb each other: by a resource, or by what one denies or adds; or nothing."""
+    """Names two unordered steps that share a resource or disturb each other's effects; or an empty text."""
     if all(one.id in other.after for one, other in itertools.pairwise(plan.steps)):
         return ""
     before = plan.predecessors()
@@ -78,7 +86,7 @@ def _disturbed(plan: Plan, run: Execution) -> str:
 
 
 def _harms(step: Step, rival: Step, plan: Plan, run: Execution) -> bool:
-    """Whether `step` denies what `rival` adds or rests on, or adds what it must not find."""
+    """Whether `step` denies an atom that `rival` adds or needs, or adds one that must be absent for it."""
     wanted = [link.condition for link in plan.links if link.consumer == rival.id]
     absent = [c.arguments[0] for c in wanted if c.name == "not" and len(c.arguments) == 1]
     if any(atom in run.changes[step.id].adds for atom in absent):

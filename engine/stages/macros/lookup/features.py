@@ -1,8 +1,9 @@
-"""What can be asked of a query at little cost before a MACROP is matched: necessary conditions that many MACROPs share.
+"""Features: necessary conditions that are cheap to test on a query before any MACROP is matched.
 
-A feature is one precondition, constraint or type, seen from one goal (or from none): its goal's variables are bound by
-a goal that is asked for, all others may be anything of their types. As MACROPs serve goals one to one, a feature that
-`n` goals of a MACROP have needs `n` goals of the query. A feature is kept as a text, equal for equal features.
+Many MACROPs share a feature. It is one precondition, constraint or type of a MACROP together with one of its
+goals, or with none. A goal of the query binds the variables of that goal; all other variables may be anything
+of their types. Each goal of a MACROP serves one goal of the query. So if `n` goals of a MACROP have a
+feature, `n` goals of the query must have it. A feature is stored as a text; equal features have equal texts.
 """
 
 import functools
@@ -20,14 +21,15 @@ from kb.store import Requirement
 from kb.store.notation import read_literal
 from kb.terms import Function, Term, Variable, match, substitute_atom, variables
 
-GOALS = 1 << 14  # whose features are remembered
+GOALS = 1 << 14  # goals whose features are remembered
 
 
 @dataclass(frozen=True, slots=True)
-class Feature:
-    """`wanted` of a goal that fits `goal`: a state's atom, a static one, or, without, the goal's own shape.
+class LookupFeature:
+    """The condition that `wanted` holds for a goal that fits `goal`.
 
-    `shape` is the goal as a text, `own` are the goal's variables that stand in `wanted`.
+    `wanted` is an atom of the state or of the statics. If it is None, the goal only has to fit. `shape` is
+    `goal` as a text, and `own` are the variables of `goal` that occur in `wanted`.
     """
 
     kind: str  # goal, state, static
@@ -39,8 +41,8 @@ class Feature:
 
 
 @dataclass(frozen=True, slots=True)
-class _Part:
-    """A literal that a MACROP demands, of a state or of statics, with its variables in order."""
+class _Demand:
+    """A literal that a MACROP demands of the state or of the statics, with its variables in order."""
 
     kind: str
     atom: Function
@@ -48,7 +50,10 @@ class _Part:
 
 
 def requirements(macrop: Macrop) -> tuple[Requirement, ...]:
-    """Features with the number of goals that must have them, each once, in an order that repeats."""
+    """The features of a MACROP, and how many goals must have each of them.
+
+    The order is the same every time.
+    """
     found: Counter[str] = Counter()
     asked = [*macrop.goals, *(Literal(stage) for chain in macrop.chains for stage in chain.stages)]
     parts = list(_parts(macrop))
@@ -67,16 +72,16 @@ def requirements(macrop: Macrop) -> tuple[Requirement, ...]:
     return tuple(found.items())
 
 
-def _parts(macrop: Macrop) -> Iterator[_Part]:
+def _parts(macrop: Macrop) -> Iterator[_Demand]:
     demanded = [("state", each.atom) for each in macrop.preconditions if each.positive]
     demanded += [("static", p.atom) for p in macrop.constraints if isinstance(p, Literal) and p.positive]
     demanded += [("static", Function(p.type, (p.variable,))) for p in macrop.types]
     for kind, atom in demanded:
-        yield _Part(kind, atom, tuple(dict.fromkeys(variables(atom))))
+        yield _Demand(kind, atom, tuple(dict.fromkeys(variables(atom))))
 
 
 def _said(term: Term, names: dict[Variable, str]) -> str:
-    """A term's text with other names for its variables."""
+    """The text of a term, with other names for its variables."""
     if isinstance(term, Variable):
         return names[term]
     if isinstance(term, Function) and term.arguments:
@@ -84,7 +89,7 @@ def _said(term: Term, names: dict[Variable, str]) -> str:
     return str(term)
 
 
-def _feature(goal: str, part: _Part, own: dict[Variable, str], types: dict[Variable, list[str]]) -> str:
+def _feature(goal: str, part: _Demand, own: dict[Variable, str], types: dict[Variable, list[str]]) -> str:
     open_ = [variable for variable in part.variables if variable not in own]
     names = {**own, **{variable: f"W{number}" for number, variable in enumerate(open_)}}
     kept = [f"{names[v]} {type_}" for v in open_ for type_ in types.get(v, ())]
@@ -92,8 +97,8 @@ def _feature(goal: str, part: _Part, own: dict[Variable, str], types: dict[Varia
 
 
 @functools.lru_cache(maxsize=1 << 16)
-def feature(text: str) -> Feature:
-    """The feature that a text stands for."""
+def feature(text: str) -> LookupFeature:
+    """The feature that a text describes."""
     kind, shape, *more = text.split("\n")
     goal = read_literal(shape) if shape else None
     wanted = read_literal(more[0]) if more else None
@@ -101,7 +106,7 @@ def feature(text: str) -> Feature:
     types = tuple(Parameter(Variable(name), type_) for name, type_ in pairs)
     asked = set(variables(goal.atom)) if goal is not None else set()
     stands = dict.fromkeys(variables(wanted.atom)) if wanted is not None else {}
-    return Feature(kind, goal, wanted, types, shape, tuple(v for v in stands if v in asked))
+    return LookupFeature(kind, goal, wanted, types, shape, tuple(v for v in stands if v in asked))
 
 
 Bound = dict[Variable, Term]
@@ -109,14 +114,18 @@ Bound = dict[Variable, Term]
 
 @dataclass(frozen=True, slots=True)
 class Profile:
-    """What is known of a goal in a world: its bindings of shapes, None where it does not fit, and features of statics."""
+    """What is known so far about a goal in a world.
+
+    `bindings` has its bindings by shape, None for a shape that it does not fit. `features` says which
+    features over statics it has.
+    """
 
     goal: Literal
     bindings: dict[str, Bound | None] = field(default_factory=dict)
     features: dict[str, bool] = field(default_factory=dict)
 
-    def fitting(self, known: Feature) -> Bound | None:
-        """The goal's bindings of the variables of a feature's goal."""
+    def fitting(self, known: LookupFeature) -> Bound | None:
+        """The values that the goal gives to the variables of a feature's goal; None if it does not fit."""
         if known.shape not in self.bindings:
             self.bindings[known.shape] = self._fitting(known.goal)
         return self.bindings[known.shape]
@@ -129,13 +138,13 @@ class Profile:
 
 
 class Profiles:
-    """The profiles of the goals met so far in each world: like queries ask for the same again and again."""
+    """The profiles of goals in each world. They are kept because similar queries need the same ones again."""
 
     def __init__(self) -> None:
         self._worlds: WeakKeyDictionary[CellDomain, dict[Literal, Profile]] = WeakKeyDictionary()
 
     def of(self, world: CellDomain, goal: Literal) -> Profile:
-        """What is known of a goal; the caller adds to it."""
+        """The profile of a goal, to which the caller adds."""
         known = self._worlds.setdefault(world, {})
         if len(known) > GOALS:
             known.clear()
@@ -145,7 +154,7 @@ class Profiles:
 
 
 class Observed:
-    """How many goals of a query have each feature, found out when first asked."""
+    """Counts the goals of a query that have a feature."""
 
     def __init__(self, asked: Query, profiles: Profiles) -> None:
         self._asked = asked
@@ -153,13 +162,13 @@ class Observed:
         self._pool = [profiles.of(asked.world, goal) for goal in pool]
 
     def count(self, text: str) -> int:
-        """How many goals have a feature."""
+        """The number of goals that have a feature. A feature without a goal counts as 1 or 0."""
         known = feature(text)
         if known.goal is None:
             return int(self._found(known, {}))
         return self._in_state(known) if known.kind == "state" else self._in_statics(text, known)
 
-    def _in_statics(self, text: str, known: Feature) -> int:
+    def _in_statics(self, text: str, known: LookupFeature) -> int:
         count = 0
         for profile in self._pool:
             found = profile.features.get(text)
@@ -170,8 +179,11 @@ class Observed:
             count += found
         return count
 
-    def _in_state(self, known: Feature) -> int:
-        """Goals that bind the wanted atom alike are looked at once."""
+    def _in_state(self, known: LookupFeature) -> int:
+        """The number of goals that have a feature over the state.
+
+        Goals with equal bindings are tested once.
+        """
         seen: dict[tuple[Term | None, ...], bool] = {}
         count = 0
         for profile in self._pool:
@@ -184,7 +196,7 @@ class Observed:
                 count += found
         return count
 
-    def _found(self, known: Feature, bindings: Bound) -> bool:
+    def _found(self, known: LookupFeature, bindings: Bound) -> bool:
         if known.wanted is None:
             return True
         facts = self._asked.facts if known.kind == "state" else self._asked.world.statics

@@ -1,8 +1,8 @@
 """The index of a library: MACROPs by goal signature, then by what they require.
 
-Each requirement has the set of MACROPs that have it, as the bits of one number. A query evaluates every requirement once, for
-however many MACROPs share it, and takes away the sets of those that it does not meet (inverted files; Zobel and Moffat
-2006). MACROPs are read and matched only when they are left.
+Each requirement has the set of the MACROPs that demand it, as the bits of one number. A query evaluates a
+requirement once for all these MACROPs. If the query does not meet it, the set is removed from the candidates
+(inverted files; Zobel and Moffat 2006). Only the MACROPs that remain are read and matched.
 """
 
 from collections.abc import Callable, Hashable, Iterable
@@ -22,7 +22,10 @@ Rank = tuple[int, int, str, str]
 
 @dataclass(frozen=True)
 class Entry:
-    """A MACROP of the index under the key of its library. Cheap ones are tried first; `rank` is an order that repeats."""
+    """A MACROP of the index under the key of its library.
+
+    Entries are tried in the order of `rank`, cheap ones first. This order is the same every time.
+    """
 
     key: Hashable
     rank: Rank
@@ -30,7 +33,7 @@ class Entry:
 
     @cached_property
     def macrop(self) -> Macrop | None:
-        """The MACROP, read when first asked for; None if it has gone meanwhile."""
+        """The MACROP, read at the first use; None if it was removed since then."""
         return self.read()
 
     @cached_property
@@ -40,7 +43,7 @@ class Entry:
 
 
 def rank(key: Hashable, name: str, cost: int | None, steps: int) -> Rank:
-    """The place of a MACROP among those that fit: by cost, then by steps; header and key decide between equals."""
+    """The sort key of a MACROP among those that fit: cost, then number of steps, then header and key."""
     return UNKNOWN_COST if cost is None else cost, steps, name, str(key)
 
 
@@ -71,11 +74,10 @@ class _Shelf:
         self.present &= ~(1 << place)
 
     def fitting(self, observed: Observed) -> list[Entry]:
-        """The entries whose requirements are met; what none of those left requires is not looked at."""
+        """The entries whose requirements are met. A requirement that no remaining entry has is skipped."""
         if not self.order:
-            self.order = sorted(
-                self.requiring, key=lambda text: not text.startswith("state\n\n")
-            )  # one look each
+            # features without a goal come first: each costs a single test
+            self.order = sorted(self.requiring, key=lambda text: not text.startswith("state\n\n"))
         left = self.present
         for text in self.order:
             sets = self.requiring[text]
@@ -95,7 +97,7 @@ def _bits(number: int) -> Iterable[int]:
 
 
 class Index:
-    """MACROPs that can be had. Keys are the caller's."""
+    """The MACROPs that lookup can use. The caller chooses the keys."""
 
     def __init__(self) -> None:
         self._shelves: dict[str, _Shelf] = {}
@@ -109,25 +111,25 @@ class Index:
         return key in self._places
 
     def add(self, key: Hashable, macrop: Macrop) -> None:
-        """Put a MACROP in; one under the same key is replaced."""
+        """Add a MACROP. It replaces one with the same key."""
         order = rank(key, str(macrop.name), macrop.cost, len(macrop.steps))
         self.put(signature_of(macrop), Entry(key, order, lambda: macrop), requirements(macrop))
 
     def put(self, signature: str, entry: Entry, required: Iterable[Requirement]) -> None:
-        """Put in what is known of a MACROP that may not have been read yet."""
+        """Add an entry with its requirements. Its MACROP need not have been read yet."""
         self.remove(entry.key)
         shelf = self._shelves.setdefault(signature, _Shelf())
         self._places[entry.key] = shelf, shelf.add(entry, required)
 
     def remove(self, key: Hashable) -> None:
-        """Take a MACROP out, if it is there."""
+        """Remove a MACROP, if the index has it."""
         found = self._places.pop(key, None)
         if found is not None:
             shelf, place = found
             shelf.remove(place)
 
     def candidates(self, asked: Query) -> list[Entry]:
-        """The MACROPs for the query's goals whose requirements are met, the cheapest first."""
+        """The MACROPs for the query's goals that have all requirements met, the cheapest first."""
         shelf = self._shelves.get(signature_asked(asked))
         if shelf is None:
             return []

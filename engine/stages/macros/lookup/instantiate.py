@@ -1,4 +1,4 @@
-"""From a MACROP and bindings to a plan."""
+"""Makes a plan from a MACROP and values for its variables."""
 
 from collections.abc import Mapping
 
@@ -10,7 +10,7 @@ from kb.terms import Number, Term, Variable, is_ground, substitute, substitute_a
 
 
 def instantiate(macrop: Macrop, bindings: Mapping[Variable, Term]) -> Plan:
-    """The plan that a MACROP is under `bindings`. Raises `NotGeneral` if a variable of the body is left open."""
+    """The plan of a MACROP under `bindings`. Raises `NotGeneral` if a variable of a step has no value."""
     steps = tuple(_step(step, bindings) for step in macrop.steps)
     made = {each: substitute_atom(each, bindings) for each in {link.condition for link in macrop.links}}
     links = tuple(CausalLink(link.producer, made[link.condition], link.consumer) for link in macrop.links)
@@ -20,7 +20,7 @@ def instantiate(macrop: Macrop, bindings: Mapping[Variable, Term]) -> Plan:
 def _step(step: MacroStep, bindings: Mapping[Variable, Term]) -> Step:
     operator = substitute_atom(step.operator, bindings)
     if not is_ground(operator):
-        raise NotGeneral(f"{operator} has an open variable")
+        raise NotGeneral(f"{operator} has a variable without a value")
     resources = tuple([substitute(each, bindings) for each in step.resources])
     duration, cost = _number(step.duration, bindings), _number(step.cost, bindings)
     return Step(step.id, operator, step.after, resources, duration, cost)

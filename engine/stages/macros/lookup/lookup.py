@@ -1,4 +1,4 @@
-"""Lookup: the first MACROP of an index with an instance that serves a query and passes the check."""
+"""Lookup: finds the first MACROP of an index with an instance that serves a query and passes the check."""
 
 import itertools
 from collections.abc import Callable, Hashable, Mapping
@@ -10,18 +10,18 @@ from engine.stages.macros.lifted.situation import Situation
 from engine.stages.macros.lookup.checking import check
 from engine.stages.macros.lookup.index import Entry, Index
 from engine.stages.macros.lookup.instantiate import instantiate
-from engine.stages.macros.lookup.matching import OutOfWork, Work, matches
+from engine.stages.macros.lookup.matching import MatchingBudget, OutOfWork, matches
 from engine.stages.macros.lookup.query import Query
 from kb.model.macro import Macrop
 from kb.model.plan import Plan
 from kb.terms import Term, Variable, is_ground, substitute_atom
 
-INSTANCES = 8  # of one MACROP that are checked before the next is tried
+INSTANCES = 8  # instances of one MACROP that are checked before the next MACROP is tried
 
 
 @dataclass(frozen=True, slots=True)
 class Hit:
-    """A checked instance: the plan, the MACROP it is of, and the situation that the plan leads to."""
+    """A checked instance: the plan, its MACROP, and the situation after the plan."""
 
     key: Hashable
     macrop: Macrop
@@ -30,13 +30,16 @@ class Hit:
 
 
 def look_up(
-    index: Index, asked: Query, work: Work | None = None, in_vain: Callable[[Entry], None] = lambda _: None
+    index: Index,
+    asked: Query,
+    work: MatchingBudget | None = None,
+    in_vain: Callable[[Entry], None] = lambda _: None,
 ) -> Hit | None:
     """A checked plan for a query from an index; None if no MACROP serves it, or none is found within `work`.
 
-    `in_vain` hears of each MACROP that was tried and did not serve.
+    `in_vain` is called with each MACROP that was tried and did not serve.
     """
-    work = work if work is not None else Work()
+    work = work if work is not None else MatchingBudget()
     for entry in index.candidates(asked):
         try:
             hit = _instance(entry, asked, work)
@@ -49,7 +52,7 @@ def look_up(
     return None
 
 
-def _instance(entry: Entry, asked: Query, work: Work) -> Hit | None:
+def _instance(entry: Entry, asked: Query, work: MatchingBudget) -> Hit | None:
     program = entry.program
     if program is None:
         return None
@@ -69,9 +72,11 @@ def _instance(entry: Entry, asked: Query, work: Work) -> Hit | None:
 
 
 def gives_up(macrop: Macrop, bindings: Mapping[Variable, Term], asked: Query) -> bool:
-    """Whether an instance ends a goal that held, and does not achieve it again: seen from its last steps alone.
+    """Whether an instance ends a goal that held and does not achieve it again.
 
-    False where that takes more than the steps themselves to tell.
+    Only its last steps are examined.
+
+    False if the steps alone do not decide it.
     """
     open_ = {goal.atom for goal in asked.kept if goal.positive and is_ground(goal.atom)}
     statics = asked.world.statics

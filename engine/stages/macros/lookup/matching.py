@@ -1,8 +1,9 @@
 """Bindings under which a MACROP serves a query: a join over its goals, preconditions and constraints.
 
-Goals bind first, each with all tests that it decides; then preconditions over the few facts of a state, then statics.
-Tests of variables that nothing binds wait until the end. Which of the goals that are asked for a goal can stand for is found
-out once for all MACROPs that ask the same of it, and the goals with the fewest choices are given first.
+Goals are bound first. After each goal come all tests that it decides. Then come preconditions, as a state has
+few facts, then statics. Tests with variables that nothing binds wait until the end. A goal of a MACROP can
+stand for some goals of the query. These choices are computed once for all MACROPs that test the goal in the
+same way, and goals with the fewest choices are assigned first.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
@@ -22,23 +23,23 @@ MAX_WORK = 5_000
 
 
 class OutOfWork(Exception):
-    """Matching took more steps than it is worth."""
+    """Matching took more steps than it is allowed."""
 
 
 @dataclass
-class Work:
-    """Steps of matching left."""
+class MatchingBudget:
+    """The number of matching steps that are left."""
 
     left: int = MAX_WORK
 
     def spend(self) -> None:
-        """Take one step. Raises `OutOfWork`."""
+        """Count one step. Raises `OutOfWork` if none is left."""
         self.left -= 1
         if self.left < 0:
             raise OutOfWork
 
 
-def matches(program: Program, asked: Query, work: Work) -> Iterator[dict[Variable, Term]]:
+def matches(program: Program, asked: Query, work: MatchingBudget) -> Iterator[dict[Variable, Term]]:
     """Every binding that satisfies the MACROP's goals, preconditions and constraints. Raises `OutOfWork`."""
     macrop = program.macrop
     if (len(macrop.goals), len(macrop.chains)) != (len(asked.goals), len(asked.chains)):
@@ -48,12 +49,15 @@ def matches(program: Program, asked: Query, work: Work) -> Iterator[dict[Variabl
             yield found
 
 
-def joined(program: Program, asked: Query, work: Work) -> Iterator[dict[Variable, Term]]:
-    """The bindings, exclusions left aside, goal by goal in the MACROP's own order: for chains and goals with `_`, too."""
+def joined(program: Program, asked: Query, work: MatchingBudget) -> Iterator[dict[Variable, Term]]:
+    """The bindings before exclusions are tested. Goals are bound one by one, in the MACROP's own order.
+
+    This way works for workflow chains and for goals with `_`, too.
+    """
     return _Matching(program.items, asked, work).solutions(0, {}, (), frozenset())
 
 
-def _solutions(program: Program, asked: Query, work: Work) -> Iterator[dict[Variable, Term]]:
+def _solutions(program: Program, asked: Query, work: MatchingBudget) -> Iterator[dict[Variable, Term]]:
     if asked.chains or not all(is_ground(goal.atom) for goal in asked.goals):
         yield from joined(program, asked, work)
         return
@@ -64,14 +68,17 @@ def _solutions(program: Program, asked: Query, work: Work) -> Iterator[dict[Vari
 
 @dataclass(frozen=True, slots=True)
 class _Assignment:
-    """Goals that are asked for, all of them ground, given to the goals of a MACROP: those with the fewest choices first."""
+    """Assigns the goals of a query, all of them ground, to the goals of a MACROP.
+
+    The goals with the fewest choices are assigned first.
+    """
 
     program: Program
     asked: Query
-    work: Work
+    work: MatchingBudget
 
     def solutions(self) -> Iterator[Bindings]:
-        """Bindings of the goals' variables under which all is true that these decide."""
+        """The bindings of the goals' variables under which all tests hold that they decide."""
         choices = [self._choices(wanted) for wanted in self.program.wanted]
         if all(choices):
             order = sorted(range(len(choices)), key=lambda place: len(choices[place]))
@@ -80,7 +87,10 @@ class _Assignment:
             )
 
     def _choices(self, wanted: Wanted) -> tuple[tuple[int, tuple[Term, ...]], ...]:
-        """Goals by number, with the values of the variables; the same for all MACROPs with the same tests."""
+        """The numbers of the query's goals that fit, with the values of the variables.
+
+        They are shared by all MACROPs with the same tests.
+        """
         known = self.asked.memory.get(wanted.key)
         if known is None:
             known = self.asked.memory[wanted.key] = tuple(self._fitting(wanted))
@@ -118,7 +128,7 @@ class _Assignment:
                 yield from self._given(choices[1:], order[1:], extended, taken | 1 << number, left)
 
     def _untested(self, open_: list[Item], bindings: dict[Variable, Term]) -> list[Item] | None:
-        """The tests that have still open variables; None if another is false."""
+        """The tests that still have open variables; None if one of the others is false."""
         tests = _Matching((), self.asked, self.work)
         left = []
         for item in open_:
@@ -143,12 +153,15 @@ def _extended(
 class _Matching:
     items: tuple[Item, ...]
     asked: Query
-    work: Work
+    work: MatchingBudget
 
     def solutions(
         self, place: int, bindings: Bindings, waiting: tuple[Item, ...], taken: frozenset[object]
     ) -> Iterator[dict[Variable, Term]]:
-        """Bindings from an item on; `taken` are the goals and chains that are served."""
+        """The bindings that satisfy all items from `place` on.
+
+        `taken` are the goals and chains that are already served.
+        """
         while place < len(self.items):
             self.work.spend()
             item = self.items[place]
@@ -170,7 +183,7 @@ class _Matching:
     def _served(
         self, item: Item, bindings: Bindings, taken: frozenset[object]
     ) -> Iterator[tuple[Literal | Chain, Bindings]]:
-        """What is asked for and not taken yet, with the bindings that make the item serve it."""
+        """The free goals or chains of the query that the item can serve, each with its bindings."""
         given: Iterable[Literal | Chain] = self.asked.goals if item.kind == "goal" else self.asked.chains
         for each in given:
             if each in taken:
@@ -187,7 +200,7 @@ class _Matching:
                 yield each, found
 
     def test(self, item: Item, bindings: Bindings) -> bool | None:
-        """Whether an item holds, or None while it has open variables."""
+        """Whether an item holds; None while it has open variables."""
         part = item.part
         if isinstance(part, Parameter):
             value = bindings.get(part.variable)
@@ -217,7 +230,7 @@ class _Matching:
 
 
 def match_open(pattern: Term, given: Term, bindings: Bindings) -> Bindings | None:
-    """`match` where `_` in the given term fits anything and binds nothing."""
+    """The same as `match`, except that `_` in the given term fits anything and binds nothing."""
     if given == ANYTHING:
         return bindings
     if isinstance(pattern, Function) and isinstance(given, Function) and given.arguments:

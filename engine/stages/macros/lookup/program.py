@@ -1,4 +1,4 @@
-"""The order in which the parts of a MACROP are matched, worked out once per MACROP."""
+"""The order in which the parts of a MACROP are matched. It is computed once per MACROP."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -19,7 +19,11 @@ from kb.terms import variables as variables_of
 
 @dataclass(frozen=True, slots=True)
 class Item:
-    """One part to satisfy: a `goal` or `chain` by one that is asked for, the others by `state`, `static` or `type`."""
+    """One part of a MACROP that must be satisfied.
+
+    `kind` says by what: a `goal` or `chain` of the query, an atom of the `state`, a `static` fact, or a
+    `type`.
+    """
 
     kind: str
     part: Literal | Parameter | Comparison | MacroChain
@@ -28,7 +32,7 @@ class Item:
 
 @dataclass(frozen=True, slots=True)
 class Wanted:
-    """A goal with the tests of its variables alone. Goals of the same `key` are met by the same goals that are asked for."""
+    """A goal with the tests on its variables alone. Goals with equal `key` fit the same goals of a query."""
 
     part: Literal
     variables: tuple[Variable, ...]
@@ -38,13 +42,13 @@ class Wanted:
 
 @dataclass(frozen=True)
 class Program:
-    """The order in which the parts of a MACROP are matched, made once per MACROP."""
+    """The order in which the parts of a MACROP are matched. Each part of it is computed at its first use."""
 
     macrop: Macrop
 
     @cached_property
     def items(self) -> tuple[Item, ...]:
-        """The parts, goals and chains first, each followed by all that it decides."""
+        """The parts in order. Goals and chains come first, each followed by the tests that it decides."""
         chains = [_item("chain", each) for each in _in_order(self.macrop.chains)]
         return tuple(_ordered([*_goals(self.macrop), *chains], list(self.tests), set()))
 
@@ -67,7 +71,7 @@ class Program:
 
     @cached_property
     def rest(self) -> tuple[Item, ...]:
-        """What is left when all goals are bound."""
+        """The tests that remain when all goals are bound."""
         return tuple(
             _ordered([], [each for each in self.tests if not each.variables <= self._bound], self._bound)
         )
@@ -122,14 +126,14 @@ def _ordered(asked: list[Item], pending: list[Item], bound: set[Variable]) -> It
 
 
 def _decided(pending: list[Item], bound: set[Variable]) -> list[Item]:
-    """Take out the items that have no open variable, types first."""
+    """Remove the items without open variables from `pending`, and return them, types first."""
     found = [item for item in pending if item.variables <= bound]
     pending[:] = [item for item in pending if not item.variables <= bound]
     return sorted(found, key=lambda item: item.kind != "type")
 
 
 def _in_order(chains: Sequence[MacroChain]) -> list[MacroChain]:
-    """Chains behind those that they come after."""
+    """The chains, each behind those that it must come after."""
     placed: list[MacroChain] = []
     waiting = list(chains)
     while waiting:

@@ -1,4 +1,4 @@
-"""What a MACROP is looked up for: goals that are not yet true, workflow chains, and the situation."""
+"""Queries for MACROPs: goals that are not yet true, workflow chains, and the situation."""
 
 import itertools
 from collections.abc import Iterable, Iterator
@@ -18,9 +18,10 @@ MOST_KEPT = 3
 
 @dataclass(frozen=True, slots=True)
 class Query:
-    """A problem as lookup sees it. In goals `_` stands for anything; those of `kept` hold already, and at the end again.
+    """A problem as lookup sees it. In goals `_` stands for anything.
 
-    `memory` is matching's, for what many MACROPs ask of the same goals.
+    The goals in `kept` hold already, and must hold again at the end. In `memory`, matching stores results
+    that it needs for several MACROPs.
     """
 
     situation: Situation
@@ -36,7 +37,7 @@ class Query:
 
     @property
     def world(self) -> CellDomain:
-        """The world that is asked about."""
+        """The world of the situation."""
         return self.situation.world
 
     @property
@@ -46,7 +47,7 @@ class Query:
 
 
 def query(problem: Problem, situation: Situation) -> Query | None:
-    """The query of a problem; None if a goal is no literal."""
+    """The query of a problem; None if one of the goals is not a literal."""
     goals: dict[bool, dict[Literal, None]] = {False: {}, True: {}}
     for goal in goal_parts(problem.goal):
         literal = goal_literal(goal)
@@ -57,9 +58,10 @@ def query(problem: Problem, situation: Situation) -> Query | None:
 
 
 def readings(asked: Query) -> Iterator[Query]:
-    """The query, and what it may mean: goals that hold may have to be achieved again after something else.
+    """The query itself, then variants in which some goals that hold already must be achieved again.
 
-    All choices of such goals while they are few; else none of them, or all.
+    A plan may have to end such a goal for a while. If there are at most `MOST_KEPT` of them, all choices are
+    tried; otherwise only none and all.
     """
     yield asked
     if len(asked.kept) > MOST_KEPT:
@@ -71,7 +73,7 @@ def readings(asked: Query) -> Iterator[Query]:
 
 
 def goal_literal(goal: Condition) -> Literal | None:
-    """A goal as a literal; what it merely asks to exist becomes `_`."""
+    """A goal as a literal, in which existential variables become `_`; None if it is something else."""
     if isinstance(goal, Literal):
         return goal
     if isinstance(goal, Exists) and isinstance(goal.part, Literal) and goal.part.positive:
@@ -80,7 +82,7 @@ def goal_literal(goal: Condition) -> Literal | None:
 
 
 def is_met(literal: Literal, situation: Situation) -> bool:
-    """Whether a goal holds; those of derived predicates are worked out."""
+    """Whether a goal holds. Derived predicates are evaluated."""
     world, facts = situation.world, situation.facts
     if not world.schemas.is_dynamic(literal):
         return holds((literal,), world, facts, {})
@@ -90,7 +92,10 @@ def is_met(literal: Literal, situation: Situation) -> bool:
 
 
 def signature(goals: Iterable[Literal], chains: Iterable[tuple[Atom, ...]]) -> str:
-    """What goals must have in common to be met by one MACROP: predicates, arities, signs; stages of chains."""
+    """The signature of goals: their predicates, arities and signs, and the stages of the chains.
+
+    Only goals with the signature of a MACROP can be solved by it.
+    """
     wanted = sorted(f"{'' if g.positive else 'not '}{g.atom.name}/{len(g.atom.arguments)}" for g in goals)
     worked = sorted(">".join(f"{s.name}/{len(s.arguments)}" for s in stages) for stages in chains)
     return " ".join(wanted) + (f" | {' '.join(worked)}" if worked else "")

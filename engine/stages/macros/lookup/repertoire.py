@@ -1,4 +1,7 @@
-"""What a library holds for one domain as it is now: fetched by goal signature when first asked for, stale ones left out."""
+"""The MACROPs of a library for one domain in its present form.
+
+They are fetched by goal signature, at the first query with that signature. Stale ones are left out.
+"""
 
 import time
 from collections.abc import Callable, Hashable, Iterable, Iterator
@@ -14,12 +17,15 @@ from kb.model.domain import Domain
 from kb.model.macro import Macrop
 from kb.store import Library, Outline, Record, Use
 
-FLUSH = 1024  # uses that are noted in memory before the library hears of them
+FLUSH = 1024  # uses that are noted in memory before they are written to the library
 DOUBT_S = 1.0
 
 
 class Repertoire:
-    """The MACROPs of a library that serve one domain. Others may write to the library meanwhile; misses look again."""
+    """The MACROPs of a library that serve one domain.
+
+    Other processes may write to the library. So if nothing is found, the library is read again.
+    """
 
     def __init__(
         self, library: Library, domain: Domain, clock: Callable[[], float] = time.perf_counter
@@ -38,13 +44,16 @@ class Repertoire:
         return len(self._index)
 
     def load(self) -> None:
-        """Fetch everything now."""
+        """Fetch the MACROPs of all signatures now."""
         for each in self._whole(self.library.outlines(self.domain.name)):
             self._seen[each.signature] = max(self._seen.get(each.signature, 0), each.id)
             self._put(each)
 
     def find(self, asked: Query) -> Hit | None:
-        """A checked plan from the library; what others have learned meanwhile counts. The key of a hit is a number."""
+        """A checked plan from the library, also from MACROPs that other processes have added since.
+
+        The key of a hit is the number of its MACROP.
+        """
         self._since = self._clock()
         hit = next((hit for each in readings(asked) if (hit := self._find(each)) is not None), None)
         if hit is not None:
@@ -65,7 +74,7 @@ class Repertoire:
         self._note(entry.key, 0)
 
     def learn(self, macrop: Macrop, planning_s: float = 0.0) -> int | None:
-        """Keep a MACROP; its number, or None if the library has it."""
+        """Store a MACROP. Returns its number, or None if the library already has it."""
         record = record_of(macrop, planning_s)
         signature = record.signature
         if signature not in self._seen:
@@ -74,29 +83,29 @@ class Repertoire:
         if number is not None:
             self._index.add(number, macrop)
         else:
-            self._seen[signature] = 0  # another process was quicker: fetch what it has learned
+            self._seen[signature] = 0  # another process was quicker: fetch its MACROPs
         return number
 
     def outdated(self) -> dict[int, tuple[str, ...]]:
-        """The MACROPs in the library that the domain has outgrown, with what changed."""
+        """The stale MACROPs in the library, with the parts of the domain that have changed."""
         return self.library.outdated(self.domain.name, self._digests.of)
 
     def forget(self, numbers: Iterable[int]) -> int:
-        """Remove MACROPs here and in the library; how many were there."""
+        """Remove MACROPs here and in the library. Returns how many the library had."""
         gone = list(numbers)
         for number in gone:
             self._index.remove(number)
         return self.library.forget(gone)
 
     def flush(self) -> None:
-        """Tell the library how often its MACROPs served."""
+        """Write to the library how often its MACROPs were used."""
         if self._uses:
             self.library.note_uses(self._uses)
             self._uses.clear()
             self._noted = 0
 
     def _fetch(self, signature: str) -> bool:
-        """Whether the library has more for a signature than was seen."""
+        """Fetch the MACROPs of a signature that are new in the library. Returns whether there are any."""
         found = self.library.outlines(self.domain.name, signature, self._seen.get(signature, 0))
         self._seen[signature] = found[-1].id if found else self._seen.get(signature, 0)
         for each in self._whole(found):
@@ -104,9 +113,10 @@ class Repertoire:
         return bool(found)
 
     def _whole(self, found: list[Outline]) -> Iterator[Outline]:
-        """The outlines; those that lack requirements, as older versions have left them, get them now and for later.
+        """The outlines, all with requirements.
 
-        Sub-sequences have none and are left out: searches have them as operators.
+        Older versions stored outlines without requirements. These are computed now and written to the
+        library. Sub-sequences have no requirements and are left out, because searches use them as operators.
         """
         bare = [each.id for each in found if each.requirements is None]
         read = {each.id: each.macrop for each in self.library.among(bare)}
@@ -129,7 +139,7 @@ class Repertoire:
             self._index.put(each.signature, entry, each.requirements or ())
 
     def _note(self, key: Hashable, times: int) -> None:
-        """Charge a MACROP with the time since the last one was charged."""
+        """Note a use of a MACROP, and the time since the last use was noted."""
         assert isinstance(key, int)
         now = self._clock()
         before = self._uses.get(key, Use(0, 0.0))
@@ -141,14 +151,14 @@ class Repertoire:
 
 
 def record_of(macrop: Macrop, planning_s: float = 0.0) -> Record:
-    """A MACROP as a library keeps it."""
+    """The record of a MACROP for the library."""
     return Record(macrop, signature_of(macrop), planning_s, requirements(macrop))
 
 
 def pays(each: Outline) -> bool:
-    """Whether a MACROP is worth offering: what it cost in vain is less than what it saved and may yet save.
+    """Whether a MACROP is still offered: its lookups have not cost much more time than it saved.
 
-    Utility is measured, not guessed (Minton 1988): seconds of planning saved less seconds of looking up; the benefit of the
-    doubt is one planning, at least `DOUBT_S`.
+    The utility of a MACROP is measured (Minton 1988): the seconds of planning that it saved, less the seconds
+    of lookup. It may fall below zero by the time of one planning, or by `DOUBT_S` if that is longer.
     """
     return each.saved_s > -max(each.planning_s, DOUBT_S)

@@ -1,7 +1,8 @@
-"""A MACROP held to what was equal where it comes from: variables that stood for the same object become one.
+"""Specialises a MACROP: variables that stood for the same object in the original plan become one variable.
 
-The proof of a MACROP holds for every binding, so for those in which such variables are equal, too. For a search that is
-what recurs: a robot that calibrates and takes an image does both where it stands.
+The proof of a MACROP holds for every binding, so it also holds if such variables are equal. Searches need the
+special form, because it is what recurs: a robot that calibrates and takes an image does both at the same
+place.
 """
 
 from collections.abc import Iterable, Sequence
@@ -13,7 +14,10 @@ from kb.terms import Atom, Function, Substitution, Term, Variable, match, substi
 
 
 def specialised(macrop: Macrop, operators: Sequence[Function]) -> Macrop:
-    """A MACROP of no workflow, with one variable for each object among `operators`, the steps it was generalised from."""
+    """A MACROP with one variable for each object in `operators`, the steps that it was generalised from.
+
+    The MACROP must have no workflow chains.
+    """
     bindings: dict[Variable, Term] | None = {}
     for step, operator in zip(macrop.steps, operators, strict=True):
         bindings = None if bindings is None else match(step.operator, operator, bindings)

@@ -1,1 +1,1 @@
-"""Forward search: from the initial state, led by relaxed plans and landmarks."""
+"""Forward search from the initial state, guided by relaxed plans and landmarks."""

@@ -1,4 +1,7 @@
-"""States evaluated by compiled kernels: relaxed plans over operators and, beside them, their conditional effects."""
+"""Evaluation of states by compiled kernels.
+
+In relaxed plans each conditional effect is an operator of its own, beside the ordinary operators.
+"""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -6,11 +9,14 @@ from dataclasses import replace
 from engine.model.task import Bits, GroundOperator, indices
 from engine.stages.planning.forward.kernels import RelaxedPlans, Rows
 
-DEAREST = 1 << 30  # costs of operators are cut off here
+DEAREST = 1 << 30  # the largest cost of an operator; higher costs are cut off
 
 
 def effects(operators: Sequence[GroundOperator]) -> tuple[list[GroundOperator], list[int]]:
-    """Operators without deletes: the given ones, then one for each conditional effect; and the operator of each."""
+    """The operators for relaxed plans, and for each the number of the given operator behind it.
+
+    The given operators come first, then one for each conditional effect. Relaxed plans ignore deletes.
+    """
     relaxed, owners = list(operators), list(range(len(operators)))
     for number, operator in enumerate(operators):
         for effect in operator.conditional:
@@ -21,8 +27,10 @@ def effects(operators: Sequence[GroundOperator]) -> tuple[list[GroundOperator], 
 
 
 class Evaluation:
-    """Relaxed plans from any state to one conjunction of goals, over atoms numbered below `size`; `unit` makes them short
-    instead of cheap."""
+    """Relaxed plans from any state to one conjunction of goals, over atoms below `size`.
+
+    With `unit` every operator costs 1, so that plans are short instead of cheap.
+    """
 
     def __init__(
         self, operators: Sequence[GroundOperator], goals: Bits, size: int, *, unit: bool = False
@@ -40,7 +48,10 @@ class Evaluation:
         self._plans = RelaxedPlans(costs, tuple(indices(goals)), Rows(needs), Rows(adds), Rows(users))
 
     def __call__(self, state: Bits) -> tuple[int, list[int], list[int]]:
-        """The cost of a relaxed plan (-1 if there is none), the applicable operators, and those it begins with."""
+        """The cost of a relaxed plan (-1 if there is none), the applicable and the preferred operators.
+
+        An applicable operator is preferred if the relaxed plan begins with it.
+        """
         estimate = self._plans.evaluate(state.to_bytes(self._width, "little"))
         found, helpful = self._plans.applicable, self._plans.preferred
         if len(self.operators) > self._plain:
@@ -50,7 +61,7 @@ class Evaluation:
 
     @property
     def relaxed(self) -> list[int]:
-        """The operators of the relaxed plan of the state evaluated last."""
+        """The operators in the relaxed plan of the state that was evaluated last."""
         if len(self.operators) == self._plain:
             return self._plans.relaxed
         return list(dict.fromkeys(self._owners[number] for number in self._plans.relaxed))

@@ -1,4 +1,4 @@
-# Types with which Cython compiles kernels.py. Its meaning is written there.
+# The types with which Cython compiles kernels.py. The docstrings are in that file.
 import cython
 
 cdef long long UNREACHED, MOST

@@ -1,10 +1,12 @@
 # cython: language_level=3, annotation_typing=False, boundscheck=False, wraparound=False, initializedcheck=False
 # cython: cdivision=True
-"""States evaluated for forward search: relaxed plans by additive costs (Hoffmann & Nebel 2001; Keyder & Geffner 2008),
-the operators that they begin with and every applicable operator; and landmarks counted (Richter & Westphal 2010).
+"""Evaluation of states for forward search.
 
-Plain Python, which Cython compiles with the types in `kernels.pxd`; without a compiler it runs as it stands, slowly.
-A set of atoms is a row of bytes, atom i being bit i % 8 of byte i // 8.
+Relaxed plans by additive costs give the estimate and the preferred operators (Hoffmann & Nebel 2001; Keyder &
+Geffner 2008). Landmarks are counted, too (Richter & Westphal 2010).
+
+The module is plain Python. Cython compiles it with the types in `kernels.pxd`; without a compiler it runs as
+it is, but slowly. A set of atoms is a row of bytes: atom i is bit i % 8 of byte i // 8.
 """
 
 from array import array
@@ -14,21 +16,21 @@ from typing import TypeAlias
 Ints: TypeAlias = "array[int]"  # 32 bits each
 Longs: TypeAlias = "array[int]"  # 64 bits each
 UNREACHED = 1 << 60
-MOST = 1 << 50  # additive costs are cut off here: they can double with every step
+MOST = 1 << 50  # additive costs are cut off here, because they can double with every step
 
 
 def ints(length: int) -> Ints:
-    """Zeros of 32 bits."""
+    """An array of zeros, 32 bits each."""
     return array("i", bytes(4 * length))
 
 
 def longs(length: int) -> Longs:
-    """Zeros of 64 bits."""
+    """An array of zeros, 64 bits each."""
     return array("q", bytes(8 * length))
 
 
 class Rows:
-    """Lists of numbers, one after another: list i is items[starts[i]:starts[i + 1]]."""
+    """Lists of numbers, stored one after another: list i is items[starts[i]:starts[i + 1]]."""
 
     def __init__(self, lists: Sequence[Sequence[int]]) -> None:
         starts, items = array("i", [0]), array("i")
@@ -40,14 +42,17 @@ class Rows:
 
 
 class Queue:
-    """Atoms by cost, a binary heap; `first` and `key` are read before `pop`."""
+    """Atoms ordered by cost, in a binary heap.
+
+    The first atom is heap[0] and its cost is keys[0]; read them before `pop`.
+    """
 
     def __init__(self, room: int) -> None:
         self.size = 0
         self.heap, self.keys = ints(room), longs(room)
 
     def push(self, atom: int, key: int) -> None:
-        """Put an atom in."""
+        """Puts an atom in."""
         place = self.size
         self.size += 1
         while place > 0:
@@ -61,7 +66,7 @@ class Queue:
         self.heap[place] = atom
 
     def pop(self) -> None:
-        """Remove the first entry."""
+        """Removes the first entry."""
         self.size -= 1
         key, atom = self.keys[self.size], self.heap[self.size]
         place, child = 0, 1
@@ -80,8 +85,8 @@ class Queue:
 class RelaxedPlans:
     """Relaxed plans from any state to one conjunction of goals, over operators that only add.
 
-    `need` and `add` have a list of atoms for each operator, `users` a list of operators for each atom. Costs are
-    positive. The results of `evaluate` stand in `applicable` and `preferred`.
+    `need` and `add` have a list of atoms for each operator, `users` has a list of operators for each atom.
+    Costs are positive. After `evaluate` the results are in `applicable`, `preferred` and `relaxed`.
     """
 
     def __init__(
@@ -101,7 +106,7 @@ class RelaxedPlans:
         self._found = self._helpful = self._length = 0
 
     def evaluate(self, state: bytes) -> int:
-        """The cost of a relaxed plan, -1 if there is none."""
+        """The cost of a relaxed plan from `state`; -1 if there is none."""
         self._begin(state)
         self._reach()
         self._helpful = self._length = 0
@@ -112,21 +117,21 @@ class RelaxedPlans:
 
     @property
     def applicable(self) -> list[int]:
-        """The operators applicable in the state evaluated last."""
+        """The operators that are applicable in the state that was evaluated last."""
         return [self._applicable[index] for index in range(self._found)]
 
     @property
     def preferred(self) -> list[int]:
-        """Those of them with which its relaxed plan begins."""
+        """The applicable operators with which the relaxed plan of that state begins."""
         return [self._preferred[index] for index in range(self._helpful)]
 
     @property
     def relaxed(self) -> list[int]:
-        """The operators of its relaxed plan."""
+        """All operators of the relaxed plan of that state."""
         return [self._relaxed[index] for index in range(self._length)]
 
     def _begin(self, state: bytes) -> None:
-        """The state's atoms, and the operators that need nothing."""
+        """Starts with the state's atoms and with the operators that need nothing."""
         self.queue.size = self._found = 0
         for atom in range(self.atoms):
             self.reached[atom] = UNREACHED
@@ -142,7 +147,10 @@ class RelaxedPlans:
                 self._ready(operator)
 
     def _reach(self) -> None:
-        """Settle atoms, cheapest first, until all goals and all atoms of the state are settled, or none is left."""
+        """Settles atoms, the cheapest first.
+
+        It ends when all goals and all atoms of the state are settled, or when no atom is left.
+        """
         open_goals = len(self.goals)
         while self.queue.size > 0:
             atom, cost = self.queue.heap[0], self.queue.keys[0]
@@ -160,7 +168,10 @@ class RelaxedPlans:
                     self._ready(operator)
 
     def _ready(self, operator: int) -> None:
-        """Note what an operator adds, where that is cheaper than before, and whether it is applicable."""
+        """Notes the atoms that an operator adds more cheaply than known so far.
+
+        It also notes the operator if it is applicable in the state.
+        """
         if self.spent[operator] == self.costs[operator]:
             self._applicable[self._found] = operator
             self._found += 1
@@ -173,7 +184,10 @@ class RelaxedPlans:
                 self.queue.push(atom, cost)
 
     def _extract(self) -> int:
-        """The cost of the relaxed plan that the supporters make; notes the operators it begins with."""
+        """The cost of the relaxed plan that consists of the goals' supporters.
+
+        The plan's operators and those that it begins with are noted.
+        """
         total = size = 0
         for index in range(len(self.goals)):
             self.stack[size] = self.goals[index]
@@ -197,10 +211,11 @@ class RelaxedPlans:
 
 
 class LandmarkCount:
-    """How many landmarks a path still has to visit, or to visit again.
+    """Counts the landmarks that a path still has to visit, or has to visit again.
 
-    Landmark i is `atoms[i]`; `before` has the landmarks that come before each, `just_before` those that its achievers
-    need; `goals` are landmarks. Sets of landmarks are rows of bytes, as sets of atoms are.
+    Landmark i is the atom `atoms[i]`. `before` has for each landmark the landmarks that come before it,
+    `just_before` those that all its achievers need. `goals` are landmarks. A set of landmarks is a row of
+    bytes, like a set of atoms.
     """
 
     def __init__(self, atoms: Sequence[int], before: Rows, just_before: Rows, goals: Sequence[int]) -> None:
@@ -210,7 +225,10 @@ class LandmarkCount:
         self.again = ints(self.count)
 
     def accept(self, accepted: bytes, state: bytes) -> bytes:
-        """The accepted landmarks after one more state: those that are true, if all before them are accepted."""
+        """The accepted landmarks after one more state.
+
+        A landmark is accepted when it is true and all landmarks before it are accepted.
+        """
         after = bytearray(accepted)
         for landmark in range(self.count):
             atom = self.atoms[landmark]
@@ -224,7 +242,11 @@ class LandmarkCount:
         return bytes(after)
 
     def left(self, accepted: bytes, state: bytes) -> int:
-        """Landmarks not accepted, and accepted ones that are false and goals or needed just before one not accepted."""
+        """The number of landmarks that a path has to visit, or to visit again.
+
+        A landmark that is not accepted has to be visited. An accepted landmark that is false has to be
+        visited again if it is a goal, or if a landmark that is not accepted needs it just before.
+        """
         open_ = again = 0
         for landmark in range(self.count):
             self.again[landmark] = 0

@@ -1,9 +1,10 @@
-"""Fact landmarks of the delete relaxation, and how many of them a path still has to visit.
+"""Fact landmarks of the delete relaxation, and the number of landmarks that a path still has to visit.
 
-Every landmark of an atom is one of all its achievers' preconditions, taken together (Zhu & Givan 2003; Keyder,
-Richter & Helmert 2010): a greatest fixpoint over bitsets. Counting follows Richter & Westphal 2010: a landmark is
-accepted when it is true and all that come before it are accepted; an accepted one that is false again counts if it is
-a goal or if a landmark still to come needs it just before.
+An atom's landmarks are the atom itself and the landmarks that all its achievers have in common; an achiever
+has the landmarks of all its preconditions (Zhu & Givan 2003; Keyder, Richter & Helmert 2010). They are
+computed as a greatest fixpoint over bitsets. Counting follows Richter & Westphal 2010: a landmark is accepted
+when it is true and all landmarks before it are accepted. An accepted landmark that is false counts again if
+it is a goal, or if a landmark that is not accepted needs it just before.
 """
 
 from collections.abc import Sequence
@@ -11,13 +12,14 @@ from collections.abc import Sequence
 from engine.model.task import Bits, GroundOperator, indices
 from engine.stages.planning.forward.kernels import LandmarkCount, Rows
 
-MAX_WORK = 3_000_000  # operators that the fixpoint may look at
+MAX_WORK = 3_000_000  # visits of operators that the fixpoint may take
 
 
 class Landmarks:
-    """The landmarks of a conjunction of goals, `all` as a set of atoms; the goals alone if they cost too much to find.
+    """The landmarks of a conjunction of goals; `all` is their set of atoms.
 
-    Accepted landmarks are a row of bytes, as `LandmarkCount` keeps them.
+    If it takes too much work to find them, only the goals are landmarks. Accepted landmarks are a row of
+    bytes, as in `LandmarkCount`.
     """
 
     def __init__(self, operators: Sequence[GroundOperator], initial: Bits, goals: Bits, size: int) -> None:
@@ -31,7 +33,7 @@ class Landmarks:
         self.none = bytes((self.all.bit_count() + 7) // 8)
 
     def _just_before(self) -> dict[int, Bits]:
-        """The landmarks that all achievers of each landmark need."""
+        """For each landmark the landmarks that all its achievers need."""
         needed = dict.fromkeys(indices(self.all), -1)
         for operator in self.operators:
             for atom in indices(operator.adds & self.all):
@@ -39,7 +41,7 @@ class Landmarks:
         return {atom: 0 if shared < 0 else shared & self.all for atom, shared in needed.items()}
 
     def _numbered(self, just_before: dict[int, Bits]) -> LandmarkCount:
-        """The kernel that counts, over landmarks numbered by their atoms."""
+        """The compiled kernel that counts. It numbers the landmarks in the order of their atoms."""
         number = {atom: place for place, atom in enumerate(just_before)}
         before = {atom: (self._before[atom] or 0) & self.all & ~(1 << atom) for atom in just_before}
 
@@ -50,7 +52,10 @@ class Landmarks:
         return LandmarkCount(list(number), rows(before), rows(just_before), goals)
 
     def _fixpoint(self) -> list[Bits | None]:
-        """For each atom its landmarks, itself included; None if it is unreachable or was not looked at in time."""
+        """For each atom its landmarks, itself included; None if the atom is unreachable.
+
+        If the fixpoint takes too much work, each atom has only itself as a landmark.
+        """
         found: list[Bits | None] = [
             1 << atom if self.initial >> atom & 1 else None for atom in range(self.size)
         ]
@@ -69,7 +74,10 @@ class Landmarks:
         return found if not waiting else [1 << atom for atom in range(self.size)]
 
     def _look(self, operator: GroundOperator, found: list[Bits | None], touched: dict[int, None]) -> None:
-        """What all achievers share shrinks with every achiever."""
+        """Keeps, for each atom that an operator adds, only the landmarks that all achievers so far share.
+
+        Atoms whose landmarks change are noted in `touched`.
+        """
         needed = 0
         for atom in indices(operator.preconditions):
             landmarks = found[atom]
@@ -88,5 +96,5 @@ class Landmarks:
         return self._count.accept(accepted, state.to_bytes(self._width, "little"))
 
     def left(self, accepted: bytes, state: Bits) -> int:
-        """How many landmarks are still to be visited, or again."""
+        """The number of landmarks that are still to be visited, or to be visited again."""
         return self._count.left(accepted, state.to_bytes(self._width, "little"))

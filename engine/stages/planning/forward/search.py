@@ -1,7 +1,7 @@
-"""Forward search: lazy greedy best first over two estimates, relaxed plans and landmarks, with preferred operators in
-queues of their own (Richter & Helmert 2009; Richter & Westphal 2010).
+"""Forward search: lazy greedy best-first search with two estimates, relaxed plans and landmarks.
 
-For tasks where regression drowns. States are evaluated by compiled kernels.
+Preferred operators have queues of their own (Richter & Helmert 2009; Richter & Westphal 2010). This search is
+for tasks that have too many nodes for regression. Compiled kernels evaluate the states.
 """
 
 import heapq
@@ -13,7 +13,7 @@ from typing import NamedTuple
 from engine.model.outcome import Offer
 from engine.model.task import Bits, GroundOperator, Task, progress
 from engine.stages.planning.composites import Pattern
-from engine.stages.planning.effort import NO_PLAN, Answer, Effort
+from engine.stages.planning.effort import NO_PLAN, Effort, SearchResult
 from engine.stages.planning.forward.evaluation import Evaluation
 from engine.stages.planning.forward.landmarks import Landmarks
 from engine.stages.planning.forward.suggestions import Suggestions
@@ -21,7 +21,7 @@ from kb.terms import Function
 
 UNKNOWN = 1 << 60
 _MEETS = Function("_meets")
-BOOST = 1000  # priority given to preferred operators whenever the estimate sinks
+BOOST = 1000  # turns that preferred operators get whenever the estimate improves
 
 
 class Node(NamedTuple):
@@ -34,8 +34,10 @@ class Node(NamedTuple):
 
 
 class Batch(NamedTuple):
-    """Successors of one node that wait in a queue, the first one last; all have the node's estimate, so they need one
-    entry."""
+    """Successors of one node that wait in a queue; the last one in `operators` is taken first.
+
+    All have the estimate of the node, so they need only one entry in the queue.
+    """
 
     key: int
     tie: int
@@ -44,11 +46,14 @@ class Batch(NamedTuple):
 
 
 class Forward:
-    """One search from a state to one conjunction of goals of operators, which may have conditional effects; it can be resumed.
+    """One search from a state to one conjunction of goals; it can be resumed.
 
-    With `landmarks`, queues ordered by how many landmarks are left take turns with those ordered by relaxed plans, and every
-    operator counts as one step: cheap plans, which improvement looks for, are harder to find than short ones. Instances
-    of `patterns` that stand in the relaxed plan of a state are operators, too, and preferred.
+    Operators may have conditional effects.
+
+    With `landmarks`, additional queues are ordered by the number of landmarks that are left; they take turns
+    with the queues ordered by relaxed plans. Then every operator counts as one step, because short plans are
+    easier to find than cheap ones, and improvement makes them cheaper later. If all steps of an instance of
+    `patterns` are in the relaxed plan of a state, the instance is used there as a preferred operator.
     """
 
     def __init__(
@@ -71,16 +76,19 @@ class Forward:
         self._random = random.Random(seed) if seed else None
         self._queues: list[list[Batch]] = [
             [] for _ in range(4)
-        ]  # by relaxed plan, its preferred ones; the same by landmarks
+        ]  # by relaxed plans: all, preferred; by landmarks: all, preferred
         self._priorities = [0] * 4
         self._nodes: list[Node] = []
         self._closed: set[Bits] = set()
         self._best = [UNKNOWN, UNKNOWN]
 
-    def run(self, effort: Effort) -> Answer | None:
-        """Search on until the effort is spent: a plan, the proof that there is none, or None."""
+    def run(self, effort: Effort) -> SearchResult | None:
+        """Searches until there is an answer or the effort is spent.
+
+        The answer is a plan, or `NO_PLAN` if there is provably none. None means that the effort is spent.
+        """
         if not self._nodes and self._expand(self.initial, -1, -1, effort):
-            return Answer([])
+            return SearchResult([])
         while not effort.spent():
             entry = self._next()
             if entry is None:
@@ -92,7 +100,7 @@ class Forward:
         return None
 
     def _next(self) -> tuple[int, int] | None:
-        """The next successor to make: from the queue whose turn it is."""
+        """The next successor to make, as (node, operator). None if all queues are empty."""
         number, least = -1, UNKNOWN
         for place, queue in enumerate(self._queues):
             if queue and self._priorities[place] < least:
@@ -107,7 +115,7 @@ class Forward:
         return batch.node, operator
 
     def _expand(self, state: Bits, parent: int, operator: int, effort: Effort) -> bool:
-        """Evaluate a state and queue its successors; whether it satisfies the goals."""
+        """Evaluates a state and queues its successors. Returns whether the state satisfies the goals."""
         self._closed.add(state)
         here = len(self._nodes)
         accepted = b""
@@ -134,7 +142,10 @@ class Forward:
         return False
 
     def _evaluated(self, state: Bits) -> tuple[int, list[int], list[int]]:
-        """A state's estimate, applicable and preferred operators, among them the composites that are suggested."""
+        """A state's estimate, its applicable operators and its preferred ones.
+
+        Suggested composites are in both lists.
+        """
         estimate, applicable, preferred = self.evaluate(state)
         if self._suggestions is None or estimate < 0:
             return estimate, applicable, preferred
@@ -142,26 +153,32 @@ class Forward:
         return estimate, composites + applicable, composites + preferred
 
     def _tie(self) -> int:
-        """First in, first out; by chance with a seed."""
+        """The rank among equal keys: first in, first out; with a seed, by chance."""
         return self._random.getrandbits(30) if self._random else next(self._counter)
 
-    def _answer(self) -> Answer:
-        """The operators that led to the last state, with the parts of composites in their place."""
+    def _answer(self) -> SearchResult:
+        """The operators that led to the last state. Composites are replaced by their parts."""
         path, node = [], self._nodes[-1]
         while node.parent >= 0:
             path.append(node.operator)
             node = self._nodes[node.parent]
         path.reverse()
         if self._suggestions is None:
-            return Answer([self.operators[each] for each in path if self.operators[each].instance != _MEETS])
+            return SearchResult(
+                [self.operators[each] for each in path if self.operators[each].instance != _MEETS]
+            )
         steps = [step for each in path for step in self._suggestions.unfolded(each)]
         used = [pattern for each in path if (pattern := self._suggestions.pattern(each)) is not None]
         offer = Offer("forward", tuple(self._suggestions.patterns), tuple(dict.fromkeys(used)))
-        return Answer([step for step in steps if step.instance != _MEETS], offer)
+        return SearchResult([step for step in steps if step.instance != _MEETS], offer)
 
 
 def forward(task: Task, seed: int, *, landmarks: bool = False, patterns: Sequence[Pattern] = ()) -> Forward:
-    """The search for a task; several alternatives of the goals become one atom that internal operators add."""
+    """The search for a task.
+
+    If the goals have several alternatives, a new atom becomes the goal. For each alternative there is an
+    internal operator that adds this atom.
+    """
     size, operators, goals = len(task.atoms), task.operators, task.goals
     if len(goals) != 1:
         meet = (GroundOperator(_MEETS, goal, 1 << size, 0, cost=0) for goal in goals)

@@ -1,7 +1,7 @@
-"""Composites made while searching forward: instances of patterns whose steps all stand in the relaxed plan of a state.
+"""Composites that are made during forward search.
 
-A relaxed plan tells which of the many instances may help (Botea, Enzenberger, Müller & Schaeffer 2005); the others are never
-made.
+They are instances of patterns whose steps are all in a state's relaxed plan. The relaxed plan shows which of
+the many instances may help (Botea, Enzenberger, Müller & Schaeffer 2005). The other instances are never made.
 """
 
 from collections.abc import Iterable, Sequence
@@ -10,11 +10,11 @@ from itertools import islice
 from engine.model.task import Bits, GroundOperator
 from engine.stages.planning.composites import Joins, Pattern, composed
 
-MOST = 64  # composites suggested for one state
+MOST = 64  # the largest number of composites suggested for one state
 
 
 class Suggestions:
-    """The operators of a search and, after them, every composite that was suggested so far."""
+    """The operators of a search, followed by every composite that was suggested so far."""
 
     def __init__(self, operators: Sequence[GroundOperator], patterns: Sequence[Pattern]) -> None:
         self.operators, self.patterns = list(operators), patterns
@@ -24,9 +24,9 @@ class Suggestions:
         self._sources: list[tuple[int, tuple[int, ...]]] = []
 
     def suggested(self, state: Bits, beginning: Iterable[int], relaxed: Sequence[int]) -> list[int]:
-        """The composites, by number, that a relaxed plan from `state` suggests, the longest first.
+        """The numbers of the composites that a relaxed plan from `state` suggests, the longest first.
 
-        `beginning` are the operators of the relaxed plan `relaxed` that are applicable.
+        `relaxed` are the operators of the relaxed plan; `beginning` are its applicable operators.
         """
         found: list[int] = []
         for pattern, parts in islice(self._joins.sequences(beginning, relaxed), MOST):
@@ -42,7 +42,7 @@ class Suggestions:
         return [self._plain[part] for part in self._source(number)[1]]
 
     def pattern(self, number: int) -> Pattern | None:
-        """The pattern behind a composite; None for an ordinary operator."""
+        """The pattern that a composite is an instance of; None for an ordinary operator."""
         return None if number < len(self._plain) else self.patterns[self._source(number)[0]]
 
     def _source(self, number: int) -> tuple[int, tuple[int, ...]]:

@@ -1,1 +1,1 @@
-"""From a first plan to a better one, freed of every order that it does not need."""
+"""From a first plan to a better one, without any order that it does not need."""

@@ -1,4 +1,4 @@
-"""From a first plan to the best one that the work allows, each better than the one before."""
+"""Improvement of a first plan, as far as the work allows. Each plan is better than the one before."""
 
 from collections.abc import Iterator, Sequence
 
@@ -16,11 +16,14 @@ OTHERS = (
     ("asp", 20_000),
     ("landmarks", 10_000),
     ("forward", 10_000),
-)  # what each may expand for a plan of its own
+)  # (strategy, expansions that it may take to find a plan of its own)
 
 
 def best_plan(setting: Setting, steps: Sequence[GroundOperator], limits: Limits) -> Plan:
-    """The best partially ordered plan that is found from a sequence of steps on, in the memory that there is."""
+    """The best partially ordered plan that improvement finds from a sequence of steps.
+
+    If memory runs out, it is the best plan found until then.
+    """
     best = _deordered(setting.task, plainly(setting.task, steps))
     try:
         for better in _better(setting, steps, limits):
@@ -32,7 +35,7 @@ def best_plan(setting: Setting, steps: Sequence[GroundOperator], limits: Limits)
 
 
 def _better(setting: Setting, steps: Sequence[GroundOperator], limits: Limits) -> Iterator[Steps]:
-    """The steps that are needed, and every cheaper plan found."""
+    """The needed steps of the plan, then every cheaper plan that is found."""
     effort = limits.improving()
     best: Steps = []
     for better in _improved(setting, steps, effort):
@@ -59,7 +62,7 @@ def _improved(
 
 
 def _other(setting: Setting, name: str, most: int, effort: Effort) -> Sequence[GroundOperator] | None:
-    """The plan of another strategy, if it finds one soon."""
+    """The steps that another strategy finds within `most` expansions; None if it finds none."""
     try:
         answer = None if effort.over() else STRATEGIES[name](setting, Effort(most, effort.interrupted))
     except TooManyVariants:

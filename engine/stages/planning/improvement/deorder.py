@@ -1,8 +1,8 @@
-"""From a sequence of steps to a partial order: keep only orders that a causal link, a threat or a resource needs.
+"""From a sequence of steps to a partial order that has only what a causal link, a threat or a resource needs.
 
-Explanation-based order generalisation (Kambhampati & Kedar 1994): each condition is linked to the earliest step that
-provides it for good; orders follow from the links, from the threats to them, and from what two steps may not do at
-once, since unordered steps may overlap in time.
+This is explanation-based order generalisation (Kambhampati & Kedar 1994). Each condition is linked to the
+earliest step from which on it stays true. Links and the threats to them require orders. Two steps that must
+not run at the same time need an order, too, because unordered steps may overlap in time.
 """
 
 from collections.abc import Iterator, Sequence
@@ -15,7 +15,8 @@ from kb.terms import Function, Term
 def deorder(task: Task, steps: Sequence[GroundOperator], goals: Bits) -> Plan:
     """The partially ordered plan of an executable sequence of unconditional operators that ends in `goals`.
 
-    Internal operators, which come last and only note which goals are met, are left out: what they need is a goal.
+    Internal operators are left out; they come last and only note which goals are met. What they need becomes
+    a goal.
     """
     made = [operator for operator in steps if not is_internal(operator.instance)]
     links = [
@@ -28,7 +29,10 @@ def deorder(task: Task, steps: Sequence[GroundOperator], goals: Bits) -> Plan:
 
 
 def is_internal(name: Function) -> bool:
-    """Whether an atom or operator was made by grounding and means nothing to the domain; stages do."""
+    """Whether grounding made an atom or operator that means nothing in the domain.
+
+    Workflow stages are not internal.
+    """
     return name.name.startswith("_") and name.name != "_stage"
 
 
@@ -50,7 +54,7 @@ def _ordered(
 
 
 def _reduced(before: list[Bits]) -> Iterator[Bits]:
-    """For each step those that must come just before it: the transitive reduction of `before`, step by step."""
+    """For each step the steps that must come directly before it: the transitive reduction of `before`."""
     ancestors: list[Bits] = []
     for earlier in before:
         left, direct, covered = earlier, 0, 0
@@ -64,9 +68,10 @@ def _reduced(before: list[Bits]) -> Iterator[Bits]:
 
 
 def _links(task: Task, steps: Sequence[GroundOperator], goals: Bits) -> list[tuple[int, int, int]]:
-    """(producer, atom, consumer) by position; -1 is the initial state, len(steps) the goal.
+    """The causal links as (producer, atom, consumer), by position.
 
-    The producer is the earliest position from which the atom stays true up to the consumer.
+    Position -1 is the initial state, len(steps) is the goal. The producer is the earliest position from which
+    on the atom stays true up to the consumer.
     """
     links: list[tuple[int, int, int]] = []
     producers = dict.fromkeys(indices(task.initial), -1)
@@ -80,7 +85,7 @@ def _links(task: Task, steps: Sequence[GroundOperator], goals: Bits) -> list[tup
 
 
 def arranged(task: Task, steps: Sequence[GroundOperator], goals: Bits) -> list[GroundOperator]:
-    """The same steps in another order, in which each comes just after those it depends on, where it can."""
+    """The same steps, each put directly after the steps that it depends on, where this is possible."""
     before = _orders(steps, _links(task, steps, goals), [0] * len(steps))
     order: list[int] = []
     placed = 0
@@ -101,7 +106,10 @@ def arranged(task: Task, steps: Sequence[GroundOperator], goals: Bits) -> list[G
 def _orders(
     steps: Sequence[GroundOperator], links: list[tuple[int, int, int]], before: list[Bits]
 ) -> list[Bits]:
-    """`before`, for each step the positions of those that must come before it, completed by links and threats."""
+    """For each step the positions of the steps that must come before it.
+
+    These are the positions already in `before`, and those that links and threats require.
+    """
     deleters = _positions([operator.deletes & ~operator.adds for operator in steps])
     for producer, atom, consumer in links:
         threats = deleters.get(atom, 0)
@@ -115,7 +123,7 @@ def _orders(
 
 
 def _positions(sets: Sequence[Bits]) -> dict[int, Bits]:
-    """For each atom the positions of the sets that have it."""
+    """For each atom the positions of the sets that contain it."""
     found: dict[int, Bits] = {}
     for position, atoms in enumerate(sets):
         for atom in indices(atoms):
@@ -124,8 +132,10 @@ def _positions(sets: Sequence[Bits]) -> dict[int, Bits]:
 
 
 def _exclusions(steps: Sequence[GroundOperator]) -> list[Bits]:
-    """For each step the earlier ones that it may not overlap: a shared resource, or one denies what the other adds or
-    needs."""
+    """For each step the earlier steps that it must not overlap.
+
+    Two steps must not overlap if they hold the same resource, or if one denies what the other adds or needs.
+    """
     touching: dict[int, Bits] = {}
     denying: dict[int, Bits] = {}
     holding: dict[Term, Bits] = {}

@@ -1,7 +1,7 @@
-"""Makes a plan cheaper while there is work left: steps nobody needs, then detours, then the same in another order.
+"""Makes a plan cheaper as long as there is work left.
 
-Between rounds the sequence is arranged anew from its partial order, so that steps that serve each other come to stand in
-one window.
+Each round drops needless steps and replaces detours. Then the steps are put into another order that the plan
+allows, so that steps that serve each other come to lie in one window, and the next round begins.
 """
 
 from collections.abc import Iterator, Sequence
@@ -14,20 +14,23 @@ from engine.stages.planning.improvement.straighten import Cheaper, by_regression
 from engine.stages.planning.regression.space import Regression
 
 Steps = list[GroundOperator]
-NARROW = ((6, 500), (12, 1500))  # steps in a window, and the nodes that may be generated for it
-WIDE = 12  # steps in the first window for stable models; half as many more in every further one
-CONFLICTS = 1000  # of one such window; half as many more in every further one
+NARROW = ((6, 500), (12, 1500))  # (steps in a window, nodes that may be generated for it)
+WIDE = 12  # steps in the first windows for stable models; they grow by half in each pass
+CONFLICTS = 1000  # conflicts for such a window; they grow by half, too
 MOST = 1_000_000
 
 
 class Improvement:
-    """Plans for one alternative of a task's goals, without regression only freed of needless steps."""
+    """Cheaper plans for one alternative of a task's goals.
+
+    Without regression only needless steps are dropped.
+    """
 
     def __init__(self, task: Task, regression: Regression | None, goals: Bits) -> None:
         self.task, self.regression, self.goals = task, regression, goals
 
     def near(self, steps: Sequence[GroundOperator], effort: Effort) -> Iterator[Steps]:
-        """The plan without needless steps, then every cheaper one found in narrow windows."""
+        """The plan without needless steps, then every cheaper plan found in narrow windows."""
         kept = eliminate(self.task.initial, steps, self.goals)
         yield kept
         if self.regression is not None:
@@ -35,7 +38,7 @@ class Improvement:
             yield from self._settled(kept, passes, effort)
 
     def wide(self, best: Steps, effort: Effort) -> Iterator[Steps]:
-        """Every cheaper plan found in ever wider windows, until even the widest has nothing to give."""
+        """Every cheaper plan found in ever wider windows, until even the widest windows give nothing more."""
         from engine.stages.planning.stable_models.windows import Windows
 
         if self.regression is None:
@@ -49,7 +52,10 @@ class Improvement:
             width, conflicts = min(width + width // 2, max(len(best), WIDE)), conflicts + conflicts // 2
 
     def _settled(self, kept: Steps, passes: Sequence[tuple[int, Cheaper]], effort: Effort) -> Iterator[Steps]:
-        """Every cheaper plan that passes of windows find, until two rounds in other orders find none."""
+        """Every cheaper plan that the passes find.
+
+        It ends after two rounds in different orders that find nothing.
+        """
         idle = 0
         while idle < 2 and not effort.over():
             found = kept
@@ -64,5 +70,5 @@ class Improvement:
 
 
 def cost(steps: Sequence[GroundOperator]) -> tuple[int, int]:
-    """What a plan is compared by: its cost, then its length."""
+    """The value by which plans are compared: the cost, then the number of steps."""
     return sum(step.cost for step in steps), len(steps)

@@ -1,5 +1,5 @@
-"""Window optimisation: stretches of a plan are replaced by cheaper ones between the same points (in the spirit of
-block deordering and window optimisation, Siddiqui & Haslum 2015).
+"""Window optimisation: stretches of a plan are replaced by cheaper ones with the same result (in the spirit
+of block deordering and window optimisation, Siddiqui & Haslum 2015).
 """
 
 from collections.abc import Callable, Sequence
@@ -9,16 +9,19 @@ from engine.stages.planning.effort import Effort
 from engine.stages.planning.regression.searches import BestFirst
 from engine.stages.planning.regression.space import Backward, Regression
 
-SHARE = 32  # operators that cost as much as one node when a window's relaxed plans are made
+SHARE = 32  # a window's relaxed plans cost one node for this many operators
 
 Cheaper = Callable[[Bits, Bits, Sequence[GroundOperator], Effort], list[GroundOperator] | None]
-"""From a state to what must hold at the end: a cheaper way than the given one, if one is found soon."""
+"""Takes a state, goals, a window and an effort. Returns cheaper steps to the goals; None if it finds none."""
 
 
 def straighten(
     initial: Bits, steps: Sequence[GroundOperator], goals: Bits, width: int, cheaper: Cheaper, effort: Effort
 ) -> list[GroundOperator]:
-    """The steps after a pass of a window of `width` steps, with every cheaper stretch put in."""
+    """The steps after a window of `width` steps has moved over the whole plan.
+
+    Every stretch for which `cheaper` finds a better one is replaced.
+    """
     kept = list(steps)
     start = 0
     while start < len(kept) and not effort.over():
@@ -50,7 +53,10 @@ def _needed(steps: Sequence[GroundOperator], goals: Bits) -> list[Bits]:
 
 
 def by_regression(regression: Regression, nodes: int) -> Cheaper:
-    """Windows planned anew by regression in the space of what is near their first state."""
+    """Plans windows anew by regression, with at most `nodes` generated nodes each.
+
+    The space contains only what is near the first state of the window.
+    """
 
     def cheaper(
         state: Bits, goals: Bits, window: Sequence[GroundOperator], effort: Effort

@@ -1,1 +1,1 @@
-"""Backward chaining: from the goals over sets of open conditions."""
+"""Backward chaining: search from the goals backward over sets of open conditions."""

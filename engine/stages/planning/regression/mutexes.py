@@ -1,18 +1,19 @@
-"""Pairs of atoms that are never true together: from mutex groups and, where affordable, from pair reachability.
+"""Pairs of atoms that are never true together, from mutex groups and, if affordable, pair reachability.
 
-Pair reachability is h^2 (Haslum & Geffner 2000): a pair is possible if some operator, all of whose preconditions are
-pairwise possible, adds both, or adds one and leaves the other, possible beside its preconditions, alone.
+Pair reachability is h^2 (Haslum & Geffner 2000). A pair is possible if an operator with pairwise possible
+preconditions adds both atoms. It is also possible if such an operator adds one atom and does not delete the
+other, and the other is possible together with the operator's preconditions.
 """
 
 from collections.abc import Sequence
 
 from engine.model.task import Bits, GroundOperator, Task, indices
 
-MAX_WORK = 40_000_000  # operators x atoms, beyond which only groups are used
+MAX_WORK = 40_000_000  # operators times atoms; above this only mutex groups are used
 
 
 def mutexes(task: Task) -> tuple[Bits, ...]:
-    """For each atom the set of atoms that are never true with it."""
+    """For each atom the set of atoms that are never true together with it."""
     size = len(task.atoms)
     found = [0] * size
     for group in task.mutex_groups:
@@ -28,7 +29,7 @@ def mutexes(task: Task) -> tuple[Bits, ...]:
 
 
 def _possible_pairs(task: Task, excluded: Sequence[Bits]) -> list[Bits]:
-    """For each atom the atoms it can be true with, itself included if it is reachable."""
+    """For each atom the atoms that can be true with it, itself included if it is reachable."""
     together = [0] * len(task.atoms)
     for atom in indices(task.initial):
         together[atom] = task.initial
@@ -44,7 +45,7 @@ def _possible_pairs(task: Task, excluded: Sequence[Bits]) -> list[Bits]:
 
 
 def _beside(operator: GroundOperator, together: Sequence[Bits]) -> Bits | None:
-    """What can be true together with all preconditions; None if they cannot be true together."""
+    """What can be true together with all preconditions; None if these cannot be true together."""
     beside = -1
     for atom in indices(operator.preconditions):
         beside &= together[atom]
@@ -59,7 +60,7 @@ def _beside(operator: GroundOperator, together: Sequence[Bits]) -> Bits | None:
 
 
 def _extend(operator: GroundOperator, beside: Bits, together: list[Bits], excluded: Sequence[Bits]) -> bool:
-    """Note the pairs an operator makes possible; whether any is new."""
+    """Notes the pairs that an operator makes possible. Returns whether any of them is new."""
     after = (beside & ~operator.deletes) | operator.adds
     changed = False
     for atom in indices(operator.adds):

@@ -1,6 +1,7 @@
-"""Two ways through the space of backward chaining: hill climbing with chronological backtracking, and best first.
+"""Two backward searches: hill climbing with chronological backtracking, and best-first search.
 
-Both can be resumed, so that strategies take turns; a seed breaks ties by chance, so that a restart goes another way.
+Both can be resumed, so that strategies can take turns. With a seed, hill climbing breaks ties by chance, so
+that a restart takes another way.
 """
 
 import heapq
@@ -9,13 +10,16 @@ import random
 from collections.abc import Iterator, Sequence
 
 from engine.model.task import Bits
-from engine.stages.planning.effort import NO_PLAN, Answer, Effort
+from engine.stages.planning.effort import NO_PLAN, Effort, SearchResult
 from engine.stages.planning.regression.space import Backward, Node, Successor
 from engine.stages.planning.relaxed import FAR
 
 
 class Climb:
-    """Depth first, best successor first, stepping back when there is none: complete, as no set is met twice."""
+    """Depth-first search that takes the best successor first and steps back when there is none.
+
+    It is complete, because it visits no set of conditions twice.
+    """
 
     def __init__(self, space: Backward, root: Node, seed: int = 0) -> None:
         self.space, self.root = space, root
@@ -23,10 +27,13 @@ class Climb:
         self._closed: set[Bits] = {root.open}
         self._stack: list[tuple[Node, Iterator[Successor]]] | None = None
 
-    def run(self, effort: Effort) -> Answer | None:
-        """Search on until the effort is spent: a plan, the proof that there is none, or None."""
+    def run(self, effort: Effort) -> SearchResult | None:
+        """Searches until there is an answer or the effort is spent.
+
+        The answer is a plan, or `NO_PLAN` if there is provably none. None means that the effort is spent.
+        """
         if self.root.open & ~self.space.initial == 0:
-            return Answer([])
+            return SearchResult([])
         if self._stack is None:
             if effort.spent():
                 return None
@@ -57,9 +64,10 @@ class Climb:
 
 
 class BestFirst:
-    """Best first by cost + greed * estimate, among nodes whose cost and estimate together stay below `below`.
+    """Best-first search by cost + greed * estimate.
 
-    `greed` 0 with unit costs is breadth first and finds shortest plans.
+    Nodes whose cost and estimate together are not less than `below` are left out. With `greed` 0 and unit
+    costs the search is breadth first and finds shortest plans.
     """
 
     def __init__(self, space: Backward, roots: Sequence[Node], greed: int, below: int = FAR) -> None:
@@ -72,8 +80,11 @@ class BestFirst:
             key = greed * space.estimate(root.open)
             heapq.heappush(self._queue, (key, 0, next(self._counter), root, None))
 
-    def run(self, effort: Effort) -> Answer | None:
-        """Search on until the effort is spent: a plan, the proof that there is none, or None."""
+    def run(self, effort: Effort) -> SearchResult | None:
+        """Searches until there is an answer or the effort is spent.
+
+        The answer is a plan, or `NO_PLAN` if there is provably none. None means that the effort is spent.
+        """
         while self._queue:
             if effort.spent():
                 return None

@@ -1,9 +1,10 @@
 """Backward chaining over sets of open conditions: the space that hill climbing and best-first search explore.
 
-A node is what must hold so that the steps chosen so far reach the goals (ITA's task planner; regression). Weights
-order the work as in ABSTRIPS (Sacerdoti 1974): operators for the heaviest unsatisfied condition come first among
-equals. They never prune. Mutexes discard sets that no reachable state satisfies. Relaxed plans are made once, so that
-a successor costs a few operations on bitsets; it becomes a node only when it is taken up.
+A node is the set of conditions that must hold so that the steps chosen so far reach the goals (regression, as
+in ITA's task planner). Weights order the work as in ABSTRIPS (Sacerdoti 1974): among otherwise equal
+operators, those for the heaviest unsatisfied condition come first. Weights never prune. Mutexes discard sets
+of conditions that no reachable state satisfies. Relaxed plans are computed only once, so a successor costs a
+few operations on bitsets. It becomes a node only when the search takes it up.
 """
 
 import copy
@@ -16,13 +17,16 @@ from typing import NamedTuple
 from engine.model.outcome import Offer
 from engine.model.task import Bits, GroundOperator, indices
 from engine.stages.planning.composites import Composite, Pattern, composites
-from engine.stages.planning.effort import Answer
+from engine.stages.planning.effort import SearchResult
 from engine.stages.planning.relaxed import FAR, Relaxation
 
 
 @dataclass(frozen=True, slots=True)
 class Node:
-    """Open conditions, and the step that was put in last: it comes first in the plan. `depth` counts steps."""
+    """Open conditions, and the step that was chosen last, which comes first in the plan.
+
+    `depth` counts steps.
+    """
 
     open: Bits
     step: int
@@ -32,7 +36,10 @@ class Node:
 
 
 class Successor(NamedTuple):
-    """A node not yet made: how light the condition it achieves is, its estimate, its operator, its open conditions."""
+    """A node that is not made yet.
+
+    `lightness` is that of the condition which the operator achieves: the heavier, the lower.
+    """
 
     lightness: int
     estimate: int
@@ -41,7 +48,10 @@ class Successor(NamedTuple):
 
 
 class Regression:
-    """Operators indexed by what they achieve and by what they cannot go with; the same from every initial state."""
+    """Operators indexed by what they achieve and by the conditions that they conflict with.
+
+    The index is the same for every initial state.
+    """
 
     def __init__(
         self, operators: Sequence[GroundOperator], weights: Sequence[int], excluded: Sequence[Bits]
@@ -63,7 +73,10 @@ class Regression:
                 self.achievers[atom].append(number)
 
     def with_composites(self, made: Sequence[Composite]) -> "Regression":
-        """The same with composites beside the operators. They are no part of relaxed plans, so that estimates stay."""
+        """A copy with composites beside the operators.
+
+        Composites are not part of relaxed plans, so the estimates stay the same.
+        """
         extended = copy.copy(self)
         extended.composites = tuple(made)
         joined = [each.operator for each in made]
@@ -78,8 +91,11 @@ class Regression:
         return extended
 
     def _conflicts(self, operator: GroundOperator) -> Bits:
-        """What cannot be open after an operator: what it deletes, what excludes what it adds, and what it does not add
-        but would have to hold beside a precondition that excludes it."""
+        """The conditions that cannot be open directly after an operator.
+
+        These are the atoms that it deletes, the atoms that exclude one that it adds, and the atoms that
+        exclude one of its preconditions and that it does not add itself.
+        """
         forbidden = operator.deletes & ~operator.adds
         for atom in indices(operator.preconditions):
             forbidden |= self.excluded[atom] & ~operator.adds
@@ -88,11 +104,14 @@ class Regression:
         return forbidden
 
     def consistent(self, conditions: Bits) -> bool:
-        """Whether no two conditions exclude each other."""
+        """Whether no two of the conditions exclude each other."""
         return not any(self.excluded[atom] & conditions for atom in indices(conditions))
 
-    def plan(self, node: Node) -> Answer:
-        """The steps from a node to the goals, in order of execution, with the parts of composites in their place."""
+    def plan(self, node: Node) -> SearchResult:
+        """The steps from a node to the goals, in order of execution.
+
+        Composites are replaced by their parts.
+        """
         steps: list[GroundOperator] = []
         used: dict[Pattern, None] = {}
         while node.next is not None:
@@ -104,13 +123,16 @@ class Regression:
                 used[self.composites[place].pattern] = None
             node = node.next
         if not self.composites:
-            return Answer(steps)
+            return SearchResult(steps)
         offered = dict.fromkeys(each.pattern for each in self.composites)
-        return Answer(steps, Offer("backward", tuple(offered), tuple(used)))
+        return SearchResult(steps, Offer("backward", tuple(offered), tuple(used)))
 
 
 class Backward:
-    """The regression space of one initial state: atoms that no chain of supporters within `bound` reaches do not count."""
+    """The regression space of one initial state.
+
+    Atoms that no chain of supporters with a cost of at most `bound` reaches count as unreachable.
+    """
 
     def __init__(self, regression: Regression, initial: Bits, bound: int = FAR) -> None:
         self.regression, self.initial = regression, initial
@@ -118,7 +140,7 @@ class Backward:
         self._needs: dict[int, Bits | None] = {}
 
     def offered(self, patterns: Sequence[Pattern], most: int) -> "Backward":
-        """The same space with instances of patterns, at most so many, beside the operators."""
+        """The same space with at most `most` instances of patterns beside the operators."""
         made = composites(self.regression.operators, patterns, most) if patterns else []
         if not made:
             return self
@@ -128,13 +150,13 @@ class Backward:
         return extended
 
     def root(self, goals: Bits) -> Node | None:
-        """The node of the goals themselves, or None if they are unreachable or exclude each other."""
+        """The node of the goals; None if the goals are unreachable or exclude each other."""
         if self.relaxed.plan(goals) is None or not self.regression.consistent(goals):
             return None
         return Node(goals, -1, None, 0, 0)
 
     def estimate(self, conditions: Bits) -> int:
-        """How much is left to do until reachable conditions hold."""
+        """The estimated cost until the conditions hold, which must be reachable."""
         return (self.relaxed.plan(conditions) or 0).bit_count()
 
     def following(self, node: Node, successor: Successor) -> Node:
@@ -143,10 +165,10 @@ class Backward:
         return Node(successor.open, successor.operator, node, node.depth + 1, node.cost + charge)
 
     def successors(self, node: Node, room: int = FAR) -> Iterator[Successor]:
-        """The nodes one step further back whose operator and estimate together cost less than `room`.
+        """The successors of a node whose operator and estimate together cost less than `room`.
 
-        An operator counts for the heaviest unsatisfied condition that it achieves; one that achieves only what holds
-        already comes last.
+        An operator counts for the heaviest unsatisfied condition that it achieves. An operator that achieves
+        only conditions that hold initially comes last.
         """
         open_, regression = node.open, self.regression
         conflicts, charges, needs = regression.conflicts, regression.charges, self._needs
@@ -168,8 +190,10 @@ class Backward:
                     yield Successor(lightness, estimate, number, conditions)
 
     def _ranked(self, conditions: Bits) -> Iterator[tuple[int, int, Bits]]:
-        """Open conditions with their lightness and what reaches all others, heaviest first; those that hold initially
-        are the lightest."""
+        """Each open condition with its lightness and the relaxed plan of all others, heaviest first.
+
+        Conditions that hold initially are the lightest.
+        """
         weights = self.regression.weights
         unsatisfied = sorted(indices(conditions & ~self.initial), key=lambda atom: -weights[atom])
         plans = [self.relaxed.to(atom) or 0 for atom in unsatisfied]

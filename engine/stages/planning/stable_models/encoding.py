@@ -1,8 +1,10 @@
-"""Planning in answer set programming: steps of operators that can run one after the other in some order.
+"""Planning in answer set programming.
 
-Exists-step plans (Rintanen, Heljanko & Niemelä 2006; in ASP Dimopoulos et al. 2019, plasp 3): all preconditions of a
-step hold before it, effects agree, and an acyclic order has no operator end what a later one needs. Mutex groups are
-constraints; a heuristic prefers that atoms persist (Gebser et al. 2013).
+A step may hold several operators that can run one after another in some order. Such plans are called
+exists-step plans (Rintanen, Heljanko & Niemelä 2006; in ASP Dimopoulos et al. 2019, plasp 3). All
+preconditions of a step hold before it, and its effects agree. An acyclic order ensures that no operator
+deletes what a later one needs. Mutex groups are constraints. A heuristic makes the solver prefer that atoms
+persist (Gebser et al. 2013).
 """
 
 import graphlib
@@ -43,7 +45,10 @@ def facts(
     groups: Sequence[Bits],
     size: int,
 ) -> Iterator[str]:
-    """A task over atoms below `size`; `first` is the first step at which each operator is possible, -1 for never."""
+    """The facts of a task over atoms below `size`.
+
+    `first` is the first step at which each operator can occur, -1 for never.
+    """
     yield f"fluent(0..{max(size - 1, 0)})."
     yield "holds(A,0) :- initial(A)."
     yield from (f"initial({atom})." for atom in indices(initial))
@@ -66,7 +71,7 @@ def facts(
 def sequence(
     operators: Sequence[GroundOperator], occurring: frozenset[tuple[int, ...]]
 ) -> list[GroundOperator]:
-    """The operators of all (number, step), each step in an order in which it can run."""
+    """The operators of all pairs (number, step), ordered by step and within a step so that they can run."""
     steps: dict[int, list[GroundOperator]] = {}
     for number, step in sorted(occurring):
         steps.setdefault(step, []).append(operators[number])

@@ -1,13 +1,14 @@
 """Plans as stable models, horizon by horizon.
 
-With one operator a step, the first plan has the fewest steps. No plan exists when every state is within some horizon:
-no path of that many different states begins at the initial one (Biere et al. 1999).
+With one operator in a step, the first plan that is found has the fewest steps. There is no plan if every
+reachable state lies within a horizon without a plan. This is the case when no path of that many steps from
+the initial state visits only different states (Biere et al. 1999).
 """
 
 from collections.abc import Sequence
 
 from engine.model.task import Bits, GroundOperator, Task, indices
-from engine.stages.planning.effort import NO_PLAN, Answer, Effort
+from engine.stages.planning.effort import NO_PLAN, Effort, SearchResult
 from engine.stages.planning.relaxed import levels
 from engine.stages.planning.stable_models.encoding import OPTIONS, PARALLEL, SINGLE, STEP, facts, sequence
 from kb.asp.steps import Shown, Solver
@@ -26,15 +27,16 @@ differ(S,t) :- holds(A,t), S = 0..t-1, not holds(A,S).
 :- distinct(t), 2 { occurs(O,t) }.
 :- distinct(t), not 1 { occurs(O,t) }.
 """
-TRIAL = 400  # conflicts for one horizon in the first round; twice as many in each further one
-STRIDE = 5  # after an undecided horizon the next is longer by this part of it
-PATHS = 200_000  # atoms by pairs of states up to which paths of different states are looked for
+TRIAL = 400  # conflicts for one horizon in the first round; the number doubles in each round
+STRIDE = 5  # after an undecided horizon h the next is h + h // STRIDE
+PATHS = 200_000  # atoms times pairs of states, up to which paths of different states are searched
 
 
 class Parallel:
-    """A search by horizons that can be resumed; `single` allows one operator a step.
+    """A search over growing horizons that can be resumed. With `single`, a step has one operator.
 
-    No more than `room` conditions and effects by steps are grounded; further horizons are left undecided.
+    The number of steps times the number of conditions and effects stays below `room`. Longer horizons are
+    left undecided.
     """
 
     def __init__(
@@ -45,7 +47,7 @@ class Parallel:
         reached, first = levels(task.initial, operators, self.size)
         nearest = [far for goal in task.goals if (far := _farthest(goal, reached)) is not None]
         self.possible = bool(nearest)
-        self._decided = min(nearest, default=0) - 1  # no plan has this many steps or fewer
+        self._decided = min(nearest, default=0) - 1  # it is proved that no plan has this many steps or fewer
         base = [*facts(task.initial, operators, first, task.mutex_groups, self.size), *_goals(task)]
         self._solver = Solver(
             {
@@ -58,15 +60,18 @@ class Parallel:
         )
         self._grounded, self._paths, self._trial = -1, 0, TRIAL
 
-    def run(self, effort: Effort) -> Answer | None:
-        """Search on until the effort is spent: a plan, the proof that there is none, or None."""
+    def run(self, effort: Effort) -> SearchResult | None:
+        """Searches until there is an answer or the effort is spent.
+
+        The answer is a plan, or `NO_PLAN` if there is provably none. None means that the effort is spent.
+        """
         if not self.possible:
             return NO_PLAN
         horizon = self._decided + 1
         while not effort.over() and self._decided < self._longest:
             found = self._ask(horizon, effort)
             if isinstance(found, frozenset):
-                return Answer(sequence(self.operators, found))
+                return SearchResult(sequence(self.operators, found))
             if found is False and horizon == self._decided + 1:
                 self._decided = horizon
                 if self._exhausted(horizon, effort):
@@ -86,7 +91,10 @@ class Parallel:
         return self._solve([Function("asked", (Number(horizon),))], effort)
 
     def _exhausted(self, horizon: int, effort: Effort) -> bool:
-        """Whether no path of so many steps meets different states alone, so that shorter ones reach everything."""
+        """Whether no path of `horizon` steps visits only different states.
+
+        If so, shorter paths reach every reachable state.
+        """
         if horizon < 1 or self.size * horizon * horizon > PATHS or effort.over():
             return False
         while self._paths < horizon:
@@ -108,7 +116,7 @@ def _size(operator: GroundOperator) -> int:
 
 
 def _farthest(goal: Bits, reached: Sequence[int]) -> int | None:
-    """The step at which the last atom of a goal can be true; None if one never can."""
+    """The first step after which every atom of a goal can be true; None if one of them never can."""
     found = [reached[atom] for atom in indices(goal)]
     return None if -1 in found else max(found, default=0)
 

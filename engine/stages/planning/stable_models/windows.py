@@ -1,4 +1,7 @@
-"""Windows planned anew by stable models of bounded cost, each answer bounding the next."""
+"""Windows of a plan, planned anew as stable models of bounded cost.
+
+Each answer lowers the bound for the next.
+"""
 
 from collections.abc import Sequence
 
@@ -8,14 +11,17 @@ from engine.stages.planning.relaxed import levels
 from engine.stages.planning.stable_models.encoding import OPTIONS, PARALLEL, STEP, facts, sequence
 from kb.asp.steps import Solver
 
-SHORT = 12  # steps up to which a replacement may take one step less; longer ones do some of it at once
+SHORT = 12  # up to this length the replacement has one step less; for longer windows about half
 BELOW = """
 :- #sum { C,O,T : occurs(O,T), weight(O,C) } >= b.
 """
 
 
 class Windows:
-    """Stretches of plans over atoms below `size`, with so many conflicts for each; a `Cheaper`."""
+    """Replaces windows of plans over atoms below `size` by cheaper ones. It is a `Cheaper`.
+
+    A window may take `conflicts` conflicts of the solver.
+    """
 
     def __init__(
         self, operators: Sequence[GroundOperator], groups: Sequence[Bits], size: int, conflicts: int
@@ -25,7 +31,7 @@ class Windows:
     def __call__(
         self, state: Bits, goals: Bits, window: Sequence[GroundOperator], effort: Effort
     ) -> list[GroundOperator] | None:
-        """A cheaper way than `window`, the cheapest that is found."""
+        """The cheapest replacement for `window` that is found; None if none is cheaper."""
         solver = self._solver(state, goals, len(window))
         best: list[GroundOperator] | None = None
         while solver is not None and not effort.over() and solver.conflicts < self.conflicts:
@@ -39,7 +45,7 @@ class Windows:
         return best
 
     def _solver(self, state: Bits, goals: Bits, length: int) -> Solver | None:
-        """The program of one window; None if the goals are further away than it is long."""
+        """The program of one window; None if the goals cannot be reached within the horizon."""
         horizon = length - 1 if length <= SHORT else max(SHORT - 1, length // 2)
         reached, first = levels(state, self.operators, self.size)
         if any(not 0 <= reached[atom] <= horizon for atom in indices(goals)):
@@ -56,5 +62,5 @@ class Windows:
         return solver
 
     def _weighed(self, steps: Sequence[GroundOperator], length: int) -> int:
-        """Cost, and among equal costs the number of steps."""
+        """A number that compares by cost first, and by the number of steps if costs are equal."""
         return sum(each.cost * (length + 1) + 1 for each in steps)

@@ -1,4 +1,4 @@
-# Types with which Cython compiles bounds.py. Its meaning is written there.
+# The types with which Cython compiles bounds.py. That file says what they mean.
 import cython
 from engine.stages.sequencing.kernels.chain cimport Cost
 

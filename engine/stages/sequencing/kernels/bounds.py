@@ -2,8 +2,8 @@
 # cython: cdivision=True
 """Minimum 1-trees and the ascent over penalties, under costs (n, n) of 32 or 64 bits.
 
-Held & Karp 1970, 1971; the step as in Volgenant & Jonker 1982. Penalties are whole multiples of 1/64, so that sums of
-them with integer costs are exact in floating point: a bound is a bound, not one up to rounding.
+Held & Karp 1970, 1971; the step as in Volgenant & Jonker 1982. Penalties are whole multiples of 1/64. So sums
+of them with integer costs are exact in floating point, and a bound has no rounding error.
 """
 
 from collections.abc import Callable
@@ -16,8 +16,8 @@ from engine.stages.sequencing.kernels.chain import Costs
 GRAIN = 64.0
 WHOLE = float(1 << 52)  # from here on all floating-point numbers are whole
 INFINITE = float("inf")
-SLICE = 50_000_000  # edges looked at between two questions whether to stop, a tenth of a second
-LEAST = 8  # such slices that a bound is worth, even when the time is up
+SLICE = 50_000_000  # edges between two checks whether to stop: a tenth of a second
+LEAST = 8  # an ascent makes this many slices even when the time is up
 
 
 def _never() -> bool:
@@ -25,8 +25,11 @@ def _never() -> bool:
 
 
 class Ascent:
-    """Where an ascent stands: penalties, the best ones and the last turns (n,), the best bound, the size of a step, the
-    steps since the bound was last raised, and whether it has ended."""
+    """Where an ascent stands.
+
+    It has the penalties, the best ones and the last turns (n,), the best bound, the size of a step, the
+    number of steps since the bound was last raised, and whether the ascent has ended.
+    """
 
     def __init__(self, penalty: Floats, upper: float, size: float, patience: int) -> None:
         n = len(penalty)
@@ -44,10 +47,12 @@ def ascend(
     size: float,
     interrupted: Callable[[], bool] = _never,
 ) -> tuple[float, Floats, int]:
-    """Raise the bound by subgradient steps, of `size` times the gap to `upper` at first, halved when they do not help.
+    """Raise the bound by subgradient steps.
 
-    `penalty` (n,) is changed in place. The best bound, its penalties, and the steps that were made; it ends early when
-    the bound reaches `upper` or a 1-tree is a tour, and when interrupted, but not before a second's worth of steps.
+    They are `size` times the gap to `upper` at first, and are halved when they do not help. `penalty` (n,) is
+    changed in place. Returns the best bound, its penalties, and the number of steps. The ascent ends early if
+    the bound reaches `upper`, if a 1-tree is a tour, or if it is interrupted; it makes at least a second's
+    worth of steps.
     """
     n = cost.shape[0]
     _check(n, cost.shape[1], len(penalty))
@@ -58,13 +63,13 @@ def ascend(
 
 
 def _check(n: int, width: int, penalties: int) -> None:
-    """Raises ValueError where costs and penalties do not go together: compiled loops do not look."""
+    """Raises ValueError if the shapes of costs and penalties do not agree: compiled loops do not check this."""
     if n < 3 or width != n or penalties != n:
         raise ValueError(f"costs (n, n) and penalties (n,) of three cities or more were expected, n is {n}")
 
 
 def _climb(cost: Costs, state: Ascent, steps: int) -> int:
-    """Some steps of an ascent; how many were made."""
+    """Make some steps of an ascent. Returns their number."""
     n = cost.shape[0]
     for step in range(steps):
         bound = _grow(cost, state.penalty, state.degree, state.parent, state.near, state.outside)
@@ -96,17 +101,17 @@ def _copy(source: Floats, target: Floats) -> None:
 
 
 def _rounded(value: float) -> float:
-    """The nearest whole number; the even one of two."""
+    """The nearest whole number; the even one if two are equally near."""
     if value >= 0.0:
         return (value + WHOLE) - WHOLE if value < WHOLE else value
     return (value - WHOLE) + WHOLE if value > -WHOLE else value
 
 
 def one_tree(cost: Costs, penalty: Floats, degree: Ints, parent: Ints) -> float:
-    """The weight of a minimum 1-tree under cost + penalties, less twice the penalties: a lower bound on all tours.
+    """The weight of a minimum 1-tree under cost + penalties, less twice the penalties: no tour costs less.
 
-    A minimum spanning tree of all cities but 0 (Prim 1957), its root being city 1, and the two cheapest edges of city
-    0; n >= 3. `degree` and `parent` (n,) are written.
+    The 1-tree is a minimum spanning tree of all cities but 0 (Prim 1957) with root 1, and the two cheapest
+    edges of city 0; n >= 3. `degree` and `parent` (n,) are written.
     """
     n = cost.shape[0]
     _check(n, cost.shape[1], min(len(penalty), len(degree), len(parent)))
@@ -115,7 +120,7 @@ def one_tree(cost: Costs, penalty: Floats, degree: Ints, parent: Ints) -> float:
 
 
 def _grow(cost: Costs, penalty: Floats, degree: Ints, parent: Ints, near: Floats, outside: Ints) -> float:
-    """As `one_tree`, with room to work: `near` (n,), and `outside` (n,) for the cities outside the tree, in order."""
+    """The same as `one_tree`, with scratch space: `near` (n,), and the cities outside the tree in order (n,)."""
     n = cost.shape[0]
     for city in range(n):
         near[city], degree[city], outside[city] = INFINITE, 0, city + 2
@@ -142,7 +147,10 @@ def _grow(cost: Costs, penalty: Floats, degree: Ints, parent: Ints, near: Floats
 def _nearest(
     cost: Costs, penalty: Floats, city: int, near: Floats, parent: Ints, outside: Ints, size: int
 ) -> int:
-    """Offer the edges of `city`, just joined to the tree, to the `size` cities outside; the place there of the nearest."""
+    """Offer the edges of `city`, which has just joined the tree, to the `size` cities outside.
+
+    Returns the index of the nearest of these.
+    """
     own, chosen, least = penalty[city], 0, INFINITE
     for place in range(size):
         other = outside[place]
@@ -157,7 +165,7 @@ def _nearest(
 
 
 def _cheapest(cost: Costs, penalty: Floats, rank: int) -> int:
-    """The city to which city 0 has its cheapest edge (rank 0) or its second cheapest one (rank 1)."""
+    """The city to which city 0 has its cheapest edge (rank 0) or its second cheapest edge (rank 1)."""
     first, second = 1, 2
     if cost[0, 2] + penalty[2] < cost[0, 1] + penalty[1]:
         first, second = 2, 1
@@ -171,7 +179,9 @@ def _cheapest(cost: Costs, penalty: Floats, rank: int) -> int:
 
 
 def excess(cost: Costs, penalty: Floats) -> Floats:
-    """How much (n, n) the minimum 1-tree grows when it has to contain an edge (Helsgaun 2000: alpha); 0 for its own."""
+    """How much the minimum 1-tree grows if it must contain an edge (n, n); 0 for its own (Helsgaun 2000:
+    alpha).
+    """
     n = cost.shape[0]
     _check(n, cost.shape[1], len(penalty))
     degree, parent, order = np.zeros(n, np.int32), np.zeros(n, np.int32), np.zeros(n, np.int32)
@@ -193,7 +203,7 @@ def excess(cost: Costs, penalty: Floats) -> Floats:
 
 
 def _from_the_root(parent: Ints, order: Ints, trail: Ints) -> None:
-    """Write the n - 1 cities of the tree into `order` (n,), each after its parent; `trail` (n,) is room to work."""
+    """Write the n - 1 cities of the tree into `order` (n,), each after its parent; `trail` (n,) is scratch."""
     n, size = parent.shape[0], 1
     placed = np.zeros(n, np.bool_)
     order[0] = 1
@@ -211,9 +221,10 @@ def _from_the_root(parent: Ints, order: Ints, trail: Ints) -> None:
 
 
 def _heaviest(start: int, parent: Ints, order: Ints, weights: Floats, heaviest: Floats, seen: Ints) -> None:
-    """Write the weight of the heaviest edge on the way in the tree from one city to each other; 0 for itself.
+    """Write the weight of the heaviest edge on the tree's path from one city to each other; 0 for the city
+    itself.
 
-    `weights` (n,) are those of the edges to the parents, `seen` (n,) is room to work.
+    `weights` (n,) are those of the edges to the parents; `seen` (n,) is scratch.
     """
     at, value = start, -INFINITE
     heaviest[start], seen[start] = value, -start

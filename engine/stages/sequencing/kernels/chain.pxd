@@ -1,4 +1,4 @@
-# Types with which Cython compiles chain.py. Its meaning is written there.
+# The types with which Cython compiles chain.py. That file says what they mean.
 import cython
 
 ctypedef fused Cost:

@@ -2,7 +2,7 @@
 # cython: cdivision=True
 """Parts of the chain of 1987: cheapest insertion, two-edge exchange, and the peephole.
 
-Works on any costs (n, n) of 32 or 64 bits that are the same in both directions.
+They work on all costs (n, n) of 32 or 64 bits that are the same in both directions.
 """
 
 from typing import Any
@@ -18,7 +18,7 @@ INFINITE = float("inf")
 
 
 def _check(cities: Ints, n: int, width: int, least: int) -> None:
-    """Raises ValueError where cities and costs do not go together: compiled loops do not look."""
+    """Raises ValueError if cities and costs do not fit together: compiled loops do not check this."""
     tour = np.asarray(cities)
     if n != width or not least <= len(tour) <= n or not 0 <= tour.min() <= tour.max() < n:
         raise ValueError(f"at least {least} cities, numbered 0 to {n - 1}, and costs (n, n) were expected")
@@ -30,10 +30,11 @@ def _edge(cost: Costs, a: int, b: int) -> int:
 
 
 def insert_all(ring: Ints, cost: Costs) -> Ints:
-    """A tour of all cities from a ring of some: again and again the insertion that costs least beside the edge it cuts.
+    """A tour of all cities, made from a ring of some by inserting one city after another.
 
-    Among the cheapest places of all cities, the city goes in whose detour is shortest in proportion to that edge
-    (Golden, Bodin, Doyle & Stewart 1980, hull insertion). `ring` (m,), m >= 2, `cost` (n, n).
+    Each city has a cheapest place: the edge whose replacement adds the least cost. The next city is the one
+    whose way through its place is shortest in proportion to that edge (Golden, Bodin, Doyle & Stewart 1980,
+    hull insertion). `ring` (m,), m >= 2, `cost` (n, n).
     """
     n, some = cost.shape[0], ring.shape[0]
     _check(ring, n, cost.shape[1], 2)
@@ -55,9 +56,9 @@ def insert_all(ring: Ints, cost: Costs) -> Ints:
 
 
 def _place(new: int, after: Ints, place: Ints, ratio: Floats, cost: Costs) -> None:
-    """Note for each city outside its cheapest place, and its way through it in proportion to the edge there.
+    """Note each outside city's cheapest place, and the way through the city there in proportion to the edge.
 
-    When `new` has been put in, only a place that was cut makes a new search of all places necessary.
+    After `new` was inserted, all places are searched again only for cities whose cheapest place was cut.
     """
     n = after.shape[0]
     cut = -1
@@ -82,13 +83,15 @@ def _place(new: int, after: Ints, place: Ints, ratio: Floats, cost: Costs) -> No
 
 
 def _ratio(city: int, a: int, after: Ints, cost: Costs) -> float:
-    """The way from `a` to the next city by way of `city` in proportion to the edge there."""
-    way = float(_edge(cost, a, city) + _edge(cost, city, after[a]))  # a float: C divides whole numbers down
+    """The way from `a` by `city` to the next city, in proportion to the edge that it replaces."""
+    way = float(
+        _edge(cost, a, city) + _edge(cost, city, after[a])
+    )  # a float, because C rounds the quotient of whole numbers down
     return way / max(_edge(cost, a, after[a]), 1)
 
 
 def _least(ratio: Floats) -> int:
-    """The first of those with the least ratio."""
+    """The first city with the least ratio."""
     chosen = 0
     for city in range(1, ratio.shape[0]):
         if ratio[city] < ratio[chosen]:
@@ -97,13 +100,13 @@ def _least(ratio: Floats) -> int:
 
 
 def _detour(city: int, a: int, after: Ints, cost: Costs) -> int:
-    """What it costs more to go from `a` to the next city by way of `city`."""
+    """The extra cost of going from `a` by `city` to the next city."""
     b = after[a]
     return _edge(cost, a, city) + _edge(cost, city, b) - _edge(cost, a, b)
 
 
 def _cheapest_place(city: int, after: Ints, cost: Costs) -> int:
-    """The first of the cities behind which another one costs least."""
+    """The first of the cities after which `city` costs least."""
     chosen, least = -1, 0
     for a in range(after.shape[0]):
         if after[a] >= 0:
@@ -114,7 +117,10 @@ def _cheapest_place(city: int, after: Ints, cost: Costs) -> int:
 
 
 def exchange_edges(tour: Ints, cost: Costs) -> int:
-    """Two-edge exchanges (Croes 1958), each as soon as it is seen, until none helps; `tour` is changed. Their number."""
+    """Make two-edge exchanges (Croes 1958), each as soon as it is found, until none helps.
+
+    `tour` is changed in place. Returns the number of exchanges.
+    """
     _check(tour, cost.shape[0], cost.shape[1], 1)
     n, made, improved = tour.shape[0], 0, True
     while improved:
@@ -129,7 +135,7 @@ def exchange_edges(tour: Ints, cost: Costs) -> int:
 
 
 def _reverse(tour: Ints, first: int, last: int) -> None:
-    """Turn a stretch of a tour round."""
+    """Reverse a stretch of a tour."""
     while first < last:
         tour[first], tour[last] = tour[last], tour[first]
         first, last = first + 1, last - 1
@@ -138,7 +144,7 @@ def _reverse(tour: Ints, first: int, last: int) -> None:
 def peephole(tour: Ints, cost: Costs, width: int) -> int:
     """Put each stretch of `width` cities into its best order between its neighbours, until nothing changes.
 
-    Needs n >= width + 2. `tour` is changed; returns how many stretches were changed.
+    Needs n >= width + 2. `tour` is changed in place. Returns how many stretches were changed.
     """
     _check(tour, cost.shape[0], cost.shape[1], width + 2)
     inner = np.zeros(width, np.int32)
@@ -153,7 +159,10 @@ def peephole(tour: Ints, cost: Costs, width: int) -> int:
 
 
 def _reorder(tour: Ints, cost: Costs, start: int, inner: Ints, value: Longs, origin: Ints) -> bool:
-    """The best order of one stretch, by dynamic programming over subsets (Held & Karp 1962); whether it is shorter."""
+    """Put one stretch into its best order by dynamic programming over subsets (Held & Karp 1962).
+
+    Returns whether it is shorter.
+    """
     n, width = tour.shape[0], inner.shape[0]
     full, old = (1 << width) - 1, 0
     for index in range(width):
@@ -177,7 +186,8 @@ def _reorder(tour: Ints, cost: Costs, start: int, inner: Ints, value: Longs, ori
 
 
 def _subsets(inner: Ints, left: int, cost: Costs, value: Longs, origin: Ints) -> None:
-    """The cheapest path from `left` through each subset of `inner` to each of its cities, and the city before that.
+    """Write the cheapest path from `left` through each subset of `inner` to each of its cities, and the city
+    before that.
 
     `value` and `origin` (2 ** width, width) are written.
     """

@@ -1,4 +1,4 @@
-# Types with which Cython compiles directed.py. Its meaning is written there.
+# The types with which Cython compiles directed.py. That file says what they mean.
 import cython
 from engine.stages.sequencing.kernels.twister cimport Stream
 

@@ -1,9 +1,9 @@
 # cython: language_level=3, annotation_typing=False, boundscheck=False, wraparound=False, initializedcheck=False
 # cython: cdivision=True
-"""Annealing over orders whose costs depend on the direction, or on what came before.
+"""Annealing over orders whose costs depend on the direction, or on the visits before.
 
-A move puts a stretch of the order somewhere else, the same way round or turned. Without windows, precedence or turned
-stretches a move is priced by the arcs that it changes; else the whole order is walked.
+A move puts a stretch of the order at another place, in the same direction or reversed. Without windows,
+precedence and reversal, only the changed arcs are priced; else the whole order is priced.
 """
 
 import numpy as np
@@ -15,9 +15,10 @@ LONGEST = 30
 
 
 def price(order: Ints, arcs: Longs, closed: bool, times: Longs, pairs: Longs, fine: Longs) -> int:
-    """The cost of an order with fines: fine[0] for each unit of lateness, fine[1] for each pair (m, 2) the wrong way round.
+    """The cost of an order with fines.
 
-    `times` (3, n) are durations, and the earliest and latest beginnings.
+    fine[0] is paid for each unit of lateness, fine[1] for each pair (m, 2) in the wrong order. `times` (3, n)
+    are durations, earliest beginnings and latest beginnings.
     """
     return Orders(order, arcs, closed, times, pairs, fine).price()
 
@@ -37,10 +38,10 @@ def anneal(
     cooling: float,
     seed: int,
 ) -> tuple[Ints, int, float]:
-    """Anneal over `moves` moves of the positions low..high - 1; the others stay where they are.
+    """Anneal over `moves` moves of the positions low..high - 1; the other positions stay as they are.
 
-    `order` (n,) is changed in place; `near` (n, k) are cities from which each city is near; fines of 0 say that there
-    are neither windows nor precedence. Returns the best order, its price and the final warmth.
+    `order` (n,) is changed in place; `near` (n, k) are cities from which each city is near. Fines of 0 mean
+    that there are neither windows nor precedence. Returns the best order, its price and the final warmth.
     """
     orders = Orders(order, arcs, closed, times, pairs, fine)
     annealed = Annealing(orders, near, low, high, seed)
@@ -49,10 +50,10 @@ def anneal(
 
 
 class Orders:
-    """An order (n,) that is changed in place, a move of it, and prices; arrays as `price` says.
+    """An order (n,) that is changed in place, a move of it, and prices. The arrays are those of `price`.
 
-    `moved` has the cities between the positions `start` and `end` after the move. Raises ValueError where shapes do not
-    agree.
+    `moved` has the cities between the positions `start` and `end` after the move. Raises ValueError if shapes
+    do not agree.
     """
 
     def __init__(
@@ -71,7 +72,7 @@ class Orders:
         self.start, self.end = 0, -1
 
     def price(self) -> int:
-        """What the order would cost after the move, fines included."""
+        """The cost of the order after the move, with fines."""
         total = late = wrong = 0
         clock = before = 0
         for index in range(self.n):
@@ -92,7 +93,7 @@ class Orders:
         return total + self.late * late + self.wrong * wrong
 
     def move(self, first: int, last: int, behind: int, turned: bool) -> None:
-        """Put the stretch first..last behind position `behind`, which lies outside it (-1: in front)."""
+        """Put the stretch first..last behind the position `behind` outside it; -1 means the front."""
         length = last - first + 1
         if behind < first:
             self.start, self.end, at = behind + 1, last, behind + 1
@@ -106,10 +107,10 @@ class Orders:
             self.moved[at + step] = self.order[last - step] if turned else self.order[first + step]
 
     def difference(self, first: int, last: int, behind: int) -> int:
-        """What a move of a stretch changes in cost, the same way round."""
+        """How much a move of a stretch without reversal changes the cost."""
         n = self.n
         if self.closed and ((first == 0 and behind == n - 1) or (last == n - 1 and behind == -1)):
-            return 0  # the same circle
+            return 0  # the circle stays the same
         head, tail = self.order[first], self.order[last]
         before, beyond = self._city(first - 1), self._city(last + 1)
         left, right = self._city(behind), self._city(behind + 1)
@@ -129,7 +130,10 @@ class Orders:
         return change
 
     def _city(self, position: int) -> int:
-        """The city at a position; just outside it is that at the other end of a closed tour, else -1."""
+        """The city at a position.
+
+        Just outside the order it is the city at the other end of a closed tour, else -1.
+        """
         if 0 <= position < self.n:
             return self.order[position]
         if self.closed:
@@ -138,7 +142,10 @@ class Orders:
 
 
 class Annealing:
-    """Random moves of the positions low..high - 1, and the best order that was met (`kept`, at the price `best`)."""
+    """Random moves of the positions low..high - 1.
+
+    `kept` is the best order so far, and `best` is its price.
+    """
 
     def __init__(self, orders: Orders, near: Ints, low: int, high: int, seed: int) -> None:
         self.orders = orders
@@ -154,7 +161,7 @@ class Annealing:
         self.best = orders.price()
 
     def run(self, moves: int, warmth: float, cooling: float) -> float:
-        """Make so many moves, or leave them; the final warmth."""
+        """Try this many moves. Returns the final warmth."""
         now = self.best
         for _ in range(moves):
             warmth *= cooling
@@ -174,7 +181,10 @@ class Annealing:
         return warmth
 
     def _propose(self) -> bool:
-        """A stretch and where to put it, most often behind a city from which its first one is near; whether it may go."""
+        """Choose a stretch and a place for it, mostly behind a city that is near its first city.
+
+        Returns whether the move is allowed.
+        """
         width = self.high - self.low
         first = self.low + self.stream.below(width)
         last = min(self.high - 1, first + self.stream.below(min(LONGEST, width)))
@@ -191,7 +201,7 @@ class Annealing:
         return first > 0 or not (behind <= last or last == self.orders.n - 1)
 
     def _price_after(self, now: int, turned: bool) -> int:
-        """The price after the move; where the arcs alone do not tell, the whole order is walked."""
+        """The price after the move. If the changed arcs do not determine it, the whole order is priced."""
         if self.orders.late == 0 and not turned:
             return now + self.orders.difference(self.first, self.last, self.behind)
         self.orders.move(self.first, self.last, self.behind, turned)
@@ -205,6 +215,6 @@ class Annealing:
             self.place[city] = index
 
     def _keep(self) -> None:
-        """The order is the best one."""
+        """Keep the order as the best one."""
         for index in range(self.orders.n):
             self.kept[index] = self.orders.order[index]

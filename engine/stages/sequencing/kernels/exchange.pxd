@@ -1,4 +1,4 @@
-# Types with which Cython compiles exchange.py. Its meaning is written there.
+# The types with which Cython compiles exchange.py. That file says what they mean.
 import cython
 
 cdef int ROOM, TWO, TWO_TWICE, SWAPPED, TURNED

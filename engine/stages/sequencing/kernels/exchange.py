@@ -2,11 +2,11 @@
 # cython: cdivision=True
 """Closed tours, and exchanges of two and three edges that make them shorter.
 
-A tour is an array of cities with its inverse (`position`); every change is the reversal of a stretch of positions. A
-reversal is its own inverse, so that a journal of reversals takes changes back.
+A tour is an array of cities with its inverse (`position`). Every change is the reversal of a stretch of
+positions. A reversal is its own inverse, so a journal of reversals can undo changes.
 
-An exchange is evaluated before anything is moved: most are rejected, and then cost no reversal. Lin & Kernighan 1973,
-all choices on the first levels; Bentley 1992 (queue of cities worth looking at).
+An exchange is evaluated before anything is moved. Most exchanges are rejected, and then cost no reversal. Lin
+& Kernighan 1973, all choices on the first levels; Bentley 1992 (queue of cities that are worth a look).
 """
 
 from typing import Any
@@ -16,15 +16,15 @@ from numpy.typing import NDArray
 
 from engine.kernels.arrays import Ints, whole
 
-ROOM = 8  # rows that one exchange may need in the journal
+ROOM = 8  # rows of the journal that one exchange may need
 TWO, TWO_TWICE, SWAPPED, TURNED = 1, 2, 3, 4
 
 
 class Ring:
     """A tour (n,) that is changed in place, n >= 8, under symmetric costs (n, n) of 32 or 64 bits.
 
-    `near` (n, k) has each city's candidates, nearest first; `toll` (n, k) the costs to them. Cities worth looking at
-    wait in a queue. Raises ValueError where shapes do not agree.
+    `near` (n, k) has the candidates of each city, nearest first; `toll` (n, k) has the costs to them. A queue
+    holds the cities that are worth a look. Raises ValueError if shapes do not agree.
     """
 
     def __init__(self, tour: Ints, cost: NDArray[Any], near: Ints, toll: NDArray[Any]) -> None:
@@ -42,7 +42,7 @@ class Ring:
         self._begin()
 
     def _begin(self) -> None:
-        """Find where each city stands."""
+        """Note the position of each city."""
         for index in range(self.n):
             self.position[self.tour[index]] = index
 
@@ -53,14 +53,14 @@ class Ring:
         return self.wide_cost[a, b]
 
     def wake(self, city: int) -> None:
-        """Put a city at the end of the queue unless it waits there."""
+        """Put a city at the end of the queue, unless it is in the queue already."""
         if self.waiting[city] == 0:
             self.waiting[city] = 1
             self.queue[(self.head + self.size) % self.n] = city
             self.size += 1
 
     def reverse(self, first: int, last: int) -> None:
-        """Reverse the positions from `first` to `last`, cyclically; the stretch between them, not the rest."""
+        """Reverse the positions from `first` to `last`, cyclically: the stretch between them, not the rest."""
         n, length = self.n, last - first + 1
         if length <= 0:
             length += n
@@ -72,20 +72,20 @@ class Ring:
             last = last - 1 if last > 0 else n - 1
 
     def note(self, first: int, last: int) -> None:
-        """Reverse positions and write it down."""
+        """Reverse positions and add this to the journal."""
         self.reverse(first, last)
         if self.written < self.rows:
             self.journal[self.written, 0], self.journal[self.written, 1] = first, last
         self.written += 1
 
     def undo(self) -> None:
-        """Take back the reversals of the journal."""
+        """Undo the reversals in the journal."""
         while self.written > 0:
             self.written -= 1
             self.reverse(self.journal[self.written, 0], self.journal[self.written, 1])
 
     def settle(self) -> int:
-        """Exchange edges around the cities in the queue until none gains; the gain."""
+        """Exchange edges around the cities in the queue until no exchange gains. Returns the gain."""
         gain = 0
         while self.size > 0:
             city = self.queue[self.head]
@@ -97,7 +97,7 @@ class Ring:
         return gain
 
     def _improve(self, city: int) -> int:
-        """Exchange edges beside a city until none gains or the journal is full; the gain."""
+        """Exchange edges beside a city until no exchange gains or the journal is full. Returns the gain."""
         gain = idle = 0
         forward = True
         while idle < 2 and self.written + ROOM < self.rows:
@@ -113,7 +113,7 @@ class Ring:
         return gain
 
     def _wake_ends(self) -> None:
-        """Look at the ends of the exchanged edges again."""
+        """Put the ends of the exchanged edges into the queue again."""
         self.wake(self.t2)
         self.wake(self.t3)
         self.wake(self.t4)
@@ -128,14 +128,14 @@ class Ring:
         return self.wide_toll[city, rank]
 
     def _step(self, forward: bool, city: int) -> int:
-        """The next city, or the one before."""
+        """The next city in one direction."""
         at = self.position[city]
         if forward:
             return self.tour[0 if at + 1 == self.n else at + 1]
         return self.tour[self.n - 1 if at == 0 else at - 1]
 
     def _within(self, forward: bool, first: int, city: int, last: int) -> bool:
-        """Whether one meets `city` on the way from `first` to `last` in the given direction."""
+        """Whether `city` lies on the way from `first` to `last` in the given direction."""
         a, b, c = self.position[first], self.position[city], self.position[last]
         if not forward:
             a, c = c, a
@@ -144,7 +144,10 @@ class Ring:
         return b >= a or b <= c
 
     def _best_exchange(self, t1: int, forward: bool) -> int:
-        """The gain of the best exchange that removes the edge after `t1`; which it is stands in `kind` and `t2` to `t6`."""
+        """The gain of the best exchange that removes the edge after `t1`.
+
+        `kind` and `t2` to `t6` describe this exchange.
+        """
         t2 = self._step(forward, t1)
         beyond = self._step(forward, t2)
         best, removed = 0, self.edge(t1, t2)
@@ -170,7 +173,7 @@ class Ring:
         self.kind, self.t2, self.t3, self.t4, self.t5, self.t6 = kind, t2, t3, t4, t5, t6
 
     def _second_turn(self, forward: bool, gain: int, best: int, t1: int, t2: int, t3: int, t4: int) -> int:
-        """After t2..t4 is turned round, another two-edge exchange of the edges at t1: the best gain so far."""
+        """The best gain so far, after a try of a second two-edge exchange at t1: first t2..t4 is reversed."""
         follower = self._step(not forward, t4)
         for rank in range(self.count):
             t5 = self.near[t4, rank]
@@ -187,7 +190,7 @@ class Ring:
         return best
 
     def _opened_cycle(self, forward: bool, gain: int, best: int, t1: int, t2: int, t3: int, t4: int) -> int:
-        """The cycle t2..t3 that the first two exchanged edges cut off is opened and put between t4 and t1 again."""
+        """The cycle t2..t3, which the first two exchanges cut off, is opened and put between t4 and t1 again."""
         for rank in range(self.count):
             t5 = self.near[t4, rank]
             left = gain - self._toll(t4, rank)
@@ -206,7 +209,10 @@ class Ring:
         return best
 
     def _turn(self, forward: bool, first: int, last: int) -> bool:
-        """Turn the path from city `first` to city `last` round, or, if that is shorter, the rest; what is forward then."""
+        """Reverse the path from city `first` to city `last`, or the rest if that is shorter.
+
+        Returns the new forward direction.
+        """
         start, end = self.position[first], self.position[last]
         if not forward:
             start, end = end, start
@@ -236,7 +242,7 @@ class Ring:
 
 
 def _check(tour: Ints, cost: NDArray[Any], near: Ints, toll: NDArray[Any]) -> None:
-    """Raises ValueError where arrays do not go together: compiled loops do not look."""
+    """Raises ValueError if arrays do not fit together: compiled loops do not check this."""
     n = len(tour)
     if n < 8 or cost.shape != (n, n) or near.shape[:1] != (n,) or toll.shape != near.shape:
         shapes = f"{tour.shape}, costs {cost.shape}, candidates {near.shape}, tolls {toll.shape}"

@@ -1,4 +1,4 @@
-# Types with which Cython compiles kicks.py. Its meaning is written there.
+# The types with which Cython compiles kicks.py. That file says what they mean.
 import cython
 from engine.stages.sequencing.kernels.exchange cimport Ring
 from engine.stages.sequencing.kernels.twister cimport Stream

@@ -1,8 +1,8 @@
 # cython: language_level=3, annotation_typing=False, boundscheck=False, wraparound=False, initializedcheck=False
 # cython: cdivision=True
-"""Annealing with kicks: double bridges between places that are near each other along the tour, or in space.
+"""Annealing with kicks: double bridges between places that are near each other, along the tour or in space.
 
-Martin, Otto & Felten 1991 (double-bridge kicks with annealed acceptance), the kicks kept local.
+Martin, Otto & Felten 1991 (double-bridge kicks with annealed acceptance); here the kicks are local.
 """
 
 from typing import Any
@@ -16,7 +16,7 @@ from engine.stages.sequencing.kernels.twister import Stream
 
 SEGMENT = 30  # cities between the cuts of a kick along the tour
 WALK = 10  # steps between the cuts of a kick in space
-SPATIAL = 0.5  # how many of the kicks are made in space
+SPATIAL = 0.5  # the share of kicks that are made in space
 
 
 def improve(
@@ -31,10 +31,11 @@ def improve(
 ) -> tuple[Ints, int, int, float]:
     """Anneal over `kicks` local double bridges, each repaired by exchanges; n >= 8.
 
-    `tour` (n,) is changed in place. `cost` (n, n) is symmetric, of whole numbers in 32 or 64 bits; `near` (n, k) has each
-    city's candidates, nearest first, `toll` (n, k) the costs to them. Worse tours are accepted with the probability
-    exp(-loss / warmth); `warmth` is multiplied by `cooling` each kick.
-    Returns the best tour, what it gained over the given one, what the current one gained, and the final warmth.
+    `tour` (n,) is changed in place. `cost` (n, n) is symmetric, with whole numbers in 32 or 64 bits. `near`
+    (n, k) has the candidates of each city, nearest first; `toll` (n, k) has the costs to them. A worse tour
+    is accepted with the probability exp(-loss / warmth); `warmth` is multiplied by `cooling` after each kick.
+
+    Returns the best tour, its gain over the given tour, the gain of the current tour, and the final warmth.
     """
     kicker = Kicker(tour, cost, near, toll, seed)
     warmth = kicker.anneal(kicks, warmth, cooling)
@@ -42,7 +43,7 @@ def improve(
 
 
 class Kicker:
-    """A tour that is annealed, the best one met, and what both gained over the one at the beginning."""
+    """A tour that is annealed, the best tour so far, and the gain of both over the first tour."""
 
     def __init__(self, tour: Ints, cost: NDArray[Any], near: Ints, toll: NDArray[Any], seed: int) -> None:
         self.ring, self.stream = Ring(tour, cost, near, toll), Stream(seed)
@@ -51,7 +52,7 @@ class Kicker:
         self.gain = self.best_gain = 0
 
     def anneal(self, kicks: int, warmth: float, cooling: float) -> float:
-        """Settle, then kick and settle as often; the final warmth."""
+        """Settle, then kick and settle again and again. Returns the final warmth."""
         for index in range(self.n):
             self.ring.wake(self.ring.tour[index])
         self.gain = self.best_gain = self.ring.settle()
@@ -71,14 +72,14 @@ class Kicker:
         return warmth
 
     def _remember(self) -> None:
-        """The tour is the best one."""
+        """Keep the tour as the best one."""
         for index in range(self.n):
             self.best[index] = self.ring.tour[index]
 
     def _kick(self) -> int:
-        """A double bridge: three neighbouring paths in reverse order. Its loss; the cities at the cuts are woken.
+        """Make a double bridge: put three neighbouring paths in reverse order. Returns the loss.
 
-        No exchange of three edges takes it back.
+        The cities at the cuts are woken. No exchange of three edges undoes this kick.
         """
         if self.stream.random() >= SPATIAL or not self._near_cuts():
             self._short_cuts()
@@ -95,17 +96,19 @@ class Kicker:
         return loss
 
     def _beside(self, place: int, side: int) -> int:
-        """The city before a cut, or behind it."""
+        """The city before a cut, or the city after it."""
         return self.ring.tour[(self.cuts[place] + side) % self.n]
 
     def _new_edge(self, place: int, other: int) -> int:
-        """What it costs to go on from one cut behind another."""
+        """The cost of going on from one cut after another."""
         return self.ring.edge(self._beside(place, 0), self._beside(other, 1))
 
     def _near_cuts(self) -> bool:
-        """Cut at four different places whose cities are close to each other in space, in order round the tour.
+        """Cut at four different places whose cities are close to each other in space, in the order of the
+        tour.
 
-        They are turned so that the longest path lies between the last and the first. False if no four were found.
+        The cuts are rotated so that the longest path lies between the last and the first. Returns False if
+        four places were not found.
         """
         city = self.stream.below(self.n)
         for place in range(4):
@@ -136,7 +139,7 @@ class Kicker:
             self.cuts[at] = cut
 
     def _short_cuts(self) -> None:
-        """Cut at four different places that follow each other closely round the tour."""
+        """Cut at four different places that are close to each other along the tour."""
         limit = max(1, min(SEGMENT, (self.n - 2) // 3))
         self.cuts[0] = self.stream.below(self.n)
         for place in range(3):

@@ -2,12 +2,12 @@
 # cython: cdivision=True
 """Search over orders and poses together.
 
-The poses of all visits lie in one table (m, k), joint values over joint speeds, so that the time between two poses is
-their largest difference; those of visit v are the rows offset[v] .. offset[v + 1] - 1. A tour is a ring of visits
-(`after`, `before`) with a row for each (`pose`).
+The poses of all visits are in one table (m, k) of joint values divided by joint speeds. So the time between
+two poses is their largest difference. The poses of visit v are the rows offset[v] .. offset[v + 1] - 1. A
+tour is a ring of visits (`after`, `before`) with a row for each visit (`pose`).
 
-Ruin and recreate (Schrimpf et al. 2000) with the choice of a pose in every insertion, as Smith & Imeson 2017 (GLNS) do
-for generalised tours; the layered shortest path over poses is that of Suarez-Ruiz, Lembono & Pham 2018.
+Ruin and recreate (Schrimpf et al. 2000); each insertion chooses a pose, as Smith & Imeson 2017 (GLNS) do for
+generalised tours. The layered shortest path over poses is that of Suarez-Ruiz, Lembono & Pham 2018.
 """
 
 import numpy as np
@@ -16,14 +16,15 @@ from engine.kernels.arrays import Floats, Ints, real, whole
 from engine.stages.sequencing.kernels.twister import Stream
 
 BIG = 1e300
-MOST = 12  # visits that one round takes off
+MOST = 12  # the greatest number of visits that one round removes
 NOISE = 0.2  # how far the choice of a place may err
 
 
 def best_poses(order: Ints, table: Floats, offset: Ints, closed: bool, pose: Ints) -> float:
-    """The least time of an order over all choices of poses; the rows that give it go into `pose` (n,), by visit.
+    """The least time of an order over all choices of poses.
 
-    A closed tour is cut at its first visit, for each of whose poses the path is computed: let it be one with few.
+    The rows that give it are written into `pose` (n,), by visit. A closed tour is cut at its first visit, and
+    the path is computed for each of its poses. So the first visit should have few poses.
     """
     return Layers(order, table, offset, pose).best(closed)
 
@@ -39,10 +40,10 @@ def search(
     cooling: float,
     seed: int,
 ) -> tuple[Ints, Ints, float, Ints, Ints, float]:
-    """Ruin and recreate a closed tour for `rounds` rounds, annealed; n >= 8.
+    """Ruin and recreate a closed tour for `rounds` rounds, with annealing; n >= 8.
 
-    `order` (n,) and `pose` (n,) are the tour, `near` (n, k) the visits beside which one may be inserted. Returns the
-    best order, its poses and time, the current order and poses, and the final warmth.
+    `order` (n,) and `pose` (n,) are the tour; `near` (n, k) has the visits beside which a visit may be
+    inserted. Returns the best order, its poses and time, the current order and poses, and the final warmth.
     """
     ruins = Ruins(order, pose, table, offset, near, seed)
     warmth = ruins.run(rounds, warmth, cooling)
@@ -52,7 +53,7 @@ def search(
 
 
 def _order_of(after: Ints, first: int) -> Ints:
-    """The visits on a ring, from the first on."""
+    """The visits on a ring, starting at the first."""
     order, visit = np.empty(len(after), np.int32), first
     for place in range(len(after)):
         order[place] = visit
@@ -61,7 +62,7 @@ def _order_of(after: Ints, first: int) -> Ints:
 
 
 def _check(order: Ints, table: Floats, offset: Ints, pose: Ints) -> None:
-    """Raises ValueError where arrays do not go together: compiled loops do not look."""
+    """Raises ValueError if arrays do not fit together: compiled loops do not check this."""
     n = len(order)
     if n < 1 or not np.array_equal(np.sort(order), np.arange(n)) or pose.shape != (n,):
         raise ValueError("an order (n,) of all visits, and a row (n,) for each, were expected")
@@ -70,7 +71,7 @@ def _check(order: Ints, table: Floats, offset: Ints, pose: Ints) -> None:
 
 
 class Poses:
-    """The table of poses, and where those of each visit begin."""
+    """The table of poses, and the row at which the poses of each visit begin."""
 
     def __init__(self, table: Floats, offset: Ints) -> None:
         self.table, self.offset, self.joints = real(table), whole(offset), table.shape[1]
@@ -83,12 +84,12 @@ class Poses:
         return most
 
     def width(self, visit: int) -> int:
-        """How many poses a visit has."""
+        """The number of poses of a visit."""
         return self.offset[visit + 1] - self.offset[visit]
 
 
 class Layers:
-    """Shortest paths over the poses of visits in a given order; the best one's rows go into `pose` (n,), by visit."""
+    """Shortest paths over the poses of visits in a given order; the best rows are written into `pose` (n,)."""
 
     def __init__(self, order: Ints, table: Floats, offset: Ints, pose: Ints) -> None:
         _check(order, table, offset, pose)
@@ -114,7 +115,9 @@ class Layers:
         return best
 
     def _pass(self, fixed: int) -> float:
-        """One pass over the layers, with `fixed` from that pose and back to it; the time, to the pose `last`."""
+        """The time of a shortest path to its last pose `last`; with `fixed` >= 0, from this pose and back to
+        it.
+        """
         home = self.poses.offset[self.order[0]]
         start, count = home, self.poses.width(self.order[0])
         for pose in range(count):
@@ -137,7 +140,7 @@ class Layers:
         return total
 
     def _from_before(self, start: int, count: int, row: int) -> float:
-        """The least time to a row from the `count` rows at `start`; from the one of them that is `origin`."""
+        """The least time to a row from the `count` rows at `start`; `origin` becomes the row before it."""
         least, self.origin = BIG, 0
         for earlier in range(count):
             if self.value[earlier] < least:
@@ -148,7 +151,7 @@ class Layers:
 
 
 class Ruins:
-    """A closed tour that is ruined and recreated, and the best one met (`kept_after`, `kept_pose`, the time `best`)."""
+    """A closed tour that is ruined and recreated; `kept_after`, `kept_pose` and `best` are the best so far."""
 
     def __init__(self, order: Ints, pose: Ints, table: Floats, offset: Ints, near: Ints, seed: int) -> None:
         _check(order, table, offset, pose)
@@ -173,7 +176,7 @@ class Ruins:
         self.removed, self.chosen, self.best = whole(np.zeros(n, np.int32)), -1, 0.0
 
     def run(self, rounds: int, warmth: float, cooling: float) -> float:
-        """So many rounds, annealed; the final warmth."""
+        """Make this many rounds with annealing. Returns the final warmth."""
         now = self.best = self._time()
         for _ in range(rounds):
             warmth *= cooling
@@ -191,7 +194,7 @@ class Ruins:
         return warmth
 
     def _time(self) -> float:
-        """How long the tour takes."""
+        """The time of the tour."""
         total = 0.0
         for visit in range(self.n):
             total += self.poses.travel(self.pose[visit], self.pose[self.after[visit]])
@@ -204,18 +207,18 @@ class Ruins:
             self.old_pose[visit] = self.pose[visit]
 
     def _return(self) -> None:
-        """Take the tour from before the change."""
+        """Go back to the tour before the change."""
         for visit in range(self.n):
             self.after[visit], self.before[visit] = self.old_after[visit], self.old_before[visit]
             self.pose[visit] = self.old_pose[visit]
 
     def _keep(self) -> None:
-        """The tour is the best one."""
+        """Keep the tour as the best one."""
         for visit in range(self.n):
             self.kept_after[visit], self.kept_pose[visit] = self.after[visit], self.pose[visit]
 
     def _ruin(self) -> int:
-        """Take visits off the ring: some that are near each other, or a stretch of the tour; how many."""
+        """Remove some neighbouring visits, or a stretch of the tour, from the ring. Returns their number."""
         count = min(1 + self.stream.below(MOST), self.n - 3)
         visit = seed = self.stream.below(self.n)
         along, taken = self.stream.random() < 0.5, 0
@@ -238,7 +241,7 @@ class Ruins:
         return taken
 
     def _recreate(self, count: int) -> None:
-        """Put visits back on the ring in any order, then choose their poses and those of their neighbours again."""
+        """Insert the visits again in random order, then choose their poses and their neighbours' poses."""
         for last in range(count - 1, 0, -1):
             other = self.stream.below(last + 1)
             self.removed[last], self.removed[other] = self.removed[other], self.removed[last]
@@ -251,7 +254,7 @@ class Ruins:
             self._polish(visit)
 
     def _insert(self, visit: int) -> None:
-        """Put a visit where it costs least, beside one of its neighbours on the ring."""
+        """Insert a visit where it costs least, beside one of its neighbours on the ring."""
         least, place, row = BIG, -1, -1
         for rank in range(self.breadth):
             for side in range(2):
@@ -277,7 +280,7 @@ class Ruins:
         self.pose[visit] = row
 
     def _choose(self, visit: int, left: int, right: int, limit: float) -> float:
-        """The least time over a visit between two rows, if less than `limit`: that by the row `chosen`, else -1."""
+        """The least time over a visit between two rows, below `limit`; `chosen` is its row, or -1 if none."""
         self.chosen = -1
         for row in range(self.poses.offset[visit], self.poses.offset[visit + 1]):
             time = self.poses.travel(left, row)
@@ -288,7 +291,7 @@ class Ruins:
         return limit
 
     def _polish(self, visit: int) -> None:
-        """Take the best pose of a visit between its neighbours as they are."""
+        """Take the best pose of a visit; its neighbours keep theirs."""
         left, right = self.pose[self.before[visit]], self.pose[self.after[visit]]
         now = self.poses.travel(left, self.pose[visit]) + self.poses.travel(self.pose[visit], right)
         self._choose(visit, left, right, now - 1e-12)

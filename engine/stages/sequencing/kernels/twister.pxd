@@ -1,4 +1,4 @@
-# Types with which Cython compiles twister.py. Its meaning is written there.
+# The types with which Cython compiles twister.py. That file says what they mean.
 import cython
 cimport libc.math as math
 

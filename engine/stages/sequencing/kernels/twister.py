@@ -1,8 +1,9 @@
 # cython: language_level=3, annotation_typing=False, boundscheck=False, wraparound=False, initializedcheck=False
 # cython: cdivision=True
-"""Random numbers: the Mersenne Twister (Matsumoto & Nishimura 1998), read as NumPy's `RandomState` reads it.
+"""Random numbers: the Mersenne Twister (Matsumoto & Nishimura 1998), with the numbers that NumPy's
+`RandomState` gives.
 
-A seed means the same numbers on every machine, compiled or not.
+A seed gives the same numbers on every machine, compiled or not.
 """
 
 import math
@@ -14,7 +15,7 @@ TWIST, TEMPER, TEMPER_HIGH = 0x9908B0DF, 0x9D2C5680, 0xEFC60000
 
 
 class Stream:
-    """The numbers that follow from a seed, of which 32 bits count."""
+    """The random numbers that follow from a seed. Only 32 bits of the seed count."""
 
     def __init__(self, seed: int) -> None:
         self.words = array("I", bytes(4 * SIZE))
@@ -27,7 +28,7 @@ class Stream:
         return (high * 67108864.0 + low) / 9007199254740992.0
 
     def below(self, count: int) -> int:
-        """One of 0 .. count - 1; none is drawn where there is one only."""
+        """One of 0 .. count - 1. If there is only one, no random number is drawn."""
         if count <= 1:
             return 0
         mask = count - 1
@@ -42,11 +43,11 @@ class Stream:
                 return found
 
     def accepts(self, exponent: float) -> bool:
-        """Whether a change is taken whose probability is e to the power of `exponent`."""
+        """Whether a change is accepted that has the probability e to the power of `exponent`."""
         return self.random() < math.exp(exponent)
 
     def _begin(self, word: int) -> None:
-        """The words that follow from the first."""
+        """The first words of the state."""
         for place in range(SIZE):
             self.words[place] = word
             word = (1812433253 * (word ^ (word >> 30)) + place + 1) & WORD

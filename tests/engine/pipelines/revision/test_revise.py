@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from engine.model.outcome import Found
 from engine.pipelines import planning
-from engine.pipelines.revision import Revision, revise
+from engine.pipelines.revision import PlanRevision, revise
 from engine.pipelines.revision.observing import expected, observed
 from engine.stages.validation import validate
 from kb.model.plan import Plan, StepId
@@ -33,12 +33,12 @@ def bundled(name: str) -> Path:
     return DOMAINS / domain / "golden" / f"{problem}.json"
 
 
-def plan_of(found: Revision) -> Plan:
+def plan_of(found: PlanRevision) -> Plan:
     assert isinstance(found.outcome, Found)
     return found.outcome.plan
 
 
-def assert_accounted_for(path: Path, done: tuple[StepId, ...], found: Revision) -> None:
+def assert_accounted_for(path: Path, done: tuple[StepId, ...], found: PlanRevision) -> None:
     """Every step is kept, dropped or added, and is counted once."""
     left = sorted(str(step.operator) for step in course(path).plan.steps if step.id not in done)
     now = sorted(str(step.operator) for step in plan_of(found).steps)

@@ -109,7 +109,7 @@ def test_a_bench_file_is_read_in_any_order() -> None:
     ("text", "said"),
     [
         ("INPUT(1)\n2 = MAYBE(1)", "line 2: unknown gate MAYBE"),
-        ("INPUT(1)\n2 = AND()", "line 2: a gate without inputs"),
+        ("INPUT(1)\n2 = AND()", "line 2: the gate has no inputs"),
         ("INPUT(1)\nwires", "line 2 is neither"),
         ("INPUT(1)\n2 = AND(1, 3)\n3 = NOT(2)", "2 depends on itself"),
         ("2 = AND(1, 1)", "nothing drives"),

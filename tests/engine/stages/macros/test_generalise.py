@@ -12,7 +12,7 @@ from macro_cells import GOLDEN, Example, atom, bundled, constraints_hold, golden
 from engine.stages.macros.learning.generalise import NotGeneral, generalise
 from engine.stages.macros.lifted.situation import Situation
 from engine.stages.macros.lookup.instantiate import instantiate
-from engine.stages.macros.lookup.matching import Work, matches
+from engine.stages.macros.lookup.matching import MatchingBudget, matches
 from engine.stages.macros.lookup.program import Program
 from engine.stages.macros.lookup.query import Query
 from engine.stages.validation import validate
@@ -108,7 +108,9 @@ def test_matching_agrees_with_brute_force() -> None:
     situation = Situation.of(world, found.initial)
     goal = Literal(atom("measured(us_probe, t3_746, meas(m2))"))
     asked = Query(situation, (goal,), ())
-    joined = {tuple(b[p] for p in macrop.parameters) for b in matches(Program(macrop), asked, Work())}
+    joined = {
+        tuple(b[p] for p in macrop.parameters) for b in matches(Program(macrop), asked, MatchingBudget())
+    }
     objects = [Function(name) for name in (*found.problem.objects, *found.problem.domain.objects)]
     tried = set()
     for one in objects:

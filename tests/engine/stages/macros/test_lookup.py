@@ -10,10 +10,10 @@ from hypothesis import strategies as st
 from macro_cells import GOLDEN, Example, atom, bundled, golden
 
 from engine.stages.macros.lifted.situation import Situation
-from engine.stages.macros.lookup.checking import Refused, check
+from engine.stages.macros.lookup.checking import Refusal, check
 from engine.stages.macros.lookup.index import Index
 from engine.stages.macros.lookup.lookup import look_up
-from engine.stages.macros.lookup.matching import OutOfWork, Work, joined, matches
+from engine.stages.macros.lookup.matching import MatchingBudget, OutOfWork, joined, matches
 from engine.stages.macros.lookup.program import Program
 from engine.stages.macros.lookup.query import Query, query, readings
 from engine.stages.validation import validate
@@ -82,7 +82,9 @@ def test_the_index_offers_every_macrop_that_matches(data: st.DataObject) -> None
     for each in readings(whole):
         offered = {entry.key for entry in index.candidates(each)}
         fitting = {
-            key for key, macrop in enumerate(taught) if next(matches(Program(macrop), each, Work()), None)
+            key
+            for key, macrop in enumerate(taught)
+            if next(matches(Program(macrop), each, MatchingBudget()), None)
         }
         assert fitting <= offered
 
@@ -102,10 +104,12 @@ def test_goals_with_few_choices_first_gives_the_bindings_of_the_plain_join(data:
                 continue
             bare = Program(dataclasses.replace(macrop, exclusions=()))
             try:
-                plain = {frozenset(bindings.items()) for bindings in joined(program, each, Work(20_000))}
+                plain = {
+                    frozenset(bindings.items()) for bindings in joined(program, each, MatchingBudget(20_000))
+                }
             except OutOfWork:
                 continue
-            fast = {frozenset(bindings.items()) for bindings in matches(bare, each, Work(100_000))}
+            fast = {frozenset(bindings.items()) for bindings in matches(bare, each, MatchingBudget(100_000))}
             assert fast == plain
 
 
@@ -195,7 +199,7 @@ def test_a_goal_that_held_is_not_given_up_for_another() -> None:
     problem = dataclasses.replace(found.problem, goal=And((found.problem.goal, here)))
     both = asked(found, problem)
     assert both.kept == (here,)
-    assert isinstance(check(found.plan, both), Refused)
+    assert isinstance(check(found.plan, both), Refusal)
     index = Index()
     index.add(0, found.learned.macrop)
     assert all(look_up(index, each) is None for each in readings(both))

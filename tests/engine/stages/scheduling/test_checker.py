@@ -51,9 +51,9 @@ def test_a_good_schedule_has_no_faults() -> None:
         (moved(bake=8), "bake needs door shut from 8 to 18"),
         (moved(bake=14), "bake comes 7 after bring, but at most 5 may pass"),
         (moved(bake=5), "bake comes -2 after bring, but at least 0 must pass"),
-        (moved(wipe=8), "arm has 1, but at 8: door to shut, wipe"),
+        (moved(wipe=8), "arm has capacity 1, but at 8 it serves door to shut, wipe"),
         (moved(wipe=10), None),
-        (moved(bring=2), "arm has 1, but at 2: door to open, bring"),
+        (moved(bring=2), "arm has capacity 1, but at 2 it serves door to open, bring"),
         (replace(GOOD, adjustments=GOOD.adjustments[:1]), "bake needs door shut"),
         (replace(GOOD, adjustments=GOOD.adjustments[1:]), "door is not open at 7"),
         (replace(GOOD, makespan=18), "the makespan is 19, not 18"),
@@ -81,7 +81,7 @@ def test_two_objects_do_not_share_a_place() -> None:
     holds = tuple(Hold("slot", Moment(f"{j}0", 1), Moment(f"{j}1", 1)) for j in "ab")
     shop = Shop(jobs, (Resource("slot"),), (), holds)
     times = {"a0": 0, "a1": 4, "b0": 3, "b1": 6}
-    assert "slot has 1, but at 4" in check_schedule(shop, Schedule(times, (), 8, 0))[0]
+    assert "slot has capacity 1, but at 4" in check_schedule(shop, Schedule(times, (), 8, 0))[0]
     assert check_schedule(shop, Schedule({**times, "b0": 4, "b1": 7}, (), 9, 0)) == ()
     roomy = replace(shop, resources=(Resource("slot", 2),))
     assert check_schedule(roomy, Schedule(times, (), 8, 0)) == ()

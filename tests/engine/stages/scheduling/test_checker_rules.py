@@ -208,18 +208,18 @@ def test_a_resource_is_taken_from_the_first_minute_to_the_last() -> None:
     jobs = tuple(Job(name, (Stage(name, 3, ("arm",)),)) for name in ("a", "b", "c"))
     shop = Shop(jobs, (ARM,))
     assert check_schedule(shop, at(0, 3, 6, shop=shop)) == ()
-    assert check_schedule(shop, at(0, 2, 5, shop=shop)) == ("arm has 1, but at 2: a, b",)
+    assert check_schedule(shop, at(0, 2, 5, shop=shop)) == ("arm has capacity 1, but at 2 it serves a, b",)
     two = replace(shop, resources=(replace(ARM, capacity=2),))
     assert check_schedule(two, at(0, 2, 3, shop=two)) == ()
-    assert check_schedule(two, at(0, 1, 2, shop=two)) == ("arm has 2, but at 2: a, b, c",)
+    assert check_schedule(two, at(0, 1, 2, shop=two)) == ("arm has capacity 2, but at 2 it serves a, b, c",)
 
 
 def test_of_each_resource_the_first_conflict_is_named() -> None:
     jobs = tuple(Job(name, (Stage(name, 3, ("arm", "oven")),)) for name in ("a", "b", "c"))
     shop = Shop(jobs, (ARM, Resource("oven")))
     assert check_schedule(shop, at(0, 1, 2, shop=shop)) == (
-        "arm has 1, but at 1: a, b",
-        "oven has 1, but at 1: a, b",
+        "arm has capacity 1, but at 1 it serves a, b",
+        "oven has capacity 1, but at 1 it serves a, b",
     )
 
 
@@ -228,11 +228,14 @@ def test_of_each_resource_the_first_conflict_is_named() -> None:
     [
         (Hold("slot", Moment("one", 3), Moment("two")), ()),
         (Hold("slot", Moment("two"), Moment("one", 3)), ("the hold of two ends at 3, before it begins",)),
-        (Hold("slot", Moment("one", 3), None), ("slot has 1, but at 5: hold of one, two",)),
+        (Hold("slot", Moment("one", 3), None), ("slot has capacity 1, but at 5 it serves hold of one, two",)),
         (Hold("slot", None, Moment("one", 3)), ()),
-        (Hold("slot", None, Moment("two", 1)), ("slot has 1, but at 5: hold of two, two",)),
-        (Hold("slot", None, None), ("slot has 1, but at 5: hold of nobody, two",)),
-        (Hold("slot", Moment("one", 3), Moment("two", 1)), ("slot has 1, but at 5: hold of one, two",)),
+        (Hold("slot", None, Moment("two", 1)), ("slot has capacity 1, but at 5 it serves hold of two, two",)),
+        (Hold("slot", None, None), ("slot has capacity 1, but at 5 it serves hold of no stage, two",)),
+        (
+            Hold("slot", Moment("one", 3), Moment("two", 1)),
+            ("slot has capacity 1, but at 5 it serves hold of one, two",),
+        ),
         (Hold("other", None, None), ()),
     ],
 )
@@ -246,9 +249,13 @@ def test_what_is_held_is_taken_from_its_beginning_to_its_end(hold: Hold, found: 
 def test_a_hold_for_good_lasts_beyond_the_end() -> None:
     last = Job("b", (Stage("last", 1),))
     shop = Shop((last,), (Resource("slot"),), (), (Hold("slot", Moment("last", 1), None),) * 2)
-    assert check_schedule(shop, at(4, shop=shop)) == ("slot has 1, but at 5: hold of last, hold of last",)
+    assert check_schedule(shop, at(4, shop=shop)) == (
+        "slot has capacity 1, but at 5 it serves hold of last, hold of last",
+    )
     late = replace(shop, holds=(Hold("slot", Moment("last", 9), None),) * 2)
-    assert check_schedule(late, at(4, shop=late)) == ("slot has 1, but at 13: hold of last, hold of last",)
+    assert check_schedule(late, at(4, shop=late)) == (
+        "slot has capacity 1, but at 13 it serves hold of last, hold of last",
+    )
 
 
 WAYS = Resource("arm", 1, {("rack", "oven"): 2, ("oven", "rack"): 3, ("oven", "bench"): 1}, "rack")

@@ -5,7 +5,7 @@ import xml.etree.ElementTree as ET
 
 from rich.console import Console
 
-from engine.formats.report.gantt import Gantt, Kind, rows, schedule_entry, summary
+from engine.formats.report.gantt import BarKind, Gantt, rows, schedule_entry, summary
 from engine.formats.report.gantt_svg import chart
 from engine.model.schedule import Schedule
 from engine.model.shop import Hold, Job, Moment, Resource, Shop, Stage
@@ -21,9 +21,14 @@ def drawn(width: int) -> list[str]:
 def test_a_row_per_job_of_several_stages_and_per_unit_in_use() -> None:
     made = {row.name: [(bar.start, bar.end, bar.kind) for bar in row.bars] for row in rows(SHOP, GOOD)}
     assert made == {
-        "a": [(3, 7, Kind.STAGE), (9, 19, Kind.STAGE)],
-        "arm": [(1, 3, Kind.CHANGE), (3, 7, Kind.STAGE), (7, 9, Kind.CHANGE), (11, 14, Kind.STAGE)],
-        "oven": [(5, 19, Kind.HOLD)],
+        "a": [(3, 7, BarKind.STAGE), (9, 19, BarKind.STAGE)],
+        "arm": [
+            (1, 3, BarKind.CHANGE),
+            (3, 7, BarKind.STAGE),
+            (7, 9, BarKind.CHANGE),
+            (11, 14, BarKind.STAGE),
+        ],
+        "oven": [(5, 19, BarKind.HOLD)],
     }
 
 
