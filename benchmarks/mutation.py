@@ -69,7 +69,9 @@ MODULES: dict[
     ),
     "checks of the knowledge base": (
         ("kb/check/*.py",),
-        ("tests/kb/check/test_fault_bases.py", "tests/kb/check/test_domain_checks.py"),
+        tuple(
+            f"tests/kb/check/test_{name}.py" for name in ("fault_bases", "near_misses", "domain_checks")
+        ),
     ),
 }
 
