@@ -7,6 +7,7 @@ import pytest
 from engine.model.cases import Diagnosis, Hypothesis, Observation
 from engine.model.troubleshooting import Action, Advice
 from engine.stages.diagnosis.knowledge import CURED, NOT_CURED, Objective
+from engine.stages.diagnosis.multiple import explanations
 from engine.stages.diagnosis.session import A_PERSON, QUESTION, Session, run, steps
 from engine.stages.diagnosis.world import HiddenWorld, draw_cause
 from kb.model.faults import Cause, FaultModel, FaultTest, Interruption, Repair
@@ -148,6 +149,34 @@ def test_when_nothing_alone_explains_what_was_seen_sets_of_causes_do() -> None:
     assert session.belief()[0][0] == Hypothesis(("jam", "leak"))
     assert session.case.problem.actions == ()
     assert session.diagnosis().cost == 3.0
+
+
+def test_a_case_is_finished_when_its_cause_is_known_even_if_a_repair_is_left_to_do() -> None:
+    session = Session(pump(SEAL), "halt", Objective.REPAIR)
+    look = [action.name for action in session.case.problem.actions].index("look")
+    session.observe(look, 1, session.advice())
+    assert session.advice().action is not None
+    made = session.diagnosis()
+    assert (made.isolated, made.finished, made.cured) == (True, True, None)
+
+
+def test_a_repair_that_cures_several_causes_finishes_the_case_without_telling_which() -> None:
+    made = told(pump(SWAP, tests=()), CURED, objective=Objective.REPAIR)
+    assert {str(h) for h, _ in made.hypotheses} == {"leak", "jam", "rust"}
+    assert (made.isolated, made.finished, made.cured) == (False, True, "swap")
+
+
+def test_the_likeliest_explanations_are_kept() -> None:
+    """The leak explains what was seen; so does rust, the likelier cause, but only if the look was wrong."""
+    seen = [Observation("look", "wet")]
+    every = explanations(pump(), {"leak": 0.4, "rust": 0.6}, seen)
+    assert [h for h, _ in every] == [Hypothesis(("leak",)), Hypothesis(("rust",), ("look",))]
+    assert explanations(pump(), {"leak": 0.4, "rust": 0.6}, seen, most=1) == [(Hypothesis(("leak",)), 1.0)]
+
+
+def test_a_cause_that_never_happens_explains_nothing() -> None:
+    found = explanations(pump(), {"leak": 0.0, "rust": 1.0}, [Observation("look", "wet")])
+    assert found == [(Hypothesis(("rust",), ("look",)), 1.0)]
 
 
 # A world with a hidden cause.
