@@ -118,6 +118,8 @@ operators:
   fill(P): {types: {P: place}, adds: tried, effects: [{when: "fits(bolt, P)", deletes: lit(red)}]}
   press(L): {types: {L: lamp}, effects: [{when: dirty, adds: lit(L)}, {when: tried, adds: lit(L)}]}
   note(I, J): {preconditions: "above(I, J) | tried", adds: clean(I)}
+  stack(I, J): {adds: "over(I, J)"}
+  turn(I, J, M, K): {where: J != K, preconditions: "over(I, J)", adds: tried, deletes: "over(M, K)"}
   free(I): {preconditions: alone(I), adds: tried}
 deductive_operators:
   - {when: "at(I, P)", denies: "at(I, Q), Q != P"}
@@ -264,6 +266,11 @@ WIPE, POUR = step(1, "wipe(bolt)"), step(2, "pour(table)", 1)
             "clean(bolt)", "over(nut, nut); tried", (step(1, "note(bolt, nut)"),),
             {"tried"}, set(), set(), {"clean(I1)"},
             id="rules that lead back to themselves end",
+        ),
+        pytest.param(
+            "over(bolt, nut), tried", "", (step(1, "stack(bolt, nut)"), step(2, "turn(bolt, nut, nut, bolt)", 1)),
+            set(), set(), {"J1 != K1"}, {"over(I1, J1)", "tried"},
+            id="what a constraint keeps apart is not kept apart again",
         ),
     ],
 )  # fmt: skip
