@@ -92,3 +92,9 @@ def test_a_sequence_is_accepted_if_some_reading_of_it_finishes_every_chain(
     found = wrong(posed(chains), sequence(*steps))
     assert (found == []) == possible
     assert all(each.startswith("K506") for each in found)
+
+
+def test_of_two_events_that_no_chains_expect_together_the_first_is_named() -> None:
+    assert wrong(posed(((("rung(b)",), False),)), sequence("ring_both")) == [
+        "K506: step 1 ring_both: rung(a) is not the next stage of any chain"
+    ]

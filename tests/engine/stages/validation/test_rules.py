@@ -403,14 +403,25 @@ deductive_operators:
 """
 
 
-def test_a_denial_whose_consequences_depend_on_the_state_reads_the_state() -> None:
+@pytest.mark.parametrize("consequence", ["implies: dark", "denies: oiled"])
+def test_a_denial_whose_consequences_depend_on_the_state_reads_the_state(consequence: str) -> None:
     """Slamming lets a shut door swing open for a moment, which makes it dark; a door that stands open stays bright."""
-    posed = problem("latched", (), CONSEQUENCE)
+    posed = problem("latched", (), CONSEQUENCE.replace("implies: dark", consequence))
     assert wrong(posed, (step(1, "close"), step(2, "slam", 1))) == []
     assert wrong(posed, (step(1, "slam"), step(2, "oil"))) == []
     assert wrong(posed, (step(1, "close"), step(2, "slam"))) == [
         "K503: steps 1 and 2 are unordered, but close changes shut, which slam depends on"
     ]
+
+
+def test_two_unordered_steps_may_end_the_same() -> None:
+    assert wrong(problem("not lit", ("lit",)), (step(1, "douse"), step(2, "douse"))) == []
+
+
+def test_a_link_is_of_concern_to_its_consumer_alone() -> None:
+    posed = problem("clean", (), workflow=("{for: {T: [bolt]}, stages: seen(T)}",))
+    steps = (step(1, "light"), step(2, "look(bolt)", 1), step(3, "douse", 2), step(4, "wipe"))
+    assert wrong(posed, steps, (link(1, "lit", 2),)) == []
 
 
 def switches(count: int) -> tuple:
