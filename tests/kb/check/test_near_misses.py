@@ -121,6 +121,7 @@ def test_a_domain_measures_from_three_conventions_on(tmp_path: Path) -> None:
         ("fluents: chosen(thing, thing)", True),
         ("statics: chosen(thing)", True),
         ("fluents: chosen(thing)", False),  # another sort and another count: another thing
+        ("fluents: thickness", False),  # constants are left out
         ("fluents: release(thing, time)", True),
         ("statics: release(thing)", False),  # nothing in the domain is about time
     ],
