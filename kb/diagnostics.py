@@ -73,6 +73,7 @@ CODES = {
     "K604": "an ordered act that cannot be a stage",
     "K605": "a phrase that an earlier phrase covers",
     "K606": "a noun that no sentence can contain",
+    "K607": "a noun that means two things",
     "K701": "a frame that is placed relative to itself",
     "K702": "a shape that is empty or contradicts itself",
     "K703": "an error in a robot description",

@@ -3,6 +3,7 @@
 from dataclasses import dataclass, field
 
 from engine.model.troubleshooting import Advice, Troubleshooting
+from kb.model.plan import Step
 from kb.terms import Atom
 
 
@@ -36,13 +37,25 @@ class Observation:
 
 
 @dataclass(frozen=True, slots=True)
+class Prepared:
+    """The steps that prepare a test or repair, in order, and how long they last together."""
+
+    steps: tuple[Step, ...] = ()
+    cost: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
 class CaseStep:
-    """One step of a case: the belief before it, the advice, what was observed, and what that cost."""
+    """One step of a case: the belief before it, the advice, what was observed, what that cost, and the steps before it.
+
+    `steps` prepared the test or repair; the cost contains them.
+    """
 
     belief: tuple[tuple[str, float], ...]
     advice: Advice
     observed: Observation
     cost: float
+    steps: tuple[Step, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,9 +98,18 @@ class Question:
 
 @dataclass(frozen=True, slots=True)
 class Revision:
-    """The changes that a diagnosis makes in the world model, each with its reason, and the lost resources."""
+    """The changes that a diagnosis makes in the world model, each with its reason, and the lost resources.
+
+    `blocked` are patterns of steps that are not taken any more. `assumed` is what must have held for the interrupted step
+    to begin, `kept` is work like the work that the cause puts in doubt, and `follows` are facts that hold (True) or do not
+    hold any more by deductive operators.
+    """
 
     withdrawn: tuple[tuple[Atom, str], ...] = ()
     asserted: tuple[tuple[Atom, str], ...] = ()
     restored: tuple[tuple[Atom, str], ...] = ()
     lost: tuple[str, ...] = field(default=())
+    blocked: tuple[tuple[Atom, str], ...] = ()
+    assumed: tuple[tuple[Atom, str], ...] = ()
+    kept: tuple[tuple[Atom, str], ...] = ()
+    follows: tuple[tuple[Atom, bool], ...] = ()

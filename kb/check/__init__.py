@@ -3,6 +3,7 @@
 from collections.abc import Collection, Iterator
 
 from kb.check.conventions import near_misses, read_by_engine
+from kb.commands.ambiguity import unclear_words
 from kb.commands.phrases import spoken_of
 from kb.diagnostics import Diagnostic
 from kb.model.conditions import Aggregate, Condition, conditions, literals
@@ -16,7 +17,7 @@ def check_domain(domain: Domain, problems: Collection[Problem] = ()) -> list[Dia
     near = near_misses(domain)
     told = {each.where for each in near}
     unused = (each for each in _unused(domain, problems) if each.where not in told)
-    return [*unused, *_never_added(domain, problems), *_not_held(domain), *near]
+    return [*unused, *_never_added(domain, problems), *_not_held(domain), *near, *unclear_words(domain)]
 
 
 def unreachable(domain: Domain, reached: Collection[str]) -> list[Diagnostic]:

@@ -1,70 +1,106 @@
 """Why a sentence is not understood: the word, the words that are possible there, and the nearest phrase."""
 
 import difflib
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 
-from kb.commands.grammar import NotUnderstood
+from kb.commands.clauses import NotUnderstood
 from kb.commands.patterns import Slot, Word, expansions, read_pattern, readable
-from kb.commands.tokens import NAME, NUMBER, TIME, UNKNOWN, Piece
+from kb.commands.reading import A_NAME, A_NUMBER, A_TIME
+from kb.commands.tokens import NUMBER, Piece
+from kb.commands.unsaid import refusal
+from kb.commands.vocabulary import Vocabulary
 from kb.diagnostics import Diagnostic, Source
 from kb.model.domain import Domain
 
-SHOWN = {
-    NUMBER: "a number", TIME: "a time such as 15 min", NAME: "a name", "COMMA": "','", "SEMICOLON": "';'",
-    "STOP": "'.'",
-}  # fmt: skip
-HIDDEN = ("DOTS", "DASH", "AMPERSAND", "SEMICOLON", "afterwards", "finally", "next", "these", "those", "they")
+KINDS = {
+    A_NUMBER: "a number",
+    A_TIME: "a time such as 15 min",
+    A_NAME: "a name",
+    ",": "','",
+    ";": "';'",
+    ".": "'.'",
+}
+SHOWN = (
+    "and",
+    "then",
+    "all",
+    "both",
+    "it",
+    "them",
+)  # words of every language of phrases that are worth showing
 MOST = 12
 
 
 def explain(
-    error: NotUnderstood, text: str, domain: Domain, names: Collection[str], place: Callable[[int], Source]
+    error: NotUnderstood, text: str, domain: Domain, vocabulary: Vocabulary, place: Callable[[int], Source]
 ) -> Diagnostic:
-    """The diagnostic for a sentence that is not understood. `names` holds the known objects."""
+    """The diagnostic for a sentence that is not understood."""
     said, index = error.said, error.index
+    example = readable(domain.phrases[0].say)
+    if (found := refusal(said, index, _known(domain, vocabulary), example)) is not None:
+        return Diagnostic(place(found.offset), "K602", found.message, found.hint)
     near = ""
     if index < len(said):
         piece = said[index]
         message = f"'{piece.text}' is not understood here"
         offset = piece.offset
-        near = _similar(piece, error.expected, names)
+        near = _decimal(said, index) or _similar(piece, error.expected, domain, vocabulary)
     else:
         message = "the command ends too early" if said else "the command is empty"
         offset = len(text.rstrip())
-    hints = [near, _words(error.expected), _phrase(_clause(said, index, domain), domain)]
+    hints = [near, _words(error.expected, domain, vocabulary), _phrase(_clause(said, index, domain), domain)]
     return Diagnostic(place(offset), "K602", message, "; ".join(filter(None, hints)))
 
 
-def _similar(piece: Piece, expected: frozenset[str], names: Collection[str]) -> str:
-    if piece.kind == NUMBER and TIME in expected:
+def _known(domain: Domain, vocabulary: Vocabulary) -> frozenset[str]:
+    """The words of the domain's phrases, nouns and objects."""
+    parts = (
+        part for phrase in domain.phrases for each in expansions(read_pattern(phrase.say)) for part in each
+    )
+    found = {part.text for part in parts if isinstance(part, Word)}
+    found |= {word for noun in vocabulary.things for word in noun}
+    return frozenset(found | {word for type_ in domain.types for word in vocabulary.nouns(type_)})
+
+
+def _decimal(said: Sequence[Piece], index: int) -> str:
+    """The hint for "1,5 hours"."""
+    parts = said[index : index + 4]
+    if [piece.kind for piece in parts[:3]] != [NUMBER, "mark", NUMBER] or parts[1].text != ",":
+        return ""
+    return f"did you mean '{parts[0].text}.{parts[2].text} {parts[-1].text}'? decimals have a point"
+
+
+def _similar(piece: Piece, expected: frozenset[str], domain: Domain, vocabulary: Vocabulary) -> str:
+    if piece.kind == NUMBER and A_TIME in expected:
         return f"did you mean '{piece.text} min' or '{piece.text} s'?"
+    if piece.lower in {*SHOWN, *_known(domain, vocabulary)}:
+        return ""
     words = sorted(word for word in expected if word.isalpha() and word.islower())
-    if NAME in expected:
-        words += sorted(names)
-    near = difflib.get_close_matches(piece.text.lower(), words, n=1, cutoff=0.7)
+    if A_NAME in expected:
+        words += sorted(vocabulary.objects)
+    near = difflib.get_close_matches(piece.lower, words, n=1, cutoff=0.7)
     return f"did you mean '{near[0]}'?" if near else ""
 
 
-def _words(expected: frozenset[str]) -> str:
-    words = sorted(kind for kind in expected if kind not in SHOWN and kind not in HIDDEN)
-    kinds = [shown for kind, shown in SHOWN.items() if kind in expected and kind not in HIDDEN]
+def _words(expected: frozenset[str], domain: Domain, vocabulary: Vocabulary) -> str:
+    own = {*SHOWN, *_known(domain, vocabulary)}
+    words = sorted(word for word in expected if word in own)
+    kinds = [shown for kind, shown in KINDS.items() if kind in expected]
     shown = [*(f"'{word}'" for word in words[:MOST]), *(["..."] if len(words) > MOST else []), *kinds]
-    return f"possible here: {', '.join(shown)}"
+    return f"possible here: {', '.join(shown)}" if shown else ""
 
 
 def _clause(said: Sequence[Piece], index: int, domain: Domain) -> list[str]:
-    """The words of the clause around a token: from a word that begins a phrase to the next such word."""
+    """The words of the clause around a piece: from a word that begins a phrase to the next such word."""
     starts = {part.text for first in _firsts(domain) for part in first if isinstance(part, Word)}
-    kinds = [piece.text.lower() for piece in said]
+    kinds = [piece.lower for piece in said]
     joins = ("and", "then", ",", ";", ".")
     begins = [n for n, word in enumerate(kinds) if word in starts and (n == 0 or kinds[n - 1] in joins)]
     begin = max((n for n in begins if n < index), default=0)
     if index < len(said) and index and kinds[index - 1] in joins:
         begin = index
     end = min((n for n in begins if n > max(index, begin)), default=len(said))
-    return [
-        kinds[n] for n in range(begin, end) if said[n].kind not in (NUMBER, NAME) or said[n].kind == UNKNOWN
-    ]
+    return [kinds[n] for n in range(begin, end) if said[n].kind != NUMBER]
 
 
 def _firsts(domain: Domain) -> Iterator[tuple[Word | Slot, ...]]:

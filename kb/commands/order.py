@@ -1,20 +1,27 @@
 """The order that a sentence gives, as chains of stages.
 
-The acts of one object follow each other in the order of the sentence, however they are joined. "then" between acts of different
-objects is a barrier. An act that names no object of its own ("open the drawer") is a barrier, too, if the sentence has an order.
+The acts of one object follow each other in the order of the sentence, however they are joined; so do an act of an object and an
+act that names it otherwise ("put probe 1 into box 2, close box 2"). "then" lets the acts behind it wait for those before it. An
+act that names no object of its own ("open the drawer"), and one that a later act of its object undoes ("open box 2", "close
+box 2"), stand between what is said before and behind them, if the sentence has an order.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+import itertools
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
 
-from kb.model.conditions import And, Condition
+from kb.model.conditions import And, Condition, Literal
 from kb.model.problem import Chain
 from kb.terms import Atom, Term, is_ground
+
+Apart = Callable[[Literal, Literal], bool]
+"""Whether two conditions cannot hold together."""
 
 
 @dataclass(frozen=True, slots=True)
 class Act:
-    """The condition that one clause asks for one subject.
+    """What one clause asks for one subject. `things` are the other objects that it names.
 
     `stages` is None if the condition cannot be a stage. `must` means that the phrase makes the act an event or a stage.
     `alone` means that no slot names its subject. `then` means that the clause follows "then".
@@ -22,6 +29,8 @@ class Act:
 
     clause: int
     subject: Term
+    things: frozenset[Term]
+    literals: tuple[Literal, ...]
     condition: Condition
     stages: tuple[Atom, ...] | None
     must: bool
@@ -37,91 +46,186 @@ class NoOrder(Exception):
         self.clause = clause
 
 
-def arrange(acts: Sequence[Act]) -> tuple[Condition, tuple[Chain, ...]]:
+def arrange(acts: Sequence[Act], apart: Apart) -> tuple[Condition, tuple[Chain, ...]]:
     """The goal and the chains for the acts of a sentence. Raises `NoOrder`."""
-    ordered = _is_ordered(acts)
-    groups = _groups(acts) if ordered else [list(acts)]
-    placed = [act for act in acts if ordered and _has_place(act, acts, groups)]
-    chains = _Chains()
-    for group in groups:
-        chains.add([act for act in group if act in placed])
-    lasting = {act.subject: act for act in placed}.values()  # the last act of each subject
-    goals = dict.fromkeys(
-        act.condition for act in acts if act not in placed or (act in lasting and _is_open(act))
+    undone = set(_undone(acts, apart))
+    acts = _joined(acts, undone)
+    order = _Order()
+    if _is_ordered(acts):
+        barriers = {number for pair in undone for number in pair} | {n for n, a in enumerate(acts) if a.alone}
+        order.follow(acts, barriers)
+    placed = {number for number, act in enumerate(acts) if act.must or number in order.related}
+    placed -= {number for number in placed if _is_only_an_end(number, acts, order)}
+    chains = _Chains(order)
+    for number in sorted(placed):
+        chains.add(number, acts[number])
+    lasting = {
+        acts[number].subject: number for number in sorted(placed)
+    }.values()  # the last act of each subject
+    ending = (act for n, act in enumerate(acts) if n not in placed or (n in lasting and _is_open(act)))
+    return And(tuple(dict.fromkeys(act.condition for act in ending))), chains.finished()
+
+
+def _undone(acts: Sequence[Act], apart: Apart) -> Iterator[tuple[int, int]]:
+    """Pairs of acts of different clauses that cannot hold together: the later one undoes the earlier one."""
+    pairs = (
+        (n, m) for n, m in itertools.combinations(range(len(acts)), 2) if acts[n].clause != acts[m].clause
     )
-    return And(tuple(goals)), chains.finished()
+    for first, second in itertools.islice(pairs, MOST_COMPARED):
+        if any(apart(one, other) for one in acts[first].literals for other in acts[second].literals):
+            yield first, second
+
+
+MOST_COMPARED = 100_000  # pairs of acts
+
+
+def _joined(acts: Sequence[Act], undone: set[tuple[int, int]]) -> list[Act]:
+    """The acts, with one subject for those of which one undoes the other: the subject that was named first."""
+    subjects: dict[Term, Term] = {}
+
+    def first(subject: Term) -> Term:
+        while subject in subjects:
+            subject = subjects[subject]
+        return subject
+
+    for one, other in sorted(undone):
+        early, late = first(acts[one].subject), first(acts[other].subject)
+        if early != late:
+            subjects[late] = early
+    return [replace(act, subject=first(act.subject), things=act.things | {act.subject}) for act in acts]
 
 
 def _is_ordered(acts: Sequence[Act]) -> bool:
-    subjects = [act.subject for act in acts]
-    return any(act.must or act.then for act in acts) or len(set(subjects)) < len(subjects)
+    """Whether any act has a place in an order."""
+    if any(act.must or act.then for act in acts):
+        return True
+    clauses: dict[Term, int] = {}
+    for act in acts:
+        if clauses.setdefault(act.subject, act.clause) != act.clause:
+            return True
+    return any(clauses.get(thing, act.clause) != act.clause for act in acts for thing in act.things)
 
 
-def _groups(acts: Sequence[Act]) -> list[list[Act]]:
-    """The acts in groups. A new group begins at "then", and before and after an act that names no object of its own."""
-    groups: list[list[Act]] = []
-    for before, act in zip([None, *acts], acts, strict=False):
-        same = before is not None and act.clause == before.clause
-        apart = before is None or act.then or act.alone or before.alone
-        if apart and not same:
-            groups.append([])
-        groups[-1].append(act)
-    return groups
-
-
-def _has_place(act: Act, acts: Sequence[Act], groups: Sequence[Sequence[Act]]) -> bool:
-    """Whether an act is a stage: because of its phrase, because its subject has several acts, or beside a barrier."""
-    several = sum(other.subject == act.subject for other in acts) > 1
-    return act.must or several or len(groups) > 1
+def _is_only_an_end(number: int, acts: Sequence[Act], order: "_Order") -> bool:
+    """Whether an act that cannot be a stage is the only one of its subject and waits for others: then it holds at the end."""
+    subject = acts[number].subject
+    alone = all(act.subject != subject for n, act in enumerate(acts) if n != number)
+    return acts[number].stages is None and number not in order.followed and alone
 
 
 def _is_open(act: Act) -> bool:
-    """Whether the last stage of an act contains `_`. Then it is also a goal, because a chain cannot keep it true."""
-    return act.stages is not None and not is_ground(act.stages[-1])
+    """Whether a stage of an act contains `_`. Then it is also a goal, because a chain cannot keep it true."""
+    return act.stages is not None and not all(map(is_ground, act.stages))
 
 
+@dataclass(slots=True)
+class _Order:
+    """Which acts wait for which. `direct` holds, for each act, the acts that it waits for and that no other implies."""
+
+    direct: dict[int, list[int]] = field(default_factory=dict)
+    behind: list[int] = field(default_factory=list)  # for each act, all acts before it, as bits
+    followed: Counter[int] = field(default_factory=Counter)  # how many acts wait for each act directly
+
+    @property
+    def related(self) -> set[int]:
+        """The acts that wait or are waited for."""
+        return {number for number, waits in self.direct.items() if waits} | {*self.followed}
+
+    def follow(self, acts: Sequence[Act], barriers: set[int]) -> None:
+        """Put acts in order. The acts of a clause never wait for each other."""
+        waiting = _waiting(acts)
+        earlier: list[int] = []  # before the last "then": the acts that no other act waits for
+        barrier: list[int] = []  # the acts of the last clause that everything behind it waits for
+        for start, end in _runs(acts):
+            ends = [number for number in range(start) if number not in self.followed]
+            earlier = ends if acts[start].then else earlier
+            for number in range(start, end):
+                waits = [*self._of_the_same(acts, number, start), *barrier]
+                waits += ends if number in barriers else earlier if number in waiting else []
+                self._add(number, waits)
+            if barriers & set(range(start, end)):
+                barrier = [number for number in range(start, end) if number in barriers]
+
+    def _of_the_same(self, acts: Sequence[Act], number: int, start: int) -> Iterator[int]:
+        """The earlier acts of the subject, and those between which and this one a subject is named otherwise."""
+        act = acts[number]
+        for earlier in range(start):
+            other = acts[earlier]
+            if other.subject == act.subject or other.subject in act.things or act.subject in other.things:
+                yield earlier
+
+    def _add(self, number: int, waits: Sequence[int]) -> None:
+        implied = bits = 0
+        for each in waits:
+            implied |= self.behind[each]
+            bits |= 1 << each
+        self.behind.append(bits | implied)
+        self.direct[number] = [each for each in sorted(set(waits)) if not implied >> each & 1]
+        self.followed.update(self.direct[number])
+
+
+def _runs(acts: Sequence[Act]) -> Iterator[tuple[int, int]]:
+    """The first act of each clause and the first behind it."""
+    start = 0
+    for number in range(1, len(acts) + 1):
+        if number == len(acts) or acts[number].clause != acts[start].clause:
+            yield start, number
+            start = number
+
+
+def _waiting(acts: Sequence[Act]) -> set[int]:
+    """The acts that wait for everything before the last "then".
+
+    If all objects of the group before "then" are named again behind it, each goes on by itself; any other object waits.
+    """
+    groups: list[list[int]] = [[]]
+    for start, end in _runs(acts):
+        if acts[start].then and start:
+            groups.append([])
+        groups[-1].extend(range(start, end))
+    found: set[int] = set()
+    for before, group in itertools.pairwise(groups):
+        previous, now = ({acts[number].subject for number in each} for each in (before, group))
+        going_on = previous if previous <= now else set()
+        found.update(number for number in group if acts[number].subject not in going_on)
+    return found
+
+
+@dataclass(slots=True)
 class _Chains:
-    """Segments of chains under construction. A segment for which another one waits is not extended."""
+    """Chains under construction. A chain for which another one waits is not extended."""
 
-    def __init__(self) -> None:
-        self.segments: dict[str, Chain] = {}
-        self.latest: dict[Term, str] = {}
-        self.sealed: set[str] = set()
-        self.previous: set[Term] = set()
+    order: _Order
+    segments: dict[str, Chain] = field(default_factory=dict)
+    ends: dict[int, list[str]] = field(default_factory=dict)  # for each act, the chains that end with it
 
-    def add(self, group: Sequence[Act]) -> None:
-        """Append a group. Subjects that were not in the group before it wait for all earlier acts."""
-        waits = tuple(self.latest.values())
-        started: set[Term] = set()
-        for act in group:
-            if act.stages is None:
-                raise NoOrder(act.clause)
-            if act.subject not in started and act.subject not in self.previous:
-                self._open(act.subject, waits)
-            elif self.latest[act.subject] in self.sealed:
-                self._open(act.subject, (self.latest[act.subject],))
-            started.add(act.subject)
-            name = self.latest[act.subject]
-            segment = self.segments[name]
-            self.segments[name] = replace(segment, stages=segment.stages + act.stages)
-        if started:
-            self.previous = started
+    def add(self, number: int, act: Act) -> None:
+        """Append an act: to the chain of the only act that it waits for, or as chains of its own."""
+        if act.stages is None:
+            raise NoOrder(act.clause)
+        waits = self.order.direct.get(number, [])
+        after = tuple(name for each in waits for name in self.ends[each])
+        if len(after) == 1 and self._goes_on(waits[0], after[0], act):
+            before = self.segments[after[0]]
+            self.segments[after[0]] = replace(before, stages=before.stages + act.stages)
+            self.ends[number] = [after[0]]
+        elif act.must:
+            self.ends[number] = [self._open(act.subject, act.stages, after)]
+        else:
+            self.ends[number] = [self._open(act.subject, (stage,), after) for stage in act.stages]
 
-    def _open(self, subject: Term, after: tuple[str, ...]) -> None:
+    def _goes_on(self, earlier: int, name: str, act: Act) -> bool:
+        return (
+            self.order.followed[earlier] == 1
+            and self.segments[name].subject == act.subject
+            and (act.must or len(act.stages or ()) == 1)
+        )
+
+    def _open(self, subject: Term, stages: tuple[Atom, ...], after: tuple[str, ...]) -> str:
         earlier = sum(segment.subject == subject for segment in self.segments.values())
         name = f"{subject}:{earlier + 1}" if earlier else str(subject)
-        self.segments[name] = Chain(name, (), self._reduced(after), subject)
-        self.sealed.update(after)
-        self.latest[subject] = name
-
-    def _reduced(self, after: tuple[str, ...]) -> tuple[str, ...]:
-        """`after` without the segments for which another one in it already waits."""
-        behind = {name for each in after for name in self._behind(each)}
-        return tuple(name for name in after if name not in behind)
-
-    def _behind(self, name: str) -> set[str]:
-        direct = self.segments[name].after
-        return set(direct).union(*(self._behind(each) for each in direct))
+        self.segments[name] = Chain(name, stages, after, subject)
+        return name
 
     def finished(self) -> tuple[Chain, ...]:
         """The chains, each after the chains that it waits for."""

@@ -1,5 +1,6 @@
 """The small language of `say`: words, `{P:probe}` slots, `(a|b)` alternatives and `[optional]` parts."""
 
+import itertools
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -50,7 +51,7 @@ class PatternError(Exception):
 
 _TOKEN = re.compile(
     r"\s*(?:(?P<slot>\{\s*(?P<variable>[A-Z]\w*)\s*:\s*(?P<type>[a-z]\w*)\s*\})"
-    r"|(?P<mark>[()\[\]|])|(?P<word>[A-Za-z][\w'-]*))"
+    r"|(?P<mark>[()\[\]|])|(?P<word>[^\W\d_][\w'-]*))"
 )
 _CLOSES = {"(": ")", "[": "]"}
 MAX_PARTS = 200  # words, slots and brackets of one phrase
@@ -159,6 +160,46 @@ def expansions(pattern: Pattern) -> list[tuple[Word | Slot, ...]]:
                     )
                 found = [(*before, *after) for before in found for after in following]
     return list(dict.fromkeys(found))
+
+
+_PREPOSITIONS = "in into inside on onto to from for with using at by under over through between against"
+PREPOSITIONS = frozenset(_PREPOSITIONS.split())
+MAX_MOVED = 3  # groups that may change places
+COMMA = Word(",")
+
+Variant = tuple[Word | Slot, ...]
+
+
+def variants(expansion: Variant) -> Iterator[tuple[Variant, bool]]:
+    """The orders in which the parts of an expansion can be said; for each, whether it is another than the written one.
+
+    A group that begins with a preposition can be said before or after other such groups, or before all the rest:
+    "heat it for 5 min in the furnace", "in the furnace, heat it for 5 min".
+    """
+    yield expansion, False
+    head, *groups = _groups(expansion)
+    if not head or len(groups) > MAX_MOVED:
+        return
+    for number in range(len(groups) + 1):
+        for front in itertools.combinations(range(len(groups)), number):
+            rest = [group for index, group in enumerate(groups) if index not in front]
+            before = [part for index in front for part in groups[index]]
+            for order in itertools.permutations(rest):
+                after = [part for group in order for part in group]
+                if front:
+                    yield (*before, *head, *after), True
+                    yield (*before, COMMA, *head, *after), True
+                elif after != [part for group in groups for part in group]:
+                    yield (*head, *after), True
+
+
+def _groups(expansion: Variant) -> list[Variant]:
+    """The words before the first preposition, then one group for each preposition with what follows it."""
+    cuts = [0]
+    for number, part in enumerate(expansion):
+        if number > cuts[-1] + 1 and isinstance(part, Word) and part.text in PREPOSITIONS:
+            cuts.append(number)
+    return [expansion[begin:end] for begin, end in itertools.pairwise([*cuts, len(expansion)])]
 
 
 def readable(say: str) -> str:

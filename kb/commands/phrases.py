@@ -94,22 +94,7 @@ def check_phrases(domain: Domain, place: Place | None = None) -> list[Diagnostic
         if not phrase.goal and not phrase.stage:
             continue  # the loader reports its wrong shape
         found.extend(_PhraseCheck(domain, index, phrase, place).run())
-    return found or list(_check_twins(domain, place))
-
-
-def _check_twins(domain: Domain, place: Place | None) -> Iterator[Diagnostic]:
-    """Warnings about word sequences of two phrases. The first phrase is meant then."""
-    owners: dict[tuple[str, ...], int] = {}
-    for index, phrase in enumerate(domain.phrases):
-        for each in expansions(read_pattern(phrase.say)):
-            said = tuple(part.text if isinstance(part, Word) else f"<{part.type}>" for part in each)
-            first = owners.setdefault(said, index)
-            if first != index:
-                where = place(("phrases", index, "say"), 0) if place else phrase.where
-                message = f"'{' '.join(said)}' also fits an earlier phrase, which takes precedence"
-                hint = f"the earlier phrase is: {domain.phrases[first].say}"
-                yield Diagnostic(where, "K605", message, hint, warning=True)
-                break
+    return found
 
 
 def _check_words(domain: Domain, place: Place | None) -> Iterator[Diagnostic]:

@@ -1,13 +1,13 @@
 """The objects that a sentence means: by numbers, names, ranges, "all", and pronouns for objects named before."""
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from fractions import Fraction
 
-from kb.commands.grammar import Mention, Words
+from kb.commands.mentions import Mention, Words
 from kb.commands.tokens import Piece
+from kb.commands.vocabulary import Vocabulary
 from kb.diagnostics import nearest
-from kb.model.domain import Domain
 from kb.terms import Function, natural_key
 
 ENDING = re.compile(r"(.*?)(\d+)")
@@ -24,8 +24,8 @@ class Unclear(Exception):
 class References:
     """The objects named so far, and the objects that a slot of a type may mean. `objects` maps names to types."""
 
-    def __init__(self, domain: Domain, objects: Mapping[str, str]) -> None:
-        self.domain, self.objects = domain, objects
+    def __init__(self, vocabulary: Vocabulary) -> None:
+        self.vocabulary, self.domain, self.objects = vocabulary, vocabulary.domain, vocabulary.objects
         self.named: list[tuple[str, ...]] = []
 
     def resolve(self, words: Words, type_: str) -> tuple[Function, ...]:
@@ -36,46 +36,90 @@ class References:
             if not self._is(name, type_):
                 said = f"{name} is {self._article(self.objects[name])}, not {self._article(type_)}"
                 raise Unclear(words.pieces[0].offset, said)
-        if words.how != "pronoun":
+        if words.how not in ("pronoun", "omitted"):
             self.named.append(unique)
         return tuple(map(Function, unique))
 
     def _meant(self, words: Words, type_: str) -> Sequence[str]:
         offset = words.pieces[0].offset
-        if words.how == "pronoun":
-            return self._earlier([piece.text.lower() for piece in words.pieces], offset, type_)
-        if words.how in ("all", "both"):
-            return self._all(words, type_, offset)
+        match words.how:
+            case "pronoun":
+                return self._earlier(words, offset, words.owner or type_)
+            case "omitted":
+                return self._omitted(words, offset, type_)
+            case "others":
+                return self._others(words, offset)
+            case "all":
+                return self._all(words, offset)
+            case "both":
+                return self._both(words, offset)
+            case _:
+                return self._listed(words.mentions, type_)
+
+    def _listed(self, mentions: Sequence[Mention], type_: str) -> list[str]:
         owner = type_
         found: list[str] = []
-        for mention in words.mentions:
+        for mention in mentions:
             owner = mention.owner or owner  # "probes 1 and 2": the noun also belongs to the 2
             found.extend(self._mention(mention, owner if owner in self.domain.types else type_))
         return found
 
-    def _all(self, words: Words, type_: str, offset: int) -> list[str]:
-        owner = words.mentions[0].owner or type_
-        found = self._of(owner)
-        if words.how == "both" and len(found) != 2:
-            last = self.named[-1] if self.named else ()
-            if len(last) != 2 or not all(self._is(name, owner) for name in last):
-                raise Unclear(offset, f"'both' means two, but there are {len(found)}", self._range(owner))
-            found = list(last)
+    def _all(self, words: Words, offset: int) -> list[str]:
+        found = self._of(words.owner)
+        for counted in words.mentions:
+            self._check_count(counted, found, words.owner)
+        left_out = self._listed(words.but, words.owner) if words.but else []
+        found = [name for name in found if name not in left_out]
         if not found:
-            raise Unclear(offset, f"there is no {_plain(owner)}")
+            raise Unclear(offset, f"there is no {'other ' if left_out else ''}{_plain(words.owner)}")
         return found
 
-    def _earlier(self, said: Sequence[str], offset: int, type_: str) -> Sequence[str]:
+    def _check_count(self, counted: Mention, found: Sequence[str], owner: str) -> None:
+        if counted.ends[0].value != len(found):
+            message = f"there are {len(found)}, not {counted.ends[0].text}"
+            raise Unclear(counted.ends[0].offset, message, self._range(owner))
+
+    def _both(self, words: Words, offset: int) -> list[str]:
+        found = self._of(words.owner)
+        if len(found) == 2:
+            return found
+        last = self.named[-1] if self.named else ()
+        if len(last) != 2 or not all(self._is(name, words.owner) for name in last):
+            raise Unclear(offset, f"'both' means two, but there are {len(found)}", self._range(words.owner))
+        return list(last)
+
+    def _others(self, words: Words, offset: int) -> list[str]:
+        """All objects of the type that were not named so far."""
+        named = {name for names in self.named for name in names if self._is(name, words.owner)}
+        found = [name for name in self._of(words.owner) if name not in named]
+        said = " ".join(piece.text for piece in words.pieces)
+        if not named:
+            message = (
+                f"'{said}' means those that were not named, but no {_plain(words.owner)} was named before"
+            )
+            raise Unclear(offset, message, self._range(words.owner))
+        if not found:
+            raise Unclear(
+                offset, f"'{said}': there is no other {_plain(words.owner)}", self._range(words.owner)
+            )
+        return found
+
+    def _earlier(self, words: Words, offset: int, type_: str) -> Sequence[str]:
         """The objects that a pronoun means: the last list of this type. "them" after single objects means all of them."""
+        said = [piece.lower for piece in words.pieces]
         fitting = [names for names in self.named if all(self._is(name, type_) for name in names)]
         if not fitting:
             hint = f"name it: {self._range(type_)}"
-            raise Unclear(offset, f"nothing before '{said[-1]}' is {self._article(type_)}", hint)
+            raise Unclear(offset, f"nothing before '{' '.join(said)}' is {self._article(type_)}", hint)
         last = fitting[-1]
-        if said[-1] == "it":
+        if said[0] in ("it", "this", "that"):
             if len(last) > 1:
-                message = f"'it' means one object, but the last ones named were {', '.join(last)}"
+                message = (
+                    f"'{' '.join(said)}' means one object, but the last ones named were {', '.join(last)}"
+                )
                 raise Unclear(offset, message, "did you mean 'them'?")
+            return last
+        if said[0] == "same":
             return last
         meant = last if len(last) > 1 else tuple(dict.fromkeys(name for names in fitting for name in names))
         if "both" in said and len(meant) != 2:
@@ -86,12 +130,20 @@ class References:
             )
         return meant
 
-    def _mention(self, mention: Mention, type_: str) -> list[str]:
+    def _omitted(self, words: Words, offset: int, type_: str) -> Sequence[str]:
+        """The objects of the last act: "heat probe 1 for 15 min, cool for 5 min"."""
+        fitting = [names for names in self.named if all(self._is(name, type_) for name in names)]
+        if not fitting:
+            message = f"'{words.pieces[-1].text}' what? {self._article(type_)} is missing behind it"
+            raise Unclear(offset, message, self._range(type_))
+        return fitting[-1]
+
+    def _mention(self, mention: Mention, type_: str) -> Sequence[str]:
         match mention.how, mention.ends:
             case "called", _:
                 return [mention.owner]
-            case "sole", _:
-                return self._sole(mention, type_)
+            case "sole" | "counted", ends:
+                return self._sole(mention, type_) if not ends else self._counted(mention, ends[0], type_)
             case "numbered", (end,):
                 return [self._numbered(end, type_)]
             case "named", (end,):
@@ -103,13 +155,30 @@ class References:
             case how, ends:
                 raise AssertionError(f"a mention that no rule makes: {how} {ends}")
 
-    def _sole(self, mention: Mention, type_: str) -> list[str]:
+    def _sole(self, mention: Mention, type_: str) -> Sequence[str]:
+        """The only object of a type, or the one that was named last: "heat probe 1, then cool the probe"."""
         found = self._of(type_)
-        if len(found) != 1:
-            said = mention.pieces[-1]
-            message = f"which {said.text}? there are {len(found)}" if found else f"there is no {said.text}"
-            raise Unclear(said.offset, message, self._range(type_))
-        return found
+        if len(found) == 1:
+            return found
+        fitting = [names for names in self.named if all(self._is(name, type_) for name in names)]
+        if fitting and len(fitting[-1]) == 1:
+            return fitting[-1]
+        said = mention.pieces[-1]
+        if not found:
+            raise Unclear(said.offset, f"there is no {said.text}")
+        hint = f"{self._range(type_)}; say which, or 'all'"
+        raise Unclear(said.offset, f"which {said.text}? there are {len(found)}", hint)
+
+    def _counted(self, mention: Mention, count: Piece, type_: str) -> Sequence[str]:
+        """Exactly as many objects as there are, or as were named last: "the two probes"."""
+        found = self._of(type_)
+        fitting = [names for names in self.named if all(self._is(name, type_) for name in names)]
+        if fitting and len(fitting[-1]) == count.value:
+            return fitting[-1]
+        if count.value == len(found):
+            return found
+        said = " ".join(piece.text for piece in mention.pieces)
+        raise Unclear(count.offset, f"which {said}? there are {len(found)}", self._range(type_))
 
     def _numbered(self, end: Piece, type_: str) -> str:
         found = [name for name in self._of(type_) if _number(name) == end.value]
@@ -120,8 +189,8 @@ class References:
         return found[0]
 
     def _named(self, end: Piece) -> str:
-        name = end.text if end.text in self.objects else end.text.lower()
-        if name not in self.objects:
+        name = self.vocabulary.name(end.text)
+        if name is None:
             raise Unclear(end.offset, f"there is no '{end.text}'", nearest(end.text, list(self.objects)))
         return name
 
@@ -164,7 +233,8 @@ class References:
         return f"there {'is' if len(names) == 1 else 'are'} {shown or 'none'}"
 
     def _article(self, type_: str) -> str:
-        return f"{'an' if type_[0] in 'aeiou' else 'a'} {_plain(type_)}"
+        vowel = type_[0] in "aeiou" and not re.match(r"u[sn]i|u[st][ei]|eu|one", type_)
+        return f"{'an' if vowel else 'a'} {_plain(type_)}"
 
 
 def _plain(type_: str) -> str:

@@ -1,23 +1,31 @@
-"""One sentence read in four stages: clauses from the grammar, objects from references, acts from phrases, and their order."""
+"""One sentence read in four stages: clauses from phrases, objects from references, acts from both, and their order."""
 
 import itertools
-from collections.abc import Callable, Iterator, Sequence
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from fractions import Fraction
 
+from kb.commands.clauses import Clause, NotUnderstood, read_clauses
+from kb.commands.exclusion import Exclusion
 from kb.commands.explain import explain
-from kb.commands.grammar import Clause, CommandGrammar, NotUnderstood, Words
+from kb.commands.matching import Book
+from kb.commands.mentions import Words
 from kb.commands.order import Act, NoOrder, arrange
+from kb.commands.patterns import PREPOSITIONS, Slot, Word
+from kb.commands.phrasebook import PARTICLES, tree
 from kb.commands.phrases import Meaning, condition, meanings
 from kb.commands.references import References, Unclear
+from kb.commands.vocabulary import Vocabulary
 from kb.diagnostics import Diagnostic, InvalidInput, Source
 from kb.model.conditions import And, Condition, Literal
 from kb.model.domain import NUMERIC_TYPES, Domain, Kind
 from kb.model.problem import Chain, Problem
-from kb.syntax import unit_seconds
+from kb.syntax import LARGEST, unit_seconds
 from kb.terms import Function, Number, Term, Variable, substitute_atom
 
 MAX_LENGTH = 5_000
-MAX_ACTS = 100_000
+MAX_ACTS = 5_000
 
 
 def read_sentence(
@@ -32,85 +40,143 @@ def read_sentence(
         raise InvalidInput(
             [Diagnostic(Source(place(0).path), "K007", f"longer than {MAX_LENGTH} characters")]
         )
-    objects = {**domain.objects, **problem.objects}
+    vocabulary = Vocabulary(domain, {**domain.objects, **problem.objects})
     known = meanings(domain)
-    grammar = CommandGrammar(domain, known, objects)
     try:
-        clauses = grammar.parse(text)
+        clauses = read_clauses(book_of(known, vocabulary), text)
     except NotUnderstood as error:
-        raise InvalidInput([explain(error, text, domain, objects, place)]) from None
-    return _Sentence(domain, known, References(domain, objects), place).arranged(clauses)
+        raise InvalidInput([explain(error, text, domain, vocabulary, place)]) from None
+    return _Sentence(problem, known, vocabulary, place).arranged(clauses)
+
+
+def book_of(known: Sequence[Meaning], vocabulary: Vocabulary) -> Book:
+    """The book of these phrases and nouns."""
+    patterns = [meaning.pattern for meaning in known]
+    return Book(tree(patterns, False), tree(patterns, True), vocabulary)
 
 
 class _Sentence:
     """The translation of the clauses of one sentence to goals and chains. Every unclear reference is reported."""
 
     def __init__(
-        self, domain: Domain, known: Sequence[Meaning], references: References, place: Callable[[int], Source]
+        self,
+        problem: Problem,
+        known: Sequence[Meaning],
+        vocabulary: Vocabulary,
+        place: Callable[[int], Source],
     ) -> None:
-        self.domain, self.known, self.references, self.place = domain, known, references, place
-        self.found: list[Diagnostic] = []
+        self.domain: Domain = problem.domain
+        self.facts = problem.statics
+        self.known, self.vocabulary, self.place = known, vocabulary, place
 
     def arranged(self, clauses: Sequence[Clause]) -> tuple[Condition, tuple[Chain, ...]]:
         """The goal and the chains."""
-        acts = [act for number, clause in enumerate(clauses) for act in self._acts(number, clause)]
-        if self.found:
-            raise InvalidInput(self.found)
+        in_time = _in_order_of_time(clauses)
+        values, found = self._resolved(clauses)
+        if found and in_time != list(clauses):  # "before storing it, heat probe 1"
+            values, later = self._resolved(in_time)
+            found = found if later else []
+        if found:
+            raise InvalidInput(found)
+        acts = [
+            act
+            for number, clause in enumerate(in_time)
+            for act in self._acts(number, clause, values[clause.offset])
+        ]
+        exclusion = Exclusion(self.domain, self.vocabulary.objects, self.facts)
         try:
-            return arrange(acts)
+            return arrange(acts, exclusion.apart)
         except NoOrder as error:
-            clause = clauses[error.clause]
-            meaning = self.known[clause.phrase]
+            clause = in_time[error.clause]
+            meaning = self.known[clause.form.phrase]
             message = f"this act is part of an order, but its goal cannot be a stage: {meaning.phrase.goal}"
             where = self.place(clause.offset)
-            hint = "give it as a separate command, without 'then'"
+            hint = "give it as a separate command, or let its phrase mean a fluent that is true then"
             raise InvalidInput([Diagnostic(where, "K604", message, hint)]) from None
 
-    def _acts(self, number: int, clause: Clause) -> Iterator[Act]:
-        meaning = self.known[clause.phrase]
-        try:
-            choices = [
-                [
-                    (Variable(slot.variable), value)
-                    for value in self._values(clause.slots[slot.variable], slot.type)
-                ]
-                for slot in meaning.slots
-            ]
-        except Unclear as error:
-            self.found.append(Diagnostic(self.place(error.offset), "K603", error.message, error.hint))
-            return
-        subject = next((Variable(s.variable) for s in meaning.slots if s.type not in NUMERIC_TYPES), None)
-        for combination in itertools.islice(itertools.product(*choices), MAX_ACTS):
-            yield self._act(number, clause, meaning, dict(combination), subject)
+    def _resolved(
+        self, clauses: Sequence[Clause]
+    ) -> tuple[dict[int, dict[str, Sequence[Term]]], list[Diagnostic]]:
+        """The objects, numbers and times that fill the slots of each clause; and what is unclear about them."""
+        references = References(self.vocabulary)
+        found: list[Diagnostic] = []
+        values: dict[int, dict[str, Sequence[Term]]] = {}
+        for clause, following in itertools.zip_longest(clauses, clauses[1:]):
+            types = self._types(clause)
+            try:
+                values[clause.offset] = {
+                    variable: self._values(
+                        self._full(words, types[variable], references, following), types[variable], references
+                    )
+                    for variable, words in clause.slots.items()
+                }
+            except Unclear as error:
+                found.append(Diagnostic(self.place(error.offset), "K603", error.message, error.hint))
+        return values, found
 
-    def _values(self, words: Words, type_: str) -> Sequence[Term]:
+    def _types(self, clause: Clause) -> dict[str, str]:
+        return {slot.variable: slot.type for slot in self.known[clause.form.phrase].slots}
+
+    def _full(self, words: Words, type_: str, references: References, following: Clause | None) -> Words:
+        """The words that fill a slot; for those left out before any object is named, those of the next clause: "wash and dry part 1"."""
+        if words.how != "omitted" or references.named or following is None or following.then:
+            return words
+        types = self._types(following)
+        same = (each for variable, each in following.slots.items() if types[variable] == type_)
+        return next((each for each in same if each.how not in ("omitted", "pronoun")), words)
+
+    def _values(self, words: Words, type_: str, references: References) -> Sequence[Term]:
         if words.how != "value":
-            return self.references.resolve(words, type_)
+            return references.resolve(words, type_)
         piece = words.pieces[0]
-        value = piece.value or Fraction(0)
+        value, shown = piece.value or Fraction(0), piece.text
         if type_ == "time":
-            value = value / (unit_seconds(self.domain.time_unit) or Fraction(1))
-        if int(value) != value:
-            message = f"'{piece.text}' is not a whole number of the domain's unit of time"
-            raise Unclear(piece.offset, message, f"the unit is {self.domain.time_unit}")
+            unit = self.domain.time_unit
+            value = value / (unit_seconds(unit) or Fraction(1))
+            if value == 0:
+                raise Unclear(piece.offset, f"'{shown}' is no time that an act can last", "give more than 0")
+            shown = f"{shown} = {value} {unit}"
+            if int(value) != value:
+                message = f"'{piece.text}' is not a whole number of the domain's unit of time"
+                raise Unclear(piece.offset, message, f"the unit is {unit}")
+        if value > LARGEST:
+            raise Unclear(piece.offset, f"'{shown}' is too large", f"the largest number is {LARGEST}")
         return (Number(int(value)),)
+
+    def _acts(self, number: int, clause: Clause, values: Mapping[str, Sequence[Term]]) -> Iterator[Act]:
+        """One act for each combination of the objects that fill the slots."""
+        meaning = self.known[clause.form.phrase]
+        own = [slot.variable for slot in meaning.slots if slot.type not in NUMERIC_TYPES]
+        count = math.prod(len(each) for each in values.values())
+        if count > MAX_ACTS:
+            message = f"this asks for {count} acts, more than {MAX_ACTS}"
+            raise InvalidInput([Diagnostic(self.place(clause.offset), "K007", message, "name fewer objects")])
+        for combination in itertools.product(*(values[slot.variable] for slot in meaning.slots)):
+            bindings = dict(zip((slot.variable for slot in meaning.slots), combination, strict=True))
+            named = [bindings[variable] for variable in own]
+            yield self._act(number, clause, meaning, bindings, named)
 
     def _act(
         self,
         number: int,
         clause: Clause,
         meaning: Meaning,
-        bindings: dict[Variable, Term],
-        subject: Variable | None,
+        bindings: Mapping[str, Term],
+        named: Sequence[Term],
     ) -> Act:
-        literals = [
-            Literal(substitute_atom(each.atom, bindings), each.positive) for each in meaning.conditions
-        ]
-        named = bindings[subject] if subject is not None else self._about(literals[0])
+        bound = {Variable(variable): value for variable, value in bindings.items()}
+        literals = tuple(
+            Literal(substitute_atom(each.atom, bound), each.positive) for each in meaning.conditions
+        )
         stages = tuple(each.atom for each in literals) if all(map(self._can_be_stage, literals)) else None
         goal = [condition(each, self.domain) for each in literals]
         whole = goal[0] if len(goal) == 1 else And(tuple(goal))
-        return Act(number, named, whole, stages, meaning.is_stage, subject is None, clause.then)
+        said = [Function(each.object) for each in self.vocabulary.named(clause.form.parts)]
+        in_atoms = [] if named else [each for literal in literals for each in self._objects(literal.atom)]
+        about = [*named, *said, *in_atoms]
+        subject = (named or said or _common_noun(clause) or in_atoms or [Function(literals[0].atom.name)])[0]
+        things = frozenset(about) - {subject}
+        return Act(number, subject, things, literals, whole, stages, meaning.is_stage, not named, clause.then)
 
     def _can_be_stage(self, literal: Literal) -> bool:
         return literal.positive and self.domain.predicates[literal.atom.name].kind in (
@@ -118,9 +184,42 @@ class _Sentence:
             Kind.EVENT,
         )
 
-    def _about(self, literal: Literal) -> Term:
-        """The subject of an act without slots: the first object in its atom."""
-        named = (
-            a for a in literal.atom.arguments if isinstance(a, Function) and a.name in self.references.objects
-        )
-        return next(named, Function(literal.atom.name))
+    def _objects(self, term: Term) -> Iterator[Function]:
+        """The objects in an atom, in order."""
+        for argument in term.arguments if isinstance(term, Function) else ():
+            if isinstance(argument, Function) and argument.name in self.vocabulary.objects:
+                yield argument
+            yield from self._objects(argument)
+
+
+def _common_noun(clause: Clause) -> list[Function]:
+    """What a phrase without slots is about if its words name no object: the words behind the verb. "open the gate": gate."""
+    words = [part.text for part in clause.form.parts if isinstance(part, Word)]
+    noun = [word for word in words[1:] if word not in PARTICLES | PREPOSITIONS and word.isidentifier()]
+    return (
+        [Function("_".join(noun))]
+        if noun and not any(isinstance(part, Slot) for part in clause.form.parts)
+        else []
+    )
+
+
+def _in_order_of_time(clauses: Sequence[Clause]) -> list[Clause]:
+    """The clauses in the order in which they are to be done. "store it after heating it" is: heat it, then store it."""
+    found: list[Clause] = []
+    number = 0
+    while number < len(clauses):
+        end = number
+        while end < len(clauses) and clauses[end].link:
+            end += 1
+        group, link = list(clauses[number:end]), clauses[number].link
+        if not group:
+            found.append(clauses[number])
+            number += 1
+            continue
+        forward = end < len(clauses) and (not found or group[0].marked)
+        main = clauses[end] if forward else found.pop()
+        number = end + 1 if forward else end
+        first = group[0].then if forward else main.then
+        one, other = (group, [main]) if link == "after" else ([main], group)
+        found += [replace(one[0], then=first), *one[1:], replace(other[0], then=True), *other[1:]]
+    return found

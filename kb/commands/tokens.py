@@ -1,4 +1,4 @@
-"""The tokens of a sentence: words, numbers, times, names of objects, punctuation marks. Articles are dropped."""
+"""The pieces of a sentence: words, numbers, punctuation marks; and the times that begin at a piece."""
 
 import re
 from collections.abc import Iterator
@@ -8,107 +8,103 @@ from fractions import Fraction
 from kb.commands.patterns import ARTICLES
 from kb.syntax import unit_seconds
 
-NUMBER, TIME, NAME, UNKNOWN = "NUMBER", "TIME", "NAME", "UNKNOWN"
-MARKS = {
-    ",": "COMMA",
-    ";": "SEMICOLON",
-    ".": "STOP",
-    "..": "DOTS",
-    "-": "DASH",
-    "–": "DASH",
-    "&": "AMPERSAND",
-}
+NUMBER, WORD, MARK, OTHER = "number", "word", "mark", "other"
+DASHES = ("-", "–", "..", "...")
 
-COUNTS = {
-    "one": 1, "two": 2, "three": 3, "four": 4, "five": 5, "six": 6, "seven": 7, "eight": 8, "nine": 9, "ten": 10,
-    "eleven": 11, "twelve": 12,
-}  # fmt: skip
-_UNIT = r"(?:ms|h|hrs?|hours?|mins?|minutes?|secs?|seconds?|s)(?!\w)"
-_AMOUNT = rf"(?:\d{{1,9}}(?:\.\d{{1,9}})?\s*|(?:{'|'.join(COUNTS)}|an?)\s+)"
-_PIECE = rf"{_AMOUNT}{_UNIT}(?:\.(?=\s*(?:[,;]|(?:and|then)\b)))?"
-_PART = r"(?:half\s+an?|an?\s+half|(?:an?\s+|three\s+)?quarters?(?:\s+of)?\s+an)\s+(?:hour|minute)(?!\w)"
-_TOKEN = re.compile(
-    rf"(?P<time>{_PART}|{_PIECE}(?:\s*(?:and\s+)?{_PIECE})*)"
-    r"|(?P<number>\d{1,9}(?![\w.]*\w))"
-    r"|(?P<range>(?P<range_low>[A-Za-z]\w*)(?P<range_dash>-|\.\.)(?P<range_high>[A-Za-z]\w*\d|\d{1,9}))"
-    r"|(?P<span>(?P<span_low>\d{1,9})\s*(?P<span_dash>-|\.\.\.?|–)\s*(?P<span_high>\d{1,9})(?!\w))"
-    r"|(?P<word>[A-Za-z]+(?:-[A-Za-z]+)+|[A-Za-z_][\w']*)"
-    r"|(?P<mark>\.\.\.?|[,;.&–-])"
-    r"|(?P<other>\S[\w.]*\w|\S)",
-    re.IGNORECASE,
+_ONES = (
+    "zero one two three four five six seven eight nine ten eleven twelve thirteen fourteen fifteen sixteen "
+    "seventeen eighteen nineteen"
 )
+_DECADES = "twenty thirty forty fifty sixty seventy eighty ninety"
+_SMALL, _TENS = _ONES.split(), _DECADES.split()
+COUNTS = {word: value for value, word in enumerate(_SMALL)}
+COUNTS |= {word: 10 * value for value, word in enumerate(_TENS, 2)}
+COUNTS |= {f"{ten}-{one}": COUNTS[ten] + COUNTS[one] for ten in _TENS for one in _SMALL[1:10]}
+
+_UNIT = r"(?:ms|milliseconds?|h|hrs?|hours?|mins?|minutes?|secs?|seconds?|s|days?)(?!\w)"
+_COUNT = "|".join(sorted(COUNTS, key=len, reverse=True))
+_AMOUNT = rf"(?:\d{{1,9}}(?:\.\d{{1,9}})?\s*|(?:{_COUNT}|an?)\s+)"
+_STOP = r"(?:\.(?=\s*(?:[,;]|(?:and|then)\b)))?"
+_PIECE = rf"{_AMOUNT}{_UNIT}{_STOP}"
+_PART = r"(?:half\s+an?|an?\s+half|(?:an?\s+|three\s+)?quarters?(?:\s+of)?\s+an?)\s+(?:hour|minute)(?!\w)"
+_HALF = rf"(?:{_AMOUNT}(?:and\s+a\s+half\s+){_UNIT}|an?\s+(?:hour|minute)\s+and\s+a\s+half)(?!\w)"
+_TIME = re.compile(rf"{_HALF}|{_PART}|{_PIECE}(?:\s*,?\s*(?:and\s+)?{_PIECE})*", re.IGNORECASE)
+_TOKEN = re.compile(
+    r"(?P<number>\d+(?![\w.]*\w))"
+    r"|(?P<range>(?P<range_low>[^\W\d_]\w*)(?P<range_dash>-|\.\.\.?)(?P<range_high>[^\W\d_]\w*\d|\d{1,9}))"
+    r"|(?P<span>(?P<span_low>\d{1,9})\s*(?P<span_dash>-|\.\.\.?|–)\s*(?P<span_high>\d{1,9})(?!\w))"
+    r"|(?P<word>[^\W\d_]+(?:-[^\W\d_]+)+(?!\w)|[^\W\d]\w*(?:['’]\w+)*)"
+    r"|(?P<mark>\.\.\.?|[,;.&!?#–-])"
+    r"|(?P<other>\S[\w.,]*\w|\S)"
+)  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)
 class Piece:
-    """A token: its kind (for a word, the word itself), its text, its place, and the value of a number or a time."""
+    """A piece of a sentence: its kind, its text, its place, and the value of a number (also of one in words)."""
 
     kind: str
     text: str
     offset: int
     value: Fraction | None = None
 
+    @property
+    def lower(self) -> str:
+        """The text in small letters, with straight apostrophes."""
+        return self.text.lower().replace("’", "'")
 
-def pieces(sentence: str, words: frozenset[str], names: frozenset[str]) -> Iterator[Piece]:
-    """The tokens of a sentence. A word that is neither in `words` nor in `names` is UNKNOWN."""
+
+def pieces(sentence: str) -> Iterator[Piece]:
+    """The pieces of a sentence in order. Ranges such as `1..3` and `m1-m12` give three."""
     for found in _TOKEN.finditer(sentence):
-        text, offset = found[0], found.start()
-        match found.lastgroup:
-            case "time":
-                yield Piece(TIME, text, offset, seconds(text))
-            case "number":
-                yield _number(text, offset)
-            case "span" | "range" as kind:
-                yield from _range(found, f"{kind}_", words, names)
-            case "mark":
-                yield Piece(MARKS.get(text, "DASH"), text, offset)
-            case "word" if text.lower() not in ARTICLES:
-                yield _word(text, offset, words, names)
-            case "other":
-                yield Piece(UNKNOWN, text, offset)
-
-
-def _range(found: re.Match[str], kind: str, words: frozenset[str], names: frozenset[str]) -> Iterator[Piece]:
-    """The three tokens of a range written without blanks, such as `1..3` or `m1-m12`."""
-    for part in ("low", "dash", "high"):
-        text, offset = found[kind + part], found.start(kind + part)
-        if part == "dash":
-            yield Piece("DASH", text, offset)
+        if found.lastgroup in ("range", "span"):
+            for part in ("low", "dash", "high"):
+                name = f"{found.lastgroup}_{part}"
+                yield _piece(found[name], found.start(name), MARK if part == "dash" else "")
         else:
-            yield _number(text, offset) if text.isdigit() else _word(text, offset, words, names)
+            yield _piece(found[0], found.start(), found.lastgroup or OTHER)
 
 
-def _number(text: str, offset: int) -> Piece:
-    return Piece(NUMBER, text, offset, Fraction(text))
+def _piece(text: str, offset: int, kind: str = "") -> Piece:
+    if text.isdecimal():
+        return Piece(NUMBER, text, offset, Fraction(text[:12]))
+    value = COUNTS.get(text.lower())
+    return Piece(kind or WORD, text, offset, None if value is None else Fraction(value))
 
 
-def _word(text: str, offset: int, words: frozenset[str], names: frozenset[str]) -> Piece:
+def time_at(sentence: str, offset: int) -> tuple[int, Fraction] | None:
+    """The end and the seconds of the time that begins at a character; None if none does."""
+    found = _TIME.match(sentence, offset)
+    return (found.end(), seconds(found[0])) if found else None
+
+
+def seconds(text: str) -> Fraction:
+    """A time in words or figures: `90 s`, `1.5 hours`, `1 h 30 min`, `a quarter of an hour`, `two and a half minutes`."""
     lower = text.lower()
-    if lower in words:
-        return Piece(lower, text, offset)
-    for name in (text, lower):
-        if name in names:
-            return Piece(NAME, name, offset)
-    if lower in COUNTS:
-        return Piece(NUMBER, text, offset, Fraction(COUNTS[lower]))
-    return Piece(UNKNOWN, text, offset)
+    if part := re.fullmatch(r"(?:(three)\s+|an?\s+)?(half|quarters?)\b.*\b(hour|minute)", lower):
+        share = Fraction(1, 2) if part[2] == "half" else Fraction(3 if part[1] else 1, 4)
+        return share * _unit(part[3])
+    if part := re.fullmatch(r"(.*?)\s+(?:(\w+)\s+)?and\s+a\s+half(?:\s+(\w+))?", lower):
+        return (_count(part[1]) + Fraction(1, 2)) * _unit(part[2] or part[3])
+    pairs = re.finditer(rf"({_AMOUNT})({_UNIT})", lower)
+    return sum((_count(pair[1].strip()) * _unit(pair[2]) for pair in pairs), Fraction(0))
+
+
+def _count(amount: str) -> Fraction:
+    return Fraction(1) if amount in ("a", "an") else Fraction(COUNTS.get(amount, amount))
+
+
+_UNITS = {"hr": "h", "hrs": "h", "millisecond": "ms", "milliseconds": "ms"}
+
+
+def _unit(name: str) -> Fraction:
+    """Seconds in one unit of time."""
+    if name.startswith("day"):
+        return Fraction(86_400)
+    return unit_seconds(_UNITS.get(name, name)) or Fraction(1)
 
 
 def is_spoken(word: str) -> bool:
     """Whether a sentence can contain this as one word."""
-    found = list(pieces(word, frozenset({word.lower()}), frozenset()))
-    return word.lower() in ARTICLES or [piece.kind for piece in found] == [word.lower()]
-
-
-def seconds(text: str) -> Fraction:
-    """A time in words or figures: `90 s`, `1.5 hours`, `1 h 30 min`, `a quarter of an hour`."""
-    lower = text.lower()
-    if part := re.fullmatch(r"(.*?)\b(half|quarters?)\b.*\b(hour|minute)", lower):
-        share = {"half": Fraction(1, 2)}.get(part[2], Fraction(1, 4)) * (3 if "three" in part[1] else 1)
-        return share * (3600 if part[3] == "hour" else 60)
-    total = Fraction(0)
-    for piece in re.finditer(rf"({_AMOUNT})({_UNIT})", lower):
-        amount = piece[1].strip()
-        count = Fraction(1) if amount in ("a", "an") else Fraction(COUNTS.get(amount, 0)) or Fraction(amount)
-        total += count * (unit_seconds("h" if piece[2].startswith("hr") else piece[2]) or 1)
-    return total
+    found = list(pieces(word))
+    return word.lower() in ARTICLES or [piece.kind for piece in found] == [WORD]

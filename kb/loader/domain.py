@@ -59,5 +59,6 @@ def _phrases(reader: Reader) -> list[Phrase]:
             reader.findings.add(
                 node.where, "K005", "a phrase needs either a goal or a stage", "give exactly one of them"
             )
-        found.append(Phrase(value["say"], value.get("goal", ""), value.get("stage", ""), node.where))
+        where = node.value["say"][1].where
+        found.append(Phrase(value["say"], value.get("goal", ""), value.get("stage", ""), where))
     return found

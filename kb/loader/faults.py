@@ -9,11 +9,11 @@ from kb.files import read_file
 from kb.loader.domain import read_domain
 from kb.loader.inference import Typing
 from kb.loader.names import Names
-from kb.loader.reader import Findings, Reader, require, validate_shape
+from kb.loader.reader import Expression, Findings, Reader, require, validate_shape
 from kb.loader.tree import Node
 from kb.model.domain import Domain, Kind, Operator
 from kb.model.faults import Cause, FaultModel, FaultTest, Interruption, Repair
-from kb.terms import Atom, Function, Term, Variable
+from kb.terms import ANYTHING, Atom, Function, Term, Variable
 
 FAULTS_FILE = "faults.yaml"
 _CHANCE = re.compile(r"([a-z][A-Za-z0-9_]*)(?:\s+([0-9](?:\.[0-9]{1,6})?))?")
@@ -99,6 +99,10 @@ class _FaultReader:
             self._atoms(node, "denies"),
             tuple(self._objects(node, "loses")),
             _text(node, "stops") == "true",
+            _text(node, "completes") == "true",
+            self._steps(node, "blocks") if _child(node, "blocks") else None,
+            self._atoms(node, "spoils", (Kind.FLUENT, Kind.EVENT)),
+            self._steps(node, "since"),
             key.where,
         )
 
@@ -154,6 +158,7 @@ class _FaultReader:
             self._operator(node, "by"),
             _text(node, "asks") == "true",
             int(_text(node, "duration") or _text(node, "cost")),
+            tuple(self._objects(node, "loses")),
             key.where,
         )
 
@@ -177,15 +182,15 @@ class _FaultReader:
         self.names.findings.note(unknown_name(kind, name, known, place.where))
         return False
 
-    def _atoms(self, node: Node, key: str) -> tuple[Atom, ...]:
-        """The fluents under a key, checked against their signatures."""
+    def _atoms(self, node: Node, key: str, kinds: tuple[Kind, ...] = (Kind.FLUENT,)) -> tuple[Atom, ...]:
+        """The fluents under a key, or atoms of other `kinds`, checked against their signatures."""
         given = _child(node, key)
         expression = self.reader.parse("atoms", given) if given else None
         if expression is None:
             return ()
         typing = Typing(self.names, self.bound)
         for atom in expression.value:
-            typing.atom(atom, expression, (Kind.FLUENT,))
+            typing.atom(atom, expression, kinds)
         return tuple(expression.value)
 
     def _objects(self, node: Node, key: str) -> list[Term]:
@@ -205,15 +210,27 @@ class _FaultReader:
         """A step: an operator of the domain with the right number of arguments."""
         given = _child(node, key)
         expression = self.reader.parse("term", given) if given else None
-        if expression is None or not isinstance(expression.value, Function):
-            return None
+        return self._step(expression) if expression is not None else None
+
+    def _steps(self, node: Node, key: str) -> tuple[Function, ...]:
+        """Patterns of steps. An operator alone stands for it with whatever arguments."""
+        given = _child(node, key)
+        found = (self.reader.parse("term", item) for item in (given.value if given else ()))
+        steps = (self._step(each, alone=True) for each in found if each is not None)
+        return tuple(step for step in steps if step is not None)
+
+    def _step(self, expression: Expression, alone: bool = False) -> Function | None:
         header = expression.value
+        if not isinstance(header, Function):
+            return None
         if header.name not in self.operators:
             self.names.findings.note(
                 unknown_name("operator", header.name, self.operators, expression.place(header))
             )
             return None
         operator = self.operators[header.name]
+        if alone and not header.arguments:
+            return Function(header.name, (ANYTHING,) * len(operator.parameters))
         if len(header.arguments) != len(operator.parameters):
             message = f"{header.name} takes {len(operator.parameters)} arguments, not {len(header.arguments)}"
             self.names.findings.add(expression.place(header), "K102", message, f"it is {operator.header}")

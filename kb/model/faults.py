@@ -9,7 +9,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
 from kb.diagnostics import NOWHERE, Source
-from kb.terms import Atom, Function, Term
+from kb.terms import ANYTHING, Atom, Function, Term
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,7 +33,11 @@ class Cause:
     """A fault. `doubts` are assertions that are uncertain while this cause is possible.
 
     If it is the cause, `denies` are removed from the world model, `adds` are added, and `loses` are resources
-    that are lost. `stops` says that the cell cannot repair it: the cell stops safely and asks.
+    that are lost. `completes` says that the interrupted step has done what it should. `stops` says that the cell
+    cannot repair it: the cell stops safely and asks.
+
+    `blocks` are steps that fail as long as the cause is there; None leaves that to `FaultModel.blocked`. `spoils` are
+    facts and events: what earlier steps achieved of them is open again, back to the last step that is one of `since`.
     """
 
     name: str
@@ -43,6 +47,10 @@ class Cause:
     denies: tuple[Atom, ...] = ()
     loses: tuple[Term, ...] = ()
     stops: bool = False
+    completes: bool = False
+    blocks: tuple[Function, ...] | None = None
+    spoils: tuple[Atom, ...] = ()
+    since: tuple[Function, ...] = ()
     where: Source = field(default=NOWHERE, compare=False)
 
 
@@ -78,7 +86,8 @@ class FaultTest:
 class Repair:
     """A repair. `cures[cause]` is the probability that it removes a cause.
 
-    If it does, `adds` and `denies` change the world.
+    If it does, `adds` and `denies` change the world, and `loses` are resources that stay lost: the repair is to go on
+    without them. `by` is the step that carries it out, whether it helps or not.
     """
 
     name: str
@@ -91,6 +100,7 @@ class Repair:
     by: Function | None = None
     asks: bool = False
     duration: int = 0
+    loses: tuple[Term, ...] = ()
     where: Source = field(default=NOWHERE, compare=False)
 
 
@@ -121,6 +131,21 @@ class FaultModel:
         """The repairs that may remove a cause. The surest come first, then the cheapest."""
         serving = [each for each in self.repairs.values() if each.cures.get(cause, 0.0) > 0.0]
         return tuple(sorted(serving, key=lambda each: (-each.cures[cause], each.cost)))
+
+    def blocked(self, cause: str, exception: str) -> tuple[Function, ...]:
+        """The steps that fail as long as a cause is there, as patterns.
+
+        Where a cause does not say it: none if it says what it changes in the world and the cell can go on, else the
+        interrupted operator with whatever arguments.
+        """
+        entry, operator = self.causes[cause], self.exceptions[exception].operator
+        if entry.blocks is not None:
+            return entry.blocks
+        if operator is None or (
+            (entry.adds or entry.denies or entry.loses or entry.completes) and not entry.stops
+        ):
+            return ()
+        return (Function(operator.name, (ANYTHING,) * len(operator.arguments)),)
 
     def priors(self, exception: str, counts: Mapping[str, float] | None = None) -> dict[str, float]:
         """The probability of each cause of an exception: (count + smoothing) over their sum (Laplace, Lidstone)."""

@@ -41,6 +41,22 @@ class CauseEntry(Strict):
     adds: Expression | None = Field(None, description="facts that hold if it is the cause")
     denies: Expression | None = Field(None, description="facts that do not hold if it is the cause")
     loses: list[Expression] = Field(default_factory=list, description="objects that can no longer be used")
+    completes: Truth = Field(
+        False, description="the interrupted step has done what it should: only its reply is wrong"
+    )
+    blocks: list[Expression] | None = Field(
+        None,
+        description="steps that fail while the cause is there: us_measure(_, _, Id), or an operator alone; if left out, "
+        "none for a cause that says what it changes, else the interrupted operator",
+    )
+    spoils: Expression | None = Field(
+        None,
+        description="what earlier steps achieved of these facts and events is open again if it is the cause",
+    )
+    since: list[Expression] = Field(
+        default_factory=list,
+        description="steps after which the cause was surely not there: `spoils` goes back to them",
+    )
     stops: Truth = Field(False, description="nothing in the cell can repair it: stop safely and ask a person")
 
 
@@ -72,6 +88,9 @@ class RepairEntry(Strict):
     cures: list[str] | dict[str, Chance] = Field(description="causes; or cause: probability that it helps")
     adds: Expression | None = Field(None, description="facts that hold afterwards")
     denies: Expression | None = Field(None, description="facts that do not hold afterwards")
+    loses: list[Expression] = Field(
+        default_factory=list, description="objects that stay lost: the repair is to go on without them"
+    )
 
 
 class FaultsFile(Strict):

@@ -66,20 +66,30 @@ def show(
     target: Target,
     configuration: Configurations = None,
     place: AtPlace = "",
-    format: Annotated[PictureForm, typer.Option("--format", help="how it is shown")] = PictureForm.TEXT,
+    format: Annotated[
+        PictureForm | None,
+        typer.Option("--format", help="how it is shown; else as the name of the output ends"),
+    ] = None,
     output: Output = None,
     azimuth: Azimuth = None,
     elevation: Elevation = None,
 ) -> None:
     """Show the cell of TARGET at the start of its problem, with the arms in a configuration; mark collisions."""
-    form = Form.JSON if format is PictureForm.JSON else Form.TEXT
-    if form is Form.JSON or format is PictureForm.TEXT:
-        refuse_idle({"--output": output}, "without a picture: give --format png, svg or gltf")
-    if format not in (PictureForm.PNG, PictureForm.SVG):
+    kind = format or _kind_of(output)
+    form = Form.JSON if kind is PictureForm.JSON else Form.TEXT
+    if kind in (PictureForm.JSON, PictureForm.TEXT):
+        refuse_idle({"--output": output}, "without a picture: let its name end in .png, .svg or .gltf")
+    if kind not in (PictureForm.PNG, PictureForm.SVG):
         turned = {"--azimuth": azimuth is not None, "--elevation": elevation is not None}
         refuse_idle(turned, "without an image: give --format png or svg")
     seen = (AZIMUTH if azimuth is None else azimuth, ELEVATION if elevation is None else elevation)
-    give(lambda: _show(target, configuration or [], place, format, output, seen), form)
+    give(lambda: _show(target, configuration or [], place, kind, output, seen), form)
+
+
+def _kind_of(output: Path | None) -> PictureForm:
+    """The kind of picture that the name of a file asks for."""
+    ending = output.suffix.lower().removeprefix(".") if output else ""
+    return PictureForm(ending) if ending in ("png", "svg", "gltf") else PictureForm.TEXT
 
 
 def _show(

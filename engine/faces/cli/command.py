@@ -1,6 +1,7 @@
 """All verbs as one command line, and the function that runs it until the exit code."""
 
 import gc
+from typing import Annotated
 
 import typer
 
@@ -13,8 +14,20 @@ app = typer.Typer(
 )
 
 
+def _version(asked: bool) -> None:
+    if asked:
+        from importlib.metadata import version
+
+        typer.echo(f"cellwright {version('cellwright')}")
+        raise typer.Exit
+
+
 @app.callback()
-def cellwright() -> None:
+def cellwright(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="print the version and exit")
+    ] = False,
+) -> None:
     """Plan and diagnose for robot work cells."""
 
 

@@ -13,7 +13,7 @@ from engine.faces.cli.options import Expansions, Seed, Target, TimeLimit, number
 
 if TYPE_CHECKING:
     from engine.model.cases import Diagnosis
-    from engine.model.troubleshooting import Action, Advice
+    from engine.model.troubleshooting import Advice
     from engine.pipelines.troubleshooting import Desk
     from engine.stages.diagnosis.session import Answerer, Session
 
@@ -59,6 +59,8 @@ Done = Annotated[
         "--done", help="the steps of the plan that are done, such as 1..4, 7; if not given, all before --step"
     ),
 ]
+Holds = Annotated[str, typer.Option("--holds", help="facts that are seen to hold, against the model")]
+Gone = Annotated[str, typer.Option("--gone", help="facts that are seen not to hold any more")]
 Store = Annotated[
     str, typer.Option("--store", help="keep closed cases in this file or database, and learn from them")
 ]
@@ -86,6 +88,8 @@ def diagnose(
     recover: Recover = False,
     plan: FailedPlan = None,
     done: Done = "",
+    holds: Holds = "",
+    gone: Gone = "",
     store: Store = "",
     history: History = False,
     age: Age = None,
@@ -98,7 +102,9 @@ def diagnose(
 ) -> None:
     """Find the cause of an exception of TARGET: ask for outcomes, read them from a list, or print the whole tree."""
     form = Form.JSON if format is DiagnosisForm.JSON else Form.TEXT
-    asked = Asked(target, exception, step, objective, plan, done, store, expansions, time_limit)
+    asked = Asked(
+        target, exception, step, objective, plan, done, (holds, gone), store, expansions, time_limit
+    )
     manner = Manner(tree, explain, outcomes, hidden, recover, seed, format is DiagnosisForm.SVG)
     if history or reset or age is not None or counts is not None:
         _refuse_case(asked, manner)
@@ -119,6 +125,7 @@ class Asked:
     objective: Goal
     plan: Path | None
     done: str
+    seen: tuple[str, str]
     store: str
     expansions: int
     seconds: float | None
@@ -140,6 +147,7 @@ class Manner:
 def _refuse_case(asked: Asked, manner: Manner) -> None:
     """Refuse the options that belong to an open case."""
     case = {"--exception": asked.exception, "--step": asked.step, "--plan": asked.plan, "--done": asked.done}
+    case |= dict(zip(("--holds", "--gone"), asked.seen, strict=True))
     how = {"--outcomes": manner.outcomes, "--hidden": manner.hidden, "--tree": manner.tree}
     rest = {"--explain": manner.explain, "--recover": manner.recover, "--format svg": manner.picture}
     refuse_idle(
@@ -169,13 +177,21 @@ def _refuse_idle(asked: Asked, manner: Manner) -> None:
 def _diagnosed(asked: Asked, manner: Manner) -> Answer:
     from engine.faces.cli.interruption import Interruption
     from engine.pipelines.troubleshooting import desk
-    from engine.pipelines.troubleshooting.given import Failed
+    from engine.pipelines.troubleshooting.given import Failed, Seen
 
     failed = Failed(asked.plan, asked.step, asked.done) if asked.plan else None
     objective, store = asked.objective.value, asked.store
     with Interruption(asked.seconds) as interrupted:
         found = desk(
-            asked.target, asked.exception, asked.step, objective, store, asked.expansions, interrupted, failed
+            asked.target,
+            asked.exception,
+            asked.step,
+            objective,
+            store,
+            asked.expansions,
+            interrupted,
+            failed,
+            Seen(*asked.seen),
         )
         if manner.tree:
             return _tree(found, manner.picture)
@@ -236,38 +252,9 @@ def _answerer(found: "Desk", manner: Manner) -> "Answerer":
         hypothesis = hidden_hypothesis(found.model, manner.hidden)
         world = HiddenWorld(found.model, hypothesis, random.Random(manner.seed))
         return lambda action, _advice: world.respond(action)
-    return _asking(found)
+    from engine.faces.cli.asking import asking
 
-
-def _asking(found: "Desk") -> "Answerer":
-    """A function that asks the person at the terminal. An empty line or the end of the input ends the case."""
-    import sys
-
-    from rich.console import Console
-
-    from engine.formats.report import diagnosis as report
-
-    console = Console(stderr=True)
-
-    def ask(action: "Action", advice: "Advice") -> str | None:
-        session = found.session
-        if advice.action is None:
-            console.print(found.session.diagnosis().question_text, markup=False)
-        else:
-            console.print(report.belief([(str(h), p) for h, p in session.belief()]))
-        says = found.says(action.name)
-        choices = ", ".join(f"{n} {outcome}" for n, outcome in enumerate(action.outcomes, 1))
-        while True:
-            console.print(f"{action.name}: {says}\n  {choices}: ", end="", markup=False, highlight=False)
-            said = sys.stdin.readline()
-            if not said.strip():
-                return None
-            if said.strip() in action.outcomes:
-                return said.strip()
-            if said.strip().isdigit() and 1 <= int(said) <= len(action.outcomes):
-                return action.outcomes[int(said) - 1]
-
-    return ask
+    return asking(found)
 
 
 def _case(found: "Desk", answer: "Answerer", recover: bool, store: str) -> Answer:
@@ -284,7 +271,7 @@ def _case(found: "Desk", answer: "Answerer", recover: bool, store: str) -> Answe
     content: dict[str, Any] = report.case_entry(made, certain, change)
     shown = [report.case(found.model, made, certain, change)]
     if recover:
-        went_on = found.recover(change, store)
+        went_on = found.recover(made, store)
         content["recovery"] = recovery.entry(went_on)
         shown.append(recovery.text(went_on))
     return Answer(_status(made), content, lambda: Group(*shown), 0 if made.finished else GAVE_UP)

@@ -1,5 +1,6 @@
 """`cellwright revise`: repair a plan after the world has changed during its execution."""
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -13,6 +14,9 @@ if TYPE_CHECKING:
     from rich.console import RenderableType
 
     from engine.pipelines.revision import PlanRevision
+    from kb.terms import Atom
+
+    Follows = tuple[tuple[Atom, bool], ...]
 
 
 def revise(
@@ -20,6 +24,9 @@ def revise(
     done: Annotated[str, typer.Option(help="the steps that are done, such as 1..4, 7")] = "",
     holds: Annotated[str, typer.Option(help="facts that hold unexpectedly")] = "",
     gone: Annotated[str, typer.Option(help="facts that unexpectedly do not hold")] = "",
+    lost: Annotated[
+        str, typer.Option(help="tools and resources that can no longer be used, such as us_probe")
+    ] = "",
     both: Annotated[
         bool, typer.Option("--both", help="always replan too, and take the cheaper plan")
     ] = False,
@@ -29,55 +36,59 @@ def revise(
     format: Format = Form.TEXT,
 ) -> None:
     """Repair the plan in FILE for the observed state, or replan, whichever is cheaper."""
-    give(lambda: _revise(file, done, (holds, gone), both, (time_limit, expansions, seed)), format)
+    observed = Observations(done, holds, gone, lost)
+    give(lambda: _revise(file, observed, both, (time_limit, expansions, seed)), format)
 
 
-def _revise(
-    file: Path, done: str, facts: tuple[str, str], both: bool, work: tuple[float | None, int, int]
-) -> Answer:
+@dataclass(frozen=True, slots=True)
+class Observations:
+    """What is known of the world, as it is given: steps done, facts that hold or do not hold, and what is lost."""
+
+    done: str
+    holds: str
+    gone: str
+    lost: str
+
+
+def _revise(file: Path, given: Observations, both: bool, work: tuple[float | None, int, int]) -> Answer:
     from engine.faces.cli.interruption import Interruption
     from engine.formats.report import json
-    from engine.pipelines.revision import Course
-    from engine.pipelines.revision import revise as revise_plan
-    from engine.pipelines.revision.observing import expected, observed, read_facts, read_steps
+    from engine.pipelines.revision.now import revised_now
     from engine.stages.planning import Limits
     from kb.loader.plan import load_plan
 
     seconds, expansions, seed = work
     with Interruption(seconds) as interrupted:
         problem, plan = load_plan(file)
-        holds, gone = (
-            read_facts(text, problem.domain, f"--{name}") for text, name in zip(facts, NAMES, strict=True)
+        limits = Limits(expansions, interrupted=interrupted, seed=seed)
+        found, follows = revised_now(
+            problem, plan, (given.done, given.holds, given.gone, given.lost), limits, both
         )
-        steps = read_steps(done, [step.id for step in plan.steps])
-        course = Course.of(problem, plan)
-        state = observed(course, expected(course, steps), holds, gone)
-        found = revise_plan(
-            course, steps, state, Limits(expansions, interrupted=interrupted, seed=seed), both
-        )
-    content = {**json.outcome(found.outcome, found.problem), "revision": _entry(found)}
+    content = {**json.outcome(found.outcome, found.problem), "revision": _entry(found, follows)}
     code = INTERRUPTED if interrupted.heard else exit_code(found.outcome)
-    return Answer(json.status(found.outcome), content, lambda: _text(found), code)
+    return Answer(json.status(found.outcome), content, lambda: _text(found, follows), code)
 
 
-NAMES = ("holds", "gone")
+def _entry(found: "PlanRevision", follows: "Follows") -> dict[str, Any]:
+    from engine.formats.report.recovery import given_up_entry
 
-
-def _entry(found: "PlanRevision") -> dict[str, Any]:
     parts = {"kept": found.kept, "dropped": found.dropped, "added": found.added}
     return {
         "way": found.way,
         **{name: [str(step.operator) for step in steps] for name, steps in parts.items()},
         "repair_cost": found.repair_cost,
         "replanning_cost": found.replanning_cost,
+        "follows": {str(atom): holds for atom, holds in follows},
+        "given_up": given_up_entry(found.given_up),
     }
 
 
-def _text(found: "PlanRevision") -> "RenderableType":
+def _text(found: "PlanRevision", follows: "Follows") -> "RenderableType":
     from rich.console import Group
     from rich.text import Text
 
     from engine.formats.report import text
+    from engine.formats.report.recovery import given_up_lines
 
     said = [
         f"{found.way}: {len(found.kept)} steps kept, {len(found.dropped)} dropped, {len(found.added)} added"
@@ -86,4 +97,6 @@ def _text(found: "PlanRevision") -> "RenderableType":
     said += [f"  + {step.operator}" for step in found.added]
     if found.repair_cost is not None and found.replanning_cost is not None:
         said.append(f"repair costs {found.repair_cost}, replanning {found.replanning_cost}")
+    said += [f"follows: {atom}" if holds else f"follows: not {atom}" for atom, holds in follows]
+    said += given_up_lines(found.given_up)
     return Group(text.outcome(found.outcome, found.problem), Text("\n".join(said)))

@@ -223,7 +223,7 @@ def _answer(
     from rich.console import Group
     from rich.text import Text
 
-    from engine.formats.report import inspection, json, tour
+    from engine.formats.report import inspection, json, tour, tour_svg
     from engine.model.tour import Tour
 
     if not isinstance(answer, Tour):
@@ -239,5 +239,5 @@ def _answer(
         content,
         lambda: Group(*shown),
         INTERRUPTED if heard else 0,
-        raw=tour.svg(answer, problem) if form is TourForm.SVG else None,
+        raw=tour_svg.picture(answer, problem) if form is TourForm.SVG else None,
     )

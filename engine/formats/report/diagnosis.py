@@ -8,10 +8,10 @@ from rich.text import Text
 from rich.tree import Tree as RichTree
 
 from engine.formats.report.rows import TextTable
-from engine.model.cases import Diagnosis, Revision
+from engine.model.cases import CaseStep, Diagnosis, Revision
 from engine.model.troubleshooting import Advice, Conclude, Tree, Troubleshooting
 from kb.model.faults import FaultModel
-from kb.terms import Atom
+from kb.terms import Atom, Variable
 
 SMALL = 0.001  # texts leave out smaller probabilities
 
@@ -88,7 +88,12 @@ def belief(pairs: Sequence[tuple[str, float]], most: int = 8) -> TextTable:
     """The causes that are still possible, the most probable first."""
     rows = [(name, f"{probability:.3f}") for name, probability in pairs[:most]]
     if len(pairs) > most:
-        rows.append((f"and {len(pairs) - most} more", f"{sum(p for _, p in pairs[most:]):.3f}"))
+        rows.append(
+            (
+                f"and {len(pairs) - most} more (--format json has all)",
+                f"{sum(p for _, p in pairs[most:]):.3f}",
+            )
+        )
     return TextTable(("cause", "probability"), rows)
 
 
@@ -101,10 +106,20 @@ def case(
         for place, stage in enumerate(made.stages, 1)
     ]
     steps = TextTable(("", "test or repair", "outcome", "cost"), rows)
+    prepared = [line for place, stage in enumerate(made.stages, 1) for line in _prepared(place, stage)]
     parts: list[RenderableType] = [Text(f"{made.exception}: {model.exceptions[made.exception].say}")]
     parts += [steps] if made.stages else []
+    parts += [Text(line) for line in prepared]
     parts += [Text(line) for line in (*_ending(model, made), *_changes(certain, change))]
     return Group(*parts)
+
+
+def _prepared(place: int, stage: CaseStep) -> list[str]:
+    """The steps that were taken before a test or repair."""
+    if not stage.steps:
+        return []
+    steps = "; ".join(str(step.operator) for step in stage.steps)
+    return [f"before {place}, {stage.observed.action}: {steps}"]
 
 
 def _ending(model: FaultModel, made: Diagnosis) -> list[str]:
@@ -142,7 +157,20 @@ def _changes(certain: Mapping[Atom, float], change: Revision) -> list[str]:
     lines += [f"withdrawn: {atom} ({why})" for atom, why in change.withdrawn]
     lines += [f"asserted: {atom} ({why})" for atom, why in change.asserted]
     lines += [f"restored: {atom} ({why})" for atom, why in change.restored]
-    return lines + [f"lost: {name}" for name in change.lost]
+    lines += [f"assumed: {atom} ({why})" for atom, why in change.assumed]
+    lines += [f"follows: {atom}" if holds else f"follows: not {atom}" for atom, holds in change.follows]
+    lines += [f"kept: {atom} ({why})" for atom, why in change.kept]
+    lines += [f"lost: {name}" for name in change.lost]
+    return lines + _blocked(change)
+
+
+def _blocked(change: Revision) -> list[str]:
+    """The steps that are not tried, those with one reason together."""
+    steps: dict[str, list[str]] = {}
+    for step, why in change.blocked:
+        every = all(isinstance(each, Variable) for each in step.arguments)
+        steps.setdefault(why, []).append(step.name if every else str(step))
+    return [f"not tried again: {', '.join(names)} ({why})" for why, names in steps.items()]
 
 
 def case_entry(made: Diagnosis, certain: Mapping[Atom, float], change: Revision) -> dict[str, Any]:
@@ -150,7 +178,12 @@ def case_entry(made: Diagnosis, certain: Mapping[Atom, float], change: Revision)
     found: dict[str, Any] = {
         "exception": made.exception,
         "observations": [
-            {"action": s.observed.action, "outcome": s.observed.outcome, "cost": round(s.cost, 6)}
+            {
+                "action": s.observed.action,
+                "outcome": s.observed.outcome,
+                "cost": round(s.cost, 6),
+                "steps": [str(step.operator) for step in s.steps],
+            }
             for s in made.stages
         ],
         "hypotheses": [
@@ -166,7 +199,11 @@ def case_entry(made: Diagnosis, certain: Mapping[Atom, float], change: Revision)
         "withdrawn": {str(atom): why for atom, why in change.withdrawn},
         "asserted": {str(atom): why for atom, why in change.asserted},
         "restored": {str(atom): why for atom, why in change.restored},
+        "assumed": {str(atom): why for atom, why in change.assumed},
+        "follows": {str(atom): holds for atom, holds in change.follows},
+        "kept": {str(atom): why for atom, why in change.kept},
         "lost": list(change.lost),
+        "blocked": {str(step): why for step, why in change.blocked},
     }
     if made.question:
         found["question"] = {"text": made.question.text, "answers": list(made.question.answers)}

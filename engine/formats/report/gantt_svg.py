@@ -1,10 +1,11 @@
 """A schedule as SVG: the Gantt chart of `engine.formats.report.gantt` with colours by job and a tooltip for each bar."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from xml.sax.saxutils import escape
 
 from engine.formats.report.gantt import Bar, BarKind, Row, rows, summary
-from engine.formats.report.svg import COLOURS, INK, PAPER
+from engine.formats.report.palette import colours
+from engine.formats.report.svg import INK, PAPER
 from engine.model.schedule import Schedule
 from engine.model.shop import Shop
 
@@ -22,8 +23,9 @@ def chart(shop: Shop, schedule: Schedule, unit: str = "") -> str:
     height = 2 * MARGIN + (len(lines) + 2) * (HEIGHT + GAP)
     scale = WIDTH / max(1, schedule.makespan)
     body = [*_grid(schedule, left, scale, len(lines), unit)]
+    fills = list(colours(job.name for job in shop.jobs).values())
     for number, row in enumerate(lines):
-        body += _row(row, MARGIN + number * (HEIGHT + GAP), left, scale)
+        body += _row(row, MARGIN + number * (HEIGHT + GAP), left, scale, fills)
     said = escape(summary(schedule, unit))
     return "\n".join([*_opening(left + WIDTH + 2 * MARGIN, height, said), *body, "</svg>"]) + "\n"
 
@@ -59,15 +61,15 @@ def _line(x: float, bottom: float, stroke: str) -> str:
     return f'<line class="grid" x1="{x:.1f}" y1="{MARGIN}" x2="{x:.1f}" y2="{bottom}" stroke="{stroke}/>'
 
 
-def _row(row: Row, y: float, left: float, scale: float) -> Iterator[str]:
+def _row(row: Row, y: float, left: float, scale: float, fills: Sequence[str]) -> Iterator[str]:
     name = escape(row.name)
     yield f'<text class="text" x="{left - GAP:.1f}" y="{y + 15:.0f}" fill="{INK}" text-anchor="end">{name}</text>'
     for bar in row.bars:
-        yield _bar(bar, left + bar.start * scale, y, max(0.5, (bar.end - bar.start) * scale))
+        colour = fills[bar.job] if bar.job >= 0 else "#8a8f98"
+        yield _bar(bar, left + bar.start * scale, y, max(0.5, (bar.end - bar.start) * scale), colour)
 
 
-def _bar(bar: Bar, x: float, y: float, width: float) -> str:
-    colour = COLOURS[bar.job % len(COLOURS)] if bar.job >= 0 else "#8a8f98"
+def _bar(bar: Bar, x: float, y: float, width: float, colour: str) -> str:
     opacity = {BarKind.STAGE: 0.85, BarKind.HOLD: 0.35, BarKind.CHANGE: 0.85}[bar.kind]
     tooltip = escape(f"{bar.detail}, {bar.start} to {bar.end}")
     rect = (

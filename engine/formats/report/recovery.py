@@ -8,6 +8,7 @@ from rich.text import Text
 
 from engine.formats.report import json, progress
 from engine.formats.report import text as outcomes
+from engine.model.cases import Prepared
 from engine.model.outcome import Outcome
 from kb.model.plan import Step
 from kb.model.problem import Problem
@@ -19,6 +20,27 @@ WAYS = {
     "repaired": "the failed plan is repaired",
     "replanned": "planned anew: no repair was found, or a new plan is cheaper",
 }
+PARTLY = "planned anew, for the goals that can still be reached"
+
+
+class GivenUp(Protocol):
+    """A goal that is not planned for, and why."""
+
+    @property
+    def goal(self) -> str: ...
+    @property
+    def why(self) -> str: ...
+
+
+class FirstRepair(Protocol):
+    """A repair with which a recovery begins, and the steps that prepare it."""
+
+    @property
+    def name(self) -> str: ...
+    @property
+    def say(self) -> str: ...
+    @property
+    def prepared(self) -> Prepared: ...
 
 
 class Recovery(Protocol):
@@ -37,6 +59,10 @@ class Recovery(Protocol):
     @property
     def added(self) -> Sequence[Step]: ...
     @property
+    def given_up(self) -> Sequence[GivenUp]: ...
+    @property
+    def repair(self) -> FirstRepair | None: ...
+    @property
     def sequence(self) -> progress.Progress | None: ...
 
 
@@ -50,6 +76,11 @@ def entry(found: Recovery) -> dict[str, Any]:
     if found.way != "planned":
         parts = {"kept": found.kept, "dropped": found.dropped, "added": found.added}
         content["revision"] = {name: [str(step.operator) for step in steps] for name, steps in parts.items()}
+    if found.repair is not None:
+        steps = [str(step.operator) for step in found.repair.prepared.steps]
+        content["repair"] = {"name": found.repair.name, "steps": steps}
+    if found.given_up:
+        content["given_up"] = given_up_entry(found.given_up)
     if found.sequence is not None:
         content["sequence"] = progress.entry(found.sequence)
     return content
@@ -57,10 +88,30 @@ def entry(found: Recovery) -> dict[str, Any]:
 
 def text(found: Recovery) -> RenderableType:
     """How the plan was made, the plan, and the kept sequence."""
-    said = WAYS[found.way]
+    said = PARTLY if found.given_up else WAYS[found.way]
     if found.way != "planned":
         said += f": {len(found.kept)} steps kept, {len(found.dropped)} dropped, {len(found.added)} added"
-    shown: list[RenderableType] = [Text(said), outcomes.outcome(found.outcome, found.problem)]
+    first = [Text(line) for line in _first(found.repair)]
+    shown: list[RenderableType] = [*first, Text(said), outcomes.outcome(found.outcome, found.problem)]
+    shown += [Text(line) for line in given_up_lines(found.given_up)]
     if found.sequence is not None:
         shown += [Text("the kept sequence was updated:"), progress.text(found.sequence)]
     return Group(*shown)
+
+
+def _first(repair: FirstRepair | None) -> list[str]:
+    if repair is None:
+        return []
+    steps = [str(step.operator) for step in repair.prepared.steps]
+    before = [f"before it: {'; '.join(steps)}"] if steps else []
+    return [f"first, the repair {repair.name}: {repair.say}", *before]
+
+
+def given_up_entry(found: Sequence[GivenUp]) -> dict[str, str]:
+    """The goals that are given up, each with the reason."""
+    return {each.goal: each.why for each in found}
+
+
+def given_up_lines(found: Sequence[GivenUp]) -> list[str]:
+    """The goals that are given up, for people."""
+    return [f"given up: {each.goal}: {each.why}" for each in found]

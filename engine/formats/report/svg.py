@@ -12,18 +12,19 @@ from math import ceil, floor
 from xml.sax.saxutils import escape
 
 from engine.formats.report.channels import GRID, Boxes, Net, width_for
+from engine.formats.report.columns import Column, columns
 from engine.formats.report.dot import orders
 from engine.formats.report.layout import Edge, Layout, layout
+from engine.formats.report.palette import colours
 from engine.formats.report.routing import Point, Routing, route
 from engine.model.purposes import wording
-from kb.model.plan import GOAL, START, Plan, Step, StepId
+from kb.model.plan import START, Plan, Step, StepId
 from kb.model.problem import Problem
 from kb.terms import Atom
 
 CHARACTER, HEIGHT, GAP, MARGIN, BAR, ROUND = 7.3, 30, 44, 20, 6, 5
 WIDE_START = 24  # ports
 LONGEST = 44  # characters of a label; the whole condition is in the tooltip
-COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#b8860b", "#56b4e9", "#7f3c8d", "#666666")
 INK, PAPER, BOX, LINK, GIVEN = "#1b1b1b", "#ffffff", "#f3f5f8", "#1f6fb5", "#8a8f98"
 STYLE = """
   .link:hover { stroke-width: 3; }
@@ -40,8 +41,7 @@ STYLE = """
 class _Picture:
     """All drawn parts and their places. `index` finds the net of a condition of a producer."""
 
-    made: Plan
-    texts: Mapping[StepId, str]
+    column: Column
     nets: Sequence[Net]
     index: Mapping[tuple[StepId, str], int]
     orders: Sequence[Edge]
@@ -52,18 +52,23 @@ class _Picture:
 
 
 def plan(made: Plan, problem: Problem | None = None) -> str:
-    """The partial order with its causal links. The same plan gives the same bytes. Stages have the names of the problem."""
-    return "\n".join([*_lines(_picture(made, problem)), "</svg>"]) + "\n"
+    """The partial order with its causal links. The same plan gives the same bytes.
+
+    Stages have the names of the problem. A long plan stands in columns.
+    """
+    say = wording(problem)
+    pictures = [_picture(column, say) for column in columns(made, say)]
+    fill_of = colours(str(held) for step in made.steps for held in step.resources)
+    return "\n".join([*_lines(pictures, fill_of), "</svg>"]) + "\n"
 
 
-def _picture(made: Plan, problem: Problem | None) -> _Picture:
-    texts = {START: "start", **{step.id: f"{step.id} {step.operator}" for step in made.steps}, GOAL: "goal"}
-    nets = _nets(made, wording(problem))
+def _picture(column: Column, say: Callable[[Atom], str]) -> _Picture:
+    nets = _nets(column.part, say)
     routed = [
         Net(step, _shortened(said), tuple(users), step == START) for (step, said), users in nets.items()
     ]
-    widths = _widths(made, texts, routed)
-    drawn: list[Edge] = list(orders(made))
+    widths = _widths(column, routed)
+    drawn: list[Edge] = list(orders(column.part))
     links = [(net.producer, consumer) for net in routed for consumer in net.consumers]
     placed = layout(widths, drawn, GAP, GRID, links)
     boxes = Boxes(placed.layer, placed.centre, widths, HEIGHT)
@@ -71,14 +76,12 @@ def _picture(made: Plan, problem: Problem | None) -> _Picture:
         (placed.layer[edge[0]] + n, x) for edge, bend in placed.bends.items() for n, x in enumerate(bend, 1)
     ]
     index = {key: place for place, key in enumerate(nets)}
-    return _Picture(
-        made, texts, routed, index, drawn, placed, boxes, route(routed, boxes, passing), wording(problem)
-    )
+    return _Picture(column, routed, index, drawn, placed, boxes, route(routed, boxes, passing), say)
 
 
-def _widths(made: Plan, texts: Mapping[StepId, str], nets: Sequence[Net]) -> dict[int, float]:
+def _widths(column: Column, nets: Sequence[Net]) -> dict[int, float]:
     """The widths of the boxes: room for the ports, and for the text with the bars on the left and equal space on the right."""
-    bars = {step.id: len(step.resources) for step in made.steps}
+    bars = {step.id: len(step.resources) for step in column.part.steps}
     outward, inward = Counter(net.producer for net in nets), Counter(c for net in nets for c in net.consumers)
     outward[START] = max(
         outward[START], min(2 * outward[START], WIDE_START)
@@ -88,7 +91,7 @@ def _widths(made: Plan, texts: Mapping[StepId, str], nets: Sequence[Net]) -> dic
             len(text) * CHARACTER + 2 * (BAR * bars.get(step, 0) + 12),
             width_for(max(outward[step], inward[step])),
         )
-        for step, text in texts.items()
+        for step, text in column.texts.items()
     }
 
 
@@ -104,28 +107,28 @@ def _shortened(text: str) -> str:
     return text if len(text) <= LONGEST else text[: LONGEST - 1] + "…"
 
 
-def _lines(picture: _Picture) -> Iterator[str]:
-    """The file line by line: paper, orders, links, labels, boxes, legend."""
-    names = dict.fromkeys(str(held) for step in picture.made.steps for held in step.resources)
-    colours = {name: COLOURS[index % len(COLOURS)] for index, name in enumerate(names)}
-    left, right, height = _extent(picture)
-    right = max(right, left + sum(len(name) * CHARACTER + 34 for name in colours))
-    x, y, width = left - MARGIN, -MARGIN, right - left + 2 * MARGIN
-    height += 2 * MARGIN + (30 if colours else 0)
+def _lines(pictures: Sequence[_Picture], fill_of: Mapping[str, str]) -> Iterator[str]:
+    """The file line by line: paper, the columns beside each other, legend."""
+    extents = [_extent(picture) for picture in pictures]
+    width = sum(right - left for left, right, _ in extents) + 2 * GAP * (len(pictures) - 1)
+    width = 2 * MARGIN + max(width, sum(len(name) * CHARACTER + 34 for name in fill_of))
+    height = max(low for _, _, low in extents) + 2 * MARGIN + (30 if fill_of else 0)
     yield (
-        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="{x:g} {y:g} {width:g} {height:g}"'
-        f' width="{width:g}" height="{height:g}" font-family="DejaVu Sans Mono, Menlo, Consolas, monospace">'
+        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width:g} {height:g}" width="{width:g}"'
+        f' height="{height:g}" font-family="DejaVu Sans Mono, Menlo, Consolas, monospace">'
     )
     yield f"<style>{STYLE}</style>"
     yield "<defs>"
     yield from map(_head, ("head", "link-head", "given-head"), (INK, LINK, GIVEN))
     yield "</defs>"
-    yield f'<rect class="paper" x="{x:g}" y="{y:g}" width="{width:g}" height="{height:g}" fill="{PAPER}"/>'
-    yield from _orders(picture)
-    yield from _links(picture)
-    yield from _labels(picture)
-    yield from _boxes(picture, colours)
-    yield from _legend(colours, left, height - 2 * MARGIN)
+    yield f'<rect class="paper" x="0" y="0" width="{width:g}" height="{height:g}" fill="{PAPER}"/>'
+    at = float(MARGIN)
+    for picture, (left, right, _) in zip(pictures, extents, strict=True):
+        yield f'<g class="column" transform="translate({at - left:g} {MARGIN})">'
+        yield from (*_orders(picture), *_links(picture), *_labels(picture), *_boxes(picture, fill_of))
+        yield "</g>"
+        at += right - left + 2 * GAP
+    yield from _legend(fill_of, MARGIN, height - MARGIN)
 
 
 def _extent(picture: _Picture) -> tuple[float, float, float]:
@@ -167,11 +170,11 @@ def _orders(picture: _Picture) -> Iterator[str]:
 
 def _links(picture: _Picture) -> Iterator[str]:
     """One dashed way for each causal link. Links from the start are paler."""
-    for link in picture.made.links:
+    for link in picture.column.part.links:
         said = picture.say(link.condition)
         way = picture.routing.ways[picture.index[link.producer, said], link.consumer]
         name, stroke = ("given", GIVEN) if link.producer == START else ("link", LINK)
-        title = f"{picture.texts[link.producer]} achieves {said} for {picture.texts[link.consumer]}"
+        title = picture.column.titles[link.producer, link.condition, link.consumer]
         yield (
             f'<path class="link{" given" if name == "given" else ""}" d="{_rounded(way)}" fill="none" stroke="{stroke}"'
             f' stroke-width="1.1" stroke-dasharray="5 3" marker-end="url(#{name}-head)"><title>{escape(title)}</title></path>'
@@ -210,10 +213,10 @@ def _labels(picture: _Picture) -> Iterator[str]:
         )
 
 
-def _boxes(picture: _Picture, colours: Mapping[str, str]) -> Iterator[str]:
+def _boxes(picture: _Picture, fill_of: Mapping[str, str]) -> Iterator[str]:
     """The start, the steps and the goal."""
-    steps: Mapping[StepId, Step] = {step.id: step for step in picture.made.steps}
-    for step, text in picture.texts.items():
+    steps: Mapping[StepId, Step] = {step.id: step for step in picture.column.part.steps}
+    for step, text in picture.column.texts.items():
         (left, right), y = picture.boxes.span(step), picture.routing.tops[picture.boxes.layer[step]]
         yield f"<g><title>{escape(_tooltip(steps[step]) if step in steps else text)}</title>"
         yield (
@@ -221,7 +224,7 @@ def _boxes(picture: _Picture, colours: Mapping[str, str]) -> Iterator[str]:
             f' rx="{6 if step in steps else HEIGHT // 2}" fill="{BOX}" stroke="{INK}"/>'
         )
         for index, held in enumerate(steps[step].resources if step in steps else ()):
-            at, fill = left + 5 + index * BAR, colours[str(held)]
+            at, fill = left + 5 + index * BAR, fill_of[str(held)]
             yield f'<rect class="bar" x="{at:g}" y="{y + 5:g}" width="4" height="{HEIGHT - 10}" fill="{fill}"/>'
         yield (
             f'<text class="text" x="{picture.boxes.centre[step]:g}" y="{y + HEIGHT / 2 + 4:g}" text-anchor="middle"'
@@ -229,9 +232,9 @@ def _boxes(picture: _Picture, colours: Mapping[str, str]) -> Iterator[str]:
         )
 
 
-def _legend(colours: Mapping[str, str], x: float, y: float) -> Iterator[str]:
+def _legend(fill_of: Mapping[str, str], x: float, y: float) -> Iterator[str]:
     """The legend of colours and resources."""
-    for name, fill in colours.items():
+    for name, fill in fill_of.items():
         yield f'<rect x="{x:g}" y="{y - 10:g}" width="12" height="12" fill="{fill}"/>'
         yield f'<text class="text" x="{x + 17:g}" y="{y:g}" font-size="12" fill="{INK}">{escape(name)}</text>'
         x += len(name) * CHARACTER + 34

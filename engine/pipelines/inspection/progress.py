@@ -76,7 +76,8 @@ def carried_on(
     _not_done(names, news)
     wanted = tuple(each for each in visits if each.name not in names and each.name not in bad)
     changes = tuple(sorted((a, b, cost) for (a, b), cost in asked.changes.items()))
-    now = replace(plan, done=done, lost=lost, bad=bad, impossible=dict(parts.impossible), changes=changes)
+    out = {name: why for name, why in parts.impossible.items() if name not in names}
+    now = replace(plan, done=done, lost=lost, bad=bad, impossible=out, changes=changes)
     made = _sequenced(plan, now, wanted, limits)
     return _compared(plan, made, problem)
 

@@ -2,6 +2,6 @@
 
 from engine.pipelines.revision.course import Course
 from engine.pipelines.revision.remaining import remaining
-from engine.pipelines.revision.revise import PlanRevision, revise
+from engine.pipelines.revision.revise import PlanRevision, planned_anew, revise
 
-__all__ = ["Course", "PlanRevision", "remaining", "revise"]
+__all__ = ["Course", "PlanRevision", "planned_anew", "remaining", "revise"]

@@ -1,16 +1,19 @@
 """The state that is expected after some steps, and its correction by observations."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 
 from engine.pipelines.revision.course import Course
 from engine.stages.macros.lifted.execution import changes_of
 from engine.stages.macros.lifted.situation import Situation
-from engine.stages.validation.changes import Denial
+from engine.stages.validation.changes import Change, Denial, State
+from engine.stages.validation.semantics import Semantics
 from kb.asp import AspError, ground_term
 from kb.diagnostics import Diagnostic, InvalidInput, Source, nearest
 from kb.model.domain import Domain, Kind
-from kb.model.plan import StepId
+from kb.model.plan import Plan, StepId
 from kb.terms import Atom, Function, ordered
+
+SHOWN = 8  # names in a hint
 
 
 def expected(course: Course, done: Iterable[StepId]) -> Situation:
@@ -25,11 +28,58 @@ def expected(course: Course, done: Iterable[StepId]) -> Situation:
 def observed(
     course: Course, here: Situation, holds: Sequence[Atom], gone: Sequence[Atom]
 ) -> tuple[Atom, ...]:
-    """The state `here`, changed so that `holds` are true and `gone` are false, with what deductive operators conclude."""
+    """The state where some atoms hold and others do not, with everything that follows by deductive operators.
+
+    Raises `InvalidInput` for atoms that are not of this problem and for those that contradict each other.
+    """
+    return corrected(course.gate.semantics(course.problem), here.state, holds, gone)
+
+
+def corrected(
+    semantics: Semantics, state: State, holds: Sequence[Atom], gone: Sequence[Atom]
+) -> tuple[Atom, ...]:
+    """`observed` for a state and the semantics of a problem."""
+    wrong = [
+        *(found for atom in holds for found in _mistyped(atom, semantics, "--holds")),
+        *(found for atom in gone for found in _mistyped(atom, semantics, "--gone")),
+    ]
+    if wrong:
+        raise InvalidInput(wrong)
     denials = tuple(Denial(atom, (), (), deduced=False) for atom in gone)
-    state = here.state
-    change = course.gate.semantics(course.problem).deduce(holds, denials, state)
+    change = semantics.deduce(holds, denials, state)
+    _require_agreement(change, holds, gone)
     return ordered((state - change.ends) | change.adds)
+
+
+def following(
+    before: Iterable[Atom], now: Iterable[Atom], said: Collection[Atom]
+) -> tuple[tuple[Atom, bool], ...]:
+    """The facts that nobody named and that changed nevertheless: those that hold now (True) and those that no longer do."""
+    old, new, named = set(before), set(now), set(said)
+    holds, gone = ordered(new - old - named), ordered(old - new - named)
+    return (*((atom, True) for atom in holds), *((atom, False) for atom in gone))
+
+
+def _mistyped(atom: Atom, semantics: Semantics, option: str) -> Iterator[Diagnostic]:
+    """What is wrong with the arguments of an observed atom."""
+    expected = semantics.problem.domain.predicates[atom.name].arguments
+    for argument, type_ in zip(atom.arguments, expected, strict=True):
+        if not semantics.statics.has_type(argument, type_):
+            known = sorted(str(each.arguments[0]) for each in semantics.statics.named(type_))
+            hint = nearest(str(argument), known) or (f"one of {', '.join(known[:SHOWN])}" if known else "")
+            said = f"{argument} is no {type_}, but {atom.name} takes one here: {atom}"
+            yield Diagnostic(Source(option), "K103", said, hint)
+
+
+def _require_agreement(change: Change, holds: Sequence[Atom], gone: Sequence[Atom]) -> None:
+    """Raises `InvalidInput` if observed facts exclude each other."""
+    if change.contradiction is not None:
+        said = f"{change.contradiction} is observed, but another observed fact denies it"
+        raise _refused("--holds", "K301", said, f"these cannot hold together: {', '.join(map(str, holds))}")
+    both = next((atom for atom in gone if atom in change.adds), None)
+    if both is not None:
+        said = f"{both} is said to be gone, but it follows from what is said to hold"
+        raise _refused("--gone", "K301", said, "leave out one of the two")
 
 
 def read_facts(text: str, domain: Domain, option: str) -> list[Atom]:
@@ -77,6 +127,18 @@ def read_steps(text: str, known: Iterable[StepId]) -> list[StepId]:
             raise _refused("--done", "K410", f"the plan has no step {missing}", said)
         found += map(StepId, numbers)
     return found
+
+
+def read_done(text: str, plan: Plan) -> list[StepId]:
+    """The steps of a plan that are done, each with everything that must come before it. Raises `InvalidInput`."""
+    done = read_steps(text, [step.id for step in plan.steps])
+    before = plan.predecessors()
+    for step in done:
+        if missing := before[step] - set(done):
+            needed = ", ".join(map(str, sorted(missing)))
+            said = f"step {step} cannot be done before {'step' if len(missing) == 1 else 'steps'} {needed}"
+            raise _refused("--done", "K411", said, "name every step that is done")
+    return done
 
 
 def _refused(option: str, code: str, message: str, hint: str) -> InvalidInput:

@@ -1,10 +1,13 @@
 """The problem that is left when some steps of a plan are done."""
 
 import dataclasses
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 
+from engine.pipelines.simulation import Dynamics
+from engine.pipelines.simulation.faulty import history
 from engine.stages.macros.lifted.world import StepChange
 from kb.model.conditions import And, Condition, Literal, goal_parts
+from kb.model.plan import Plan, StepId
 from kb.model.problem import Chain, Problem
 from kb.model.workflow import advanced, finished, lasting
 from kb.terms import Atom, ordered
@@ -39,3 +42,19 @@ def remaining(problem: Problem, reached: Mapping[str, int], observed: Iterable[A
     )
     goal = And((*goal_parts(problem.goal), *lasts)) if lasts else problem.goal
     return dataclasses.replace(problem, initial=ordered(observed), complete=True, goal=goal, chains=chains)
+
+
+def left_over(plan: Plan, done: Collection[StepId]) -> Plan:
+    """The steps of a plan that are not done."""
+    steps = (
+        dataclasses.replace(step, after=tuple(each for each in step.after if each not in done))
+        for step in plan.steps
+        if step.id not in done
+    )
+    return Plan(tuple(steps))
+
+
+def rest_of(problem: Problem, plan: Plan, done: Collection[StepId]) -> tuple[Problem, Plan]:
+    """What is left of a problem after some steps of a plan for it, had each done what it should, and the other steps."""
+    state, _ = history(Dynamics(problem), plan, tuple(done))
+    return remaining(problem, state.reached, state.facts), left_over(plan, done)

@@ -14,6 +14,7 @@ from engine.model.outcome import Found, Outcome
 from engine.model.stages import STAGE
 from engine.model.task import Bits, GroundOperator, progress
 from engine.pipelines import planning
+from engine.pipelines.attainment import GivenUp, Obstacle, attainable
 from engine.pipelines.revision.course import Course
 from engine.pipelines.revision.remaining import remaining, stages_reached
 from engine.stages.macros.lifted.execution import changes_of
@@ -34,8 +35,9 @@ SLACK = 5  # a repair may cost so much more than the steps left, or a quarter mo
 class PlanRevision:
     """How the plan goes on. `way`: done, continued, repaired or replanned.
 
-    `problem` is the problem that was left, and `outcome` is the answer for it. `kept`, `dropped` and `added` compare the
-    new steps with the steps that were left of the old plan. A cost is None if that way was not tried or gave no plan.
+    `problem` is what was left to do, `outcome` the answer for it. `kept`, `dropped` and `added` compare steps with those
+    that were left of the old plan. Costs are None where a way was not tried or led nowhere. `given_up` are the goals that
+    cannot be reached any more; the answer is for the others.
     """
 
     problem: Problem
@@ -46,6 +48,7 @@ class PlanRevision:
     added: tuple[Step, ...] = ()
     repair_cost: int | None = None
     replanning_cost: int | None = None
+    given_up: tuple[GivenUp, ...] = ()
 
 
 def revise(
@@ -54,10 +57,13 @@ def revise(
     observed: Sequence[Atom],
     limits: Limits = Limits(),
     both: bool = False,
+    obstacles: Sequence[Obstacle] = (),
+    free: Problem | None = None,
 ) -> PlanRevision:
-    """A plan for what is left, after the steps `done`, from the state `observed`.
+    """A plan for what is left, after the steps `done`, from the state `observed`; else for the goals that can be reached.
 
-    With `both`, repair is always compared with replanning. Raises `InvalidInput`.
+    `both` compares repair with replanning in any case. `obstacles` are possible reasons for goals that are given up, and
+    `free` is the problem without them. Raises `InvalidInput`.
     """
     finished = [step for step in course.plan.steps if step.id in set(done)]
     left = [step for step in course.plan.steps if step.id not in set(done)]
@@ -67,11 +73,28 @@ def revise(
     repaired, way = repair.plan()
     if repaired is not None and repaired.cost <= affordable(left) and not both:
         return _revision(problem, Found(repaired), way, left, repaired.cost, None)
+    if repaired is None:
+        return planned_anew(problem, Plan(tuple(left)), limits, obstacles, free)
     replanned = planning.plan(problem, limits)
     cost = replanned.plan.cost if isinstance(replanned, Found) else None
-    if repaired is not None and (cost is None or repaired.cost <= cost):
+    if cost is None or repaired.cost <= cost:
         return _revision(problem, Found(repaired), way, left, repaired.cost, cost)
-    return _revision(problem, replanned, "replanned", left, repaired.cost if repaired else None, cost)
+    return _revision(problem, replanned, "replanned", left, repaired.cost, cost)
+
+
+def planned_anew(
+    problem: Problem,
+    left: Plan | None = None,
+    limits: Limits = Limits(),
+    obstacles: Sequence[Obstacle] = (),
+    free: Problem | None = None,
+) -> PlanRevision:
+    """A new plan for the goals of a problem that can be reached, compared with the steps that were left of an old one."""
+    found = attainable(problem, obstacles, free, limits)
+    cost = found.outcome.plan.cost if isinstance(found.outcome, Found) else None
+    steps = left.steps if left else ()
+    made = _revision(found.problem, found.outcome, "replanned", steps, None, cost)
+    return dataclasses.replace(made, given_up=found.given_up)
 
 
 def affordable(left: Sequence[Step]) -> int:

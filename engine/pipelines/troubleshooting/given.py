@@ -1,14 +1,16 @@
 """Read the texts that describe a case: the interrupted step, scripted outcomes, hidden causes, counts to import."""
 
 import json
-from collections.abc import Collection
-from dataclasses import dataclass
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from engine.model.cases import Hypothesis
 from engine.pipelines import planning
-from engine.pipelines.revision.observing import read_steps
-from engine.pipelines.troubleshooting.recovery import rest_of
+from engine.pipelines.revision.observing import corrected, following, read_done, read_facts
+from engine.pipelines.revision.remaining import left_over, remaining
+from engine.pipelines.simulation import Achievement, Dynamics, WorldState
+from engine.pipelines.simulation.faulty import history
 from engine.stages.diagnosis.knowledge import CURED, NOT_CURED
 from engine.stages.diagnosis.session import QUESTION, Answerer
 from kb.asp import AspError, ground_term
@@ -20,7 +22,7 @@ from kb.model.faults import FaultModel, Interruption
 from kb.model.plan import Plan, StepId
 from kb.model.problem import Problem
 from kb.store.cases import ClosedCase
-from kb.terms import Function, Term
+from kb.terms import Atom, Function, Term, ordered
 
 STEP = Source("--step")
 
@@ -37,8 +39,41 @@ class Failed:
     done: str = ""
 
 
-def left_of(loaded: Loaded, failed: Failed) -> tuple[Problem, Plan]:
-    """The problem that was left when its plan failed, and the steps that were left. Raises `InvalidInput`."""
+@dataclass(frozen=True, slots=True)
+class Seen:
+    """What was observed of the world when the exception was noticed, as it is given: facts that hold, and facts that do not."""
+
+    holds: str = ""
+    gone: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Moment:
+    """When an exception was noticed: the problem, the steps done, and the state in which the interrupted step began.
+
+    `rest` is what was left of the problem then, and `left` are the steps that were left of the plan, if one had been made.
+    `assumed` are facts that the step needs though nothing said that they held; `follows` is what follows from the facts that
+    were observed.
+    """
+
+    problem: Problem
+    rest: Problem
+    before: WorldState
+    done: tuple[Achievement, ...] = ()
+    left: Plan | None = None
+    assumed: tuple[tuple[Atom, str], ...] = ()
+    follows: tuple[tuple[Atom, bool], ...] = ()
+
+
+def moment_of(
+    loaded: Loaded, step: Function | None, failed: Failed | None, seen: Seen = Seen()
+) -> Moment | None:
+    """The moment of an exception; None for a domain alone. Raises `InvalidInput`."""
+    if failed is None:
+        if loaded.problem is None and seen != Seen():
+            hint = "give a problem as the target"
+            raise InvalidInput([Diagnostic(Source("--holds"), "K404", "a domain has no state", hint)])
+        return moment(loaded.problem, step, seen=seen) if loaded.problem else None
     problem, plan = load_plan(failed.file)
     where = Source(str(failed.file))
     if loaded.problem is None or (problem.domain.name, problem.name) != (
@@ -51,13 +86,38 @@ def left_of(loaded: Loaded, failed: Failed) -> tuple[Problem, Plan]:
         )
     if wrong := planning.check_plan(problem, plan):
         raise InvalidInput(wrong)
-    done = {*_done(plan, failed)}
-    return rest_of(problem, plan, done)
+    return moment(problem, step, plan, _done(plan, failed), seen)
+
+
+def moment(
+    problem: Problem,
+    step: Function | None,
+    plan: Plan | None = None,
+    done: Sequence[StepId] = (),
+    seen: Seen = Seen(),
+) -> Moment:
+    """The moment when a step was interrupted, after the steps of a plan that are done. Raises `InvalidInput`."""
+    dynamics = Dynamics(problem)
+    if step is not None and isinstance(why := dynamics.semantics.binding(step), str):
+        raise InvalidInput([Diagnostic(STEP, "K906", f"there is no step {step}: {why}", "")])
+    expected, achieved = history(dynamics, plan or Plan(()), done)
+    holds, gone = (
+        read_facts(text, problem.domain, option)
+        for text, option in ((seen.holds, "--holds"), (seen.gone, "--gone"))
+    )
+    facts = frozenset(corrected(dynamics.semantics, expected.facts, holds, gone))
+    state = replace(expected, facts=facts)
+    before = dynamics.presupposed(step, state) if step is not None else state
+    assumed = tuple((atom, f"{step} was under way") for atom in ordered(before.facts - facts))
+    rest = remaining(problem, before.reached, before.facts)
+    follows = following(expected.facts, facts, (*holds, *gone))
+    left = left_over(plan, done) if plan else None
+    return Moment(problem, rest, before, achieved, left, assumed, follows)
 
 
 def _done(plan: Plan, failed: Failed) -> list[StepId]:
     if failed.done:
-        return _whole(plan, read_steps(failed.done, [step.id for step in plan.steps]))
+        return read_done(failed.done, plan)
     try:
         wanted = str(ground_term(failed.step)) if failed.step else ""
     except AspError:
@@ -67,16 +127,6 @@ def _done(plan: Plan, failed: Failed) -> list[StepId]:
             return [each.id for each in plan.steps[:number]]
     hint = "name a step of the plan with --step, or the steps that are done with --done"
     raise InvalidInput([Diagnostic(STEP, "K410", "which step of the plan was interrupted?", hint)])
-
-
-def _whole(plan: Plan, done: list[StepId]) -> list[StepId]:
-    """The steps `done`, after a check that they include every step before them. Raises `InvalidInput`."""
-    before = plan.predecessors()
-    for step in done:
-        if missing := before[step] - set(done):
-            said = f"step {step} cannot be done before step {min(missing)}"
-            raise InvalidInput([Diagnostic(Source("--done"), "K411", said, "name every step that is done")])
-    return done
 
 
 def read_step(text: str, loaded: Loaded, exception: Interruption) -> Function | None:

@@ -3,36 +3,44 @@
 The plan that failed is revised before anything is planned anew. A kept sequence is updated by what was lost.
 """
 
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection
 from dataclasses import dataclass, replace
 
-from engine.model.cases import Revision
+from engine.model.cases import Prepared, Revision
 from engine.model.outcome import Outcome
-from engine.pipelines import planning
+from engine.pipelines.attainment import GivenUp
 from engine.pipelines.inspection.keeping import told_of_losses
 from engine.pipelines.inspection.progress import Progress
-from engine.pipelines.revision import Course, remaining, revise
-from engine.pipelines.revision.remaining import stages_reached
-from engine.stages.diagnosis.revision import revised
-from engine.stages.macros.lifted.execution import changes_of
-from engine.stages.macros.lifted.situation import Situation
-from engine.stages.macros.lifted.world import CellDomain
+from engine.pipelines.revision import Course, planned_anew, revise
+from engine.pipelines.revision.changes import Changes
+from engine.pipelines.revision.remaining import rest_of
+from engine.pipelines.simulation import Dynamics
 from engine.stages.planning import Limits
-from engine.stages.validation.semantics import Semantics
-from kb.model.conditions import Comparison
-from kb.model.domain import Operator
-from kb.model.plan import Plan, Step, StepId
+from engine.stages.validation.changes import State
+from kb.model.plan import Plan, Step
 from kb.model.problem import Problem
-from kb.terms import Function, Variable
+from kb.terms import ordered
+
+__all__ = ["FirstRepair", "Recovery", "recover", "rest_of", "told"]
+
+
+@dataclass(frozen=True, slots=True)
+class FirstRepair:
+    """A sure repair with which a recovery begins, and the steps that prepare it."""
+
+    name: str
+    say: str
+    prepared: Prepared
 
 
 @dataclass(frozen=True, slots=True)
 class Recovery:
     """How the work goes on: the problem from the state as it is now known, and the answer for the original goals.
 
-    `way` is `planned` if no plan had failed. Otherwise it says what became of the remaining steps: done (nothing is left to
-    do), continued, repaired, or replanned (no repair was found, or a new plan is cheaper). `sequence` is the kept sequence
-    after the update by what was lost.
+    `way` is `planned` where no plan had failed, else what became of its remaining steps: done (nothing is left to do),
+    continued, repaired, or replanned where no repair was found or a new plan is cheaper. `given_up` are the goals that
+    cannot be reached any more: the answer is for the others. `repair` comes before everything else. `sequence` is the kept sequence
+    after it was told what was lost.
     """
 
     problem: Problem
@@ -41,41 +49,41 @@ class Recovery:
     kept: tuple[Step, ...] = ()
     dropped: tuple[Step, ...] = ()
     added: tuple[Step, ...] = ()
+    given_up: tuple[GivenUp, ...] = ()
+    repair: FirstRepair | None = None
     sequence: Progress | None = None
 
 
 def recover(
-    problem: Problem, change: Revision, limits: Limits = Limits(), left: Plan | None = None
+    problem: Problem,
+    change: Revision,
+    limits: Limits = Limits(),
+    left: Plan | None = None,
+    believed: State | None = None,
+    executable: bool = True,
 ) -> Recovery:
-    """A plan from the revised state to the goals of the problem, without the lost resources. Raises `InvalidInput`.
+    """From the revised state to the goals that the failed plan had, or to those that can still be reached.
 
-    `left` are the steps that were not done when a plan failed; they start from the problem's initial state. They are
-    revised before anything is planned anew.
+    What was lost is not used, and what is blocked is not tried. `left` are the steps that were not done when the plan
+    failed, from the problem's initial state on: they are revised before anything is planned anew, if they are still
+    `executable` there. `believed` is the state now; without it, it is what `change` makes of the initial state. Raises
+    `InvalidInput`.
     """
-    state = tuple(sorted(Semantics(problem).initial(), key=str))
-    usable = _without(problem, change.lost)
-    now = revised(state, change)
-    if left is None:
-        seen = usable.replace(now)
-        return Recovery(seen, planning.plan(seen, limits))
-    found = revise(Course.of(usable.replace(state), left), (), now, limits)
-    return Recovery(found.problem, found.outcome, found.way, found.kept, found.dropped, found.added)
-
-
-def rest_of(problem: Problem, plan: Plan, done: Collection[StepId]) -> tuple[Problem, Plan]:
-    """The problem that is left when the steps `done` have had their effects, and the plan of the other steps."""
-    here = Situation.of(CellDomain(problem), Semantics(problem).initial())
-    facts = here.facts
-    changes = changes_of(here, [step for step in plan.steps if step.id in done])
-    for change in changes:
-        facts = change.applied(facts)
-    reached = stages_reached(problem.chains, changes)
-    steps = (
-        replace(step, after=tuple(each for each in step.after if each not in done))
-        for step in plan.steps
-        if step.id not in done
+    dynamics = Dynamics(problem)
+    changes = Changes(dynamics, change)
+    now = ordered(changes.state() if believed is None else believed)
+    here, obstacles, free = changes.planned_in(now), changes.obstacles(now), changes.free(now)
+    if left is None or not executable:
+        found = planned_anew(here, left, limits, obstacles, free)
+        way = "planned" if left is None else found.way
+        return Recovery(
+            found.problem, found.outcome, way, found.kept, found.dropped, found.added, found.given_up
+        )
+    course = Course.of(replace(here, initial=ordered(dynamics.semantics.initial())), left)
+    found = revise(course, (), now, limits, obstacles=obstacles, free=free)
+    return Recovery(
+        found.problem, found.outcome, found.way, found.kept, found.dropped, found.added, found.given_up
     )
-    return remaining(problem, reached, facts), Plan(tuple(steps))
 
 
 def told(found: Recovery, problem: Problem, lost: Collection[str], store: str) -> Recovery:
@@ -83,20 +91,3 @@ def told(found: Recovery, problem: Problem, lost: Collection[str], store: str) -
     if not lost:
         return found
     return replace(found, sequence=told_of_losses(store, problem.replace(found.problem.initial), lost))
-
-
-def _without(problem: Problem, lost: Sequence[str]) -> Problem:
-    """The problem without the operator instances that use a lost resource."""
-    if not lost:
-        return problem
-    gone = [Function(name) for name in lost]
-    kept = [each for each in problem.domain.operators if not set(gone) & set(each.resources)]
-    operators = tuple(replace(each, body=(*each.body, *_spared(each, gone))) for each in kept)
-    return replace(problem, domain=replace(problem.domain, operators=operators))
-
-
-def _spared(operator: Operator, gone: Sequence[Function]) -> Iterator[Comparison]:
-    """Conditions by which no variable resource of an operator is a lost one."""
-    for resource in operator.resources:
-        if isinstance(resource, Variable):
-            yield from (Comparison(resource, "!=", each) for each in gone)

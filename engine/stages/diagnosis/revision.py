@@ -3,6 +3,8 @@
 from collections.abc import Iterable, Mapping, Sequence
 
 from engine.model.cases import Diagnosis, Hypothesis, Revision
+from kb.model.conditions import Literal, goal_parts
+from kb.model.domain import Domain
 from kb.model.faults import FaultModel
 from kb.terms import Atom, Function, Term, Variable, is_ground, match, substitute, substitute_atom
 
@@ -50,7 +52,8 @@ def revision(model: FaultModel, made: Diagnosis, binding: Binding, repaired: str
         for atom in bound(repair.adds, binding):
             withdrawn.pop(atom, None)
             asserted[atom] = f"{repaired}: {repair.say}"
-        lost = []
+    if made.cured or repaired:
+        lost = [str(substitute(term, binding)) for term in model.repairs[repaired].loses] if repaired else []
     possible = {cause for hypothesis, _ in made.hypotheses for cause in hypothesis.causes}
     restored = {
         atom: f"{cause} is ruled out"
@@ -60,6 +63,19 @@ def revision(model: FaultModel, made: Diagnosis, binding: Binding, repaired: str
         if atom not in withdrawn and not _doubted(model, possible, atom, binding)
     }
     return Revision(tuple(withdrawn.items()), tuple(asserted.items()), tuple(restored.items()), tuple(lost))
+
+
+def presupposed(domain: Domain, model: FaultModel, exception: str, binding: Binding) -> tuple[Atom, ...]:
+    """The facts that the precondition of the interrupted operator names, with what is known of its arguments."""
+    header = model.exceptions[exception].operator
+    operator = next((each for each in domain.operators if header and each.name == header.name), None)
+    if operator is None or header is None:
+        return ()
+    names = dict(zip(operator.variables, header.arguments, strict=True))
+    parts = (
+        part for part in goal_parts(operator.precondition) if isinstance(part, Literal) and part.positive
+    )
+    return bound((substitute_atom(part.atom, names) for part in parts), binding)
 
 
 def revised(state: Sequence[Atom], change: Revision) -> tuple[Atom, ...]:

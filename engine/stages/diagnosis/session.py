@@ -6,21 +6,35 @@ A session does not know who answers. The answers come from a function: a person,
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
+from typing import Protocol
 
 import numpy as np
 
 from engine.kernels.arrays import Floats
-from engine.model.cases import Case, CaseStep, Diagnosis, Hypothesis, Observation, Question
+from engine.model.cases import Case, CaseStep, Diagnosis, Hypothesis, Observation, Prepared, Question
 from engine.model.troubleshooting import Action, Advice, Standing
 from engine.stages.diagnosis.exact import Interrupted, never
 from engine.stages.diagnosis.knowledge import Objective, PlanSetup, case_of, no_setup, open_case
 from engine.stages.diagnosis.multiple import explanations
 from engine.stages.diagnosis.selection import EXPANSIONS, Selector
 from kb.model.faults import FaultModel
+from kb.model.plan import Step
 
 Answerer = Callable[[Action, Advice], str | None]
 """Gives the outcome of an action; None ends the session."""
 MOST_ANSWERS = 4
+
+
+class Hands(Protocol):
+    """Who carries out tests and repairs in a world, so that what they change there is known."""
+
+    def prepare(self, session: "Session", action: str) -> Prepared | None:
+        """What must be done before a test or repair as things stand now; None if that cannot be brought about."""
+
+    def carried_out(self, action: str, outcome: str, prepared: Prepared) -> None:
+        """A test or repair was done, after what prepared it, and had this outcome."""
+
+
 QUESTION, PUT_RIGHT, A_PERSON = "question", "yes", "a person"
 
 
@@ -35,7 +49,10 @@ class Session:
     setup: PlanSetup = no_setup
     expansions: int = EXPANSIONS
     interrupted: Interrupted = never
+    hands: Hands | None = None
     stages: list[CaseStep] = field(default_factory=list)
+    left_out: list[str] = field(default_factory=list)  # what cannot be prepared any more
+    prepared: Prepared | None = None  # what comes before the outcome that is asked for now
     cured: str | None = None
     ended: Floats | None = None
 
@@ -70,7 +87,11 @@ class Session:
         cost = float(self.selector.exact.beliefs.costs[self.standing.situation, action])
         before = tuple((str(h), p) for h, p in self.belief())
         observed = Observation(done.name, done.outcomes[outcome])
-        self.stages.append(CaseStep(before, advice, observed, cost))
+        steps: tuple[Step, ...] = ()
+        if self.prepared is not None and self.hands is not None:
+            steps, cost = self.prepared.steps, done.cost + self.prepared.cost
+            self.hands.carried_out(done.name, observed.outcome, self.prepared)
+        self.stages.append(CaseStep(before, advice, observed, cost, steps))
         if outcome in done.ends:
             self.cured = done.name
             self.ended = self.selector.weights(self.standing) * done.likelihoods[outcome]
@@ -81,6 +102,24 @@ class Session:
         else:
             self._widen(after.situation)
 
+    def prepare(self, action: int) -> bool:
+        """Find out what must be done before an action; an action that cannot be prepared any more is left out."""
+        if self.hands is None:
+            return True
+        name = self.case.problem.actions[action].name
+        self.prepared = self.hands.prepare(self, name)
+        if self.prepared is None:
+            self.left_out.append(name)
+            belief = self.belief()
+            self._go_on(tuple(h for h, _ in belief), [p for _, p in belief], self.standing.situation)
+        return self.prepared is not None
+
+    def _go_on(self, hypotheses: tuple[Hypothesis, ...], weights: list[float], situation: int) -> None:
+        """Go on with other hypotheses or other actions; what was done or left out is not asked again."""
+        done = [*(stage.observed.action for stage in self.stages), *self.left_out]
+        case = case_of(self.model, self.exception, hypotheses, weights, self.objective, self.setup, done)
+        self._take(case, situation if case.problem.setup else 0)
+
     def _widen(self, situation: int) -> None:
         """Go on with the minimal sets that explain everything, because no single cause does.
 
@@ -89,10 +128,7 @@ class Session:
         observations = [stage.observed for stage in self.stages]
         priors = self.model.priors(self.exception, self.counts)
         found = explanations(self.model, priors, observations)
-        hypotheses, weights = tuple(h for h, _ in found), [weight for _, weight in found]
-        done = [each.action for each in observations]
-        case = case_of(self.model, self.exception, hypotheses, weights, self.objective, self.setup, done)
-        self._take(case, situation if case.problem.setup else 0)
+        self._go_on(tuple(h for h, _ in found), [weight for _, weight in found], situation)
 
     def reply(self, answer: str) -> None:
         """Take in a person's answer to the question of `diagnosis`. It is an observation like any other."""
@@ -175,6 +211,8 @@ def steps(session: Session, answer: Answerer) -> Iterator[CaseStep]:
         advice = session.advice()
         if advice.action is None:
             return
+        if not session.prepare(advice.action):
+            continue
         action = session.case.problem.actions[advice.action]
         said = answer(action, advice)
         if said is None:

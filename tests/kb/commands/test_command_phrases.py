@@ -4,6 +4,7 @@ from pathlib import Path
 
 import pytest
 
+from kb.commands.ambiguity import unclear_words
 from kb.commands.patterns import PatternError, Slot, Word, expansions, read_pattern, readable
 from kb.diagnostics import InvalidInput
 from kb.loader import load, load_problem
@@ -152,13 +153,40 @@ def test_nouns_are_words_that_a_sentence_can_hold(tmp_path: Path) -> None:
     ]
 
 
-def test_two_phrases_for_one_sentence_are_pointed_at(tmp_path: Path) -> None:
-    path = tmp_path / "domain.yaml"
-    twin = PHRASE + '    - say: "[now] (lay|put) {X:box} on {P:place}"\n      goal: on(X, P)\n'
-    path.write_text(DOMAIN.replace(PHRASE, twin), "utf-8")
-    (found,) = load(path).warnings
-    assert found.message == "'put <box> on <place>' also fits an earlier phrase, which takes precedence"
-    assert found.where.line == 26
+def unclear(folder: Path, *changes: tuple[str, str]) -> list[str]:
+    text = DOMAIN
+    for old, new in changes:
+        text = text.replace(old, new)
+    (folder / "domain.yaml").write_text(text, "utf-8")
+    return [each.message for each in unclear_words(load(folder / "domain.yaml").domain)]
+
+
+@pytest.mark.parametrize(
+    ("say", "goal", "said"),
+    [
+        ("[now] (lay|put) {X:box} on {P:place}", "on(X, shelf)", "put <box> on <place>"),
+        ("put {X:box} on the table", "on(X, shelf)", "put <box> on table"),
+        ("put {O:object} onto the shelf", "on(box_1, shelf)", "put box 2 onto shelf"),
+        ("put {B:small_box} on {P:place}", "on(B, table)", "put <small_box> on <place>"),
+        ("put crate on {P:place}", "on(box_1, P)", "put crate on <place>"),
+        ("lay {X:box} on {P:place}", "on(X, shelf)", None),
+        ("[now] (lay|put) {X:box} on {P:place}", "on(X, P)", None),
+    ],
+)
+def test_sentences_of_two_phrases_are_pointed_at(
+    tmp_path: Path, say: str, goal: str, said: str | None
+) -> None:
+    twin = f'{PHRASE}    - say: "{say}"\n      goal: {goal}\n'
+    types = ("types: {box: object, ", "types: {box: object, small_box: box, ")
+    messages = unclear(tmp_path, (PHRASE, twin), types, ("[box_1..3]", "[box_1..3, crate]"))
+    expected = f"'{said}' also fits an earlier phrase, which takes precedence"
+    assert messages == ([expected] if said else [])
+
+
+def test_a_noun_of_two_types_is_pointed_at(tmp_path: Path) -> None:
+    types = ("types: {box: object, ", "types: {box: object, small_box: box, ")
+    words = ("words: {box: [box, boxes]}", "words: {box: [box, boxes], small_box: [box]}")
+    assert unclear(tmp_path, types, words) == ["'box' means both box and small_box; a sentence means box"]
 
 
 def problem(folder: Path, more: str) -> str:

@@ -1,12 +1,13 @@
 """Sentences and what is understood; wrong ones and what is said about them. Golden, one file for each."""
 
 from collections.abc import Callable
+from pathlib import Path
 
 import pytest
 
 from kb.commands import understand
 from kb.diagnostics import InvalidInput
-from kb.loader import load_problem
+from kb.loader import load_domain, load_problem
 from kb.model.domain import Domain
 from kb.model.problem import Problem
 
@@ -39,6 +40,46 @@ GOOD = {
     "open_and_close": "open the drawer, put probe 3 into the freezer and close the drawer",
     "goal_beside_a_workflow": "heat probe 1 for 15 min and put probe 2 into the freezer",
     "sensors": "check the grip force and read the laser",
+    "the_freezer_is_opened_and_closed": "open the freezer, put probe 1 into the freezer and close the freezer",
+    "the_lid_is_part_of_the_freezer": "open the lid, put probe 1 into the freezer and close the freezer",
+    "furnace_and_flap": "open the furnace, put probe 1 into the furnace and close the flap",
+    "opened_and_closed": "open the drawer and close it",
+    "it_is_the_freezer": "open the freezer, put probe 1 into it and close it",
+    "place_behind_the_time": "heat probe 1 for 15 min in the furnace",
+    "place_before_the_verb": "in the furnace, heat probe 1 for 15 min",
+    "each_probe": "heat each probe for 5 min",
+    "every_probe": "put every probe back",
+    "each_behind": "heat probes 1 and 2 for 5 min each",
+    "both_and_a_list": "heat both probes 1 and 2 for 5 min",
+    "another_time_for_another_probe": "heat probe 1 for 15 min and probe 2 for 10 min",
+    "the_same_time_for_another_probe": "heat probe 1 for 15 min and probe 2 too",
+    "another_place_for_another_probe": "put probe 1 into the freezer and probe 2 into the furnace",
+    "another_number": "put probe 1 in depot 3 and probe 2 in depot 4",
+    "same_verb": "open the drawer and the flap",
+    "once_more": "heat probe 1 for 15 min, then for 10 min",
+    "no_object_said_again": "heat probe 1 for 5 min, cool for 3 min and store",
+    "object_behind_the_second_verb": "take and return probe 2",
+    "exclamation": "Open the drawer!",
+    "polite": "Could you please heat probe 1 for 5 min?",
+    "after_in_front": "after heating probe 1 for 5 min, store it",
+    "after_behind": "store probe 1 after heating it for 5 min",
+    "after_two_acts": "after heating probe 1 for 5 min and cooling it for 3 min, store it and open the drawer",
+    "before_in_front": "before storing it, heat probe 1 for 5 min",
+    "before_another_probe": "store probe 1 before heating probe 2 for 5 min",
+    "after_that": "heat probe 1 for 15 min, after that cool it for 5 min, finally store it",
+    "first_second": "first heat probe 1 for 5 min, second cool it for 3 min, lastly store it",
+    "then_some_of_them": "heat probes 1 and 2 for 15 min, then cool probe 1 for 5 min",
+    "all_but_one": "heat all probes except 3 for 5 min",
+    "the_others": "heat probe 1 for 5 min and the other probes for 10 min",
+    "all_four": "heat all four probes for 5 min",
+    "the_probe_named": "heat probe 1 for 5 min, then cool the probe for 3 min",
+    "this_probe": "heat probe 2 for 5 min and put this probe into the freezer",
+    "with_the_word_number": "heat probe number 2 for 5 min",
+    "hours_and_a_half": "heat probe 1 for one and a half hours",
+    "days": "heat probe 1 for 2 days",
+    "out_of": "take probe 1 out of the furnace",
+    "steps_of_two_devices": "put the lid on the freezer and lock it",
+    "semicolons": "heat probe 1 for 5 min; open the drawer; store it.",
 }
 
 BAD = {
@@ -58,6 +99,35 @@ BAD = {
     "which_probe": "heat the probe for 5 min",
     "not_a_whole_second": "heat probe 1 for 2 ms",
     "then_what": "open the drawer, then",
+    "no_time_at_all": "heat probe 1 for 0 min",
+    "too_long": "heat probe 1 for 600000 h",
+    "too_large": "put probe 1 into depot 99999999999",
+    "negation": "do not open the drawer",
+    "negation_in_short": "heat probe 1 for 5 min but don't store it",
+    "never": "never close the flap",
+    "without": "heat probe 1 for 5 min without opening the flap",
+    "german": "nimm Probe 1 und lege sie in den Ofen",
+    "french": "ouvrez le tiroir et mettez la sonde 1 dans le four",
+    "spanish": "abre el horno y pon la muestra",
+    "cyrillic": "открой ящик",
+    "until": "heat probe 1 until it is warm",
+    "if": "if the drawer is open, close it",
+    "or": "heat probe 1 or probe 2 for 5 min",
+    "any": "heat any probe for 5 min",
+    "while": "cool probe 1 for 5 min while heating probe 2 for 5 min",
+    "twice": "heat probe 1 twice for 5 min",
+    "respectively": "put probes 1 and 2 into the freezer and the furnace respectively",
+    "question": "is the drawer open?",
+    "degrees": "heat probe 1 for 5 min at 300 degrees",
+    "wait": "wait for 5 min, then open the drawer",
+    "the_same_again": "heat probe 1 for 5 min, and do the same with probe 2",
+    "after_a_time": "after 5 min store probe 1",
+    "decimal_comma": "heat probe 1 for 1,5 hours",
+    "which_two": "heat two probes for 5 min",
+    "not_three": "heat all three probes for 5 min",
+    "who_are_the_others": "heat the other probes for 5 min",
+    "what_to_heat": "heat for 5 min",
+    "wrong_kind": "put the furnace into the freezer",
     "second_line": "heat probe 1 for 5 min,\ncool it dawn for 5 min",
 }
 
@@ -71,6 +141,33 @@ BULKHEAD = {
     "bulkhead_wrong_type": "measure m1 with m2",
     "bulkhead_no_such_point": "measure m13 with the laser",
     "bulkhead_which_tool": "take the tool",
+    "bulkhead_with_in_front": "with the laser measure m4",
+    "bulkhead_tool_and_points": "take the laser and measure points 3 and 4 with it, then put it back",
+    "bulkhead_one_tool_after_the_other": "pick up the laser, measure m4, then pick up the ultrasonic probe",
+    "bulkhead_all_but": "measure all points except m3 and m4",
+    "bulkhead_go": "go to m3, then to m4",
+    "bulkhead_each_its_tool": "measure m4 with the laser and m2 with the ultrasonic probe",
+}
+
+
+WORKSHOP = {
+    "workshop_open_and_close": "open the red box, put part A into the red box and close the red box",
+    "workshop_two_boxes": "open both boxes, pack part a into the red box, pack part b into the blue box and close them",
+    "workshop_gate": "open the gate, bring part b to the rack and close the gate",
+    "workshop_between": "open the red box; wash part a; close the red box",
+    "workshop_two_verbs": "wash and dry part a for 5 min",
+    "workshop_letters": "wash part a and part b, paint part c",
+    "workshop_box": "open the red box and fill it with 12 screws, then close it",
+    "workshop_short": "open the red one, fill with ten screws and shut",
+    "workshop_other_number": "fill the red box with 3 screws and the blue box with 4",
+    "workshop_everything": "put everything into the red box",
+    "workshop_with_the_brush": "take the brush and paint part a with the brush",
+    "workshop_on_the_way": "put part a on the rack, then on the bench",
+    "workshop_after": "after washing part a, paint it and pack it into the red box",
+    "workshop_which_box": "open the box",
+    "workshop_no_such_part": "wash part d",
+    "workshop_soap": "wash part a with soap",
+    "workshop_no_stage": "take the brush, drop the brush and take the sponge, then take the brush",
 }
 
 
@@ -104,3 +201,16 @@ def test_what_is_said_about_a_wrong_command(
 @pytest.mark.parametrize("name", BULKHEAD)
 def test_what_the_bulkhead_cell_understands(name: str, golden: Callable[[str, str], None]) -> None:
     golden(f"{name}.txt", printed(load_problem("bulkhead/twelve_points"), BULKHEAD[name]))
+
+
+@pytest.mark.parametrize("name", WORKSHOP)
+def test_what_a_cell_with_slots_everywhere_understands(name: str, golden: Callable[[str, str], None]) -> None:
+    golden(f"{name}.txt", printed(load_domain(str(Path(__file__).parent / "workshop")), WORKSHOP[name]))
+
+
+def test_there_are_sixty_good_and_forty_bad_sentences() -> None:
+    folder = Path(__file__).parent / "golden"
+    texts = [(folder / f"{name}.txt").read_text("utf-8") for name in (*GOOD, *BAD, *BULKHEAD, *WORKSHOP)]
+    good = sum(text.startswith("say: ") for text in texts)
+    assert good >= 60
+    assert len(texts) - good >= 40

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from engine.model.geometry import Floats
+from engine.model.geometry import Floats, Longs
 from engine.stages.geometry.pictures.surfaces import Surface
 
 AZIMUTH_RAD, ELEVATION_RAD = math.radians(-60.0), math.radians(28.0)
@@ -69,3 +69,9 @@ def colours_of(shown: Sequence[Surface]) -> Floats:
     return np.concatenate(
         [np.zeros((0, 3)), *(np.tile(each.colour, (len(each.triangles), 1)) for each in shown)]
     )
+
+
+def pieces_of(shown: Sequence[Surface]) -> Longs:
+    """The number of the convex piece of each triangle (m,)."""
+    found: Longs = np.repeat(np.arange(len(shown)), [len(each.triangles) for each in shown])
+    return found

@@ -1,72 +1,67 @@
-"""A picture as PNG: triangles are drawn into a depth buffer at twice the size; halving the picture then
-smooths the edges.
+"""A picture as PNG: triangles are drawn into a depth buffer at twice the size; halving the picture then smooths the edges.
+Notes are written over it by Pillow.
 """
 
-import struct
-import zlib
-from collections.abc import Sequence
+import io
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
+from PIL import Image, ImageDraw, ImageFont
 
 from engine.model.geometry import Floats
 from engine.stages.geometry.pictures.camera import Camera
+from engine.stages.geometry.pictures.labels import SIZE_PIXELS, Label
+from engine.stages.geometry.pictures.notes import KEY_PIXELS, RING_PIXELS, Key, Notes
+from engine.stages.geometry.pictures.raster import fill
+from engine.stages.geometry.pictures.surfaces import Colour
 
 OVER = 2  # how much larger the picture is drawn before it is reduced
-RING_PIXELS = (9.0, 13.0)  # inner and outer radius of the ring around a contact
+INK, LEAD = (26, 26, 26), (85, 85, 85)
 
 
-def draw(camera: Camera, triangles: Floats, colours: Floats, marks: Sequence[Floats] = ()) -> bytes:
-    """The PNG of triangles (m, 3, 3) with colours (m, 3), and a ring around each marked point (3,)."""
+def draw(camera: Camera, triangles: Floats, colours: Floats, notes: Notes | None = None) -> bytes:
+    """The PNG of triangles (m, 3, 3) with colours (m, 3), from 0 to 1."""
     large = replace(camera, scale=camera.scale * OVER, width=camera.width * OVER, height=camera.height * OVER)
-    image = np.ones((large.height, large.width, 3))
-    depth = np.full(image.shape[:2], -np.inf)
-    shown = colours * large.shade(triangles)[:, None]
-    for corners, colour in zip(large.project(triangles), shown, strict=True):
-        _fill(image, depth, corners, colour)
-    for point in marks:
-        _ring(image, large.project(point))
+    blank = np.ones((large.height, large.width, 3))
+    image = fill(blank, large.project(triangles), colours * large.shade(triangles)[:, None])
     small = image.reshape(camera.height, OVER, camera.width, OVER, 3).mean(axis=(1, 3))
-    return _encoded((small.clip(0.0, 1.0) * 255 + 0.5).astype(np.uint8))
+    picture = Image.fromarray((small.clip(0.0, 1.0) * 255 + 0.5).astype(np.uint8))
+    _write(picture, notes or Notes())
+    made = io.BytesIO()
+    picture.save(made, "PNG", optimize=True)
+    return made.getvalue()
 
 
-def _fill(image: Floats, depth: Floats, corners: Floats, colour: Floats) -> None:
-    """Colours the pixels whose middle lies in a triangle (3, 3), where the triangle is nearer than what was
-    drawn before.
-    """
-    low = np.maximum(np.floor(corners[:, :2].min(axis=0)).astype(int), 0)
-    high = np.minimum(np.ceil(corners[:, :2].max(axis=0)).astype(int) + 1, image.shape[1::-1])
-    (ax, ay), (bx, by), (cx, cy) = corners[:, :2]
-    area = (bx - ax) * (cy - ay) - (cx - ax) * (by - ay)
-    if abs(area) < 1e-12 or (low >= high).any():
-        return
-    x = np.arange(low[0], high[0])[None] + 0.5
-    y = np.arange(low[1], high[1])[:, None] + 0.5
-    u = ((bx - x) * (cy - y) - (cx - x) * (by - y)) / area
-    v = ((cx - x) * (ay - y) - (ax - x) * (cy - y)) / area
-    z = u * corners[0, 2] + v * corners[1, 2] + (1 - u - v) * corners[2, 2]
-    window = (slice(low[1], high[1]), slice(low[0], high[0]))
-    nearer = (u >= 0) & (v >= 0) & (u + v <= 1) & (z > depth[window])
-    depth[window][nearer] = z[nearer]
-    image[window][nearer] = colour
+def _write(picture: Image.Image, notes: Notes) -> None:
+    """Rings, legend and labels, drawn over everything else."""
+    pen = ImageDraw.Draw(picture)
+    font = ImageFont.load_default(SIZE_PIXELS)
+    for x, y in notes.rings:
+        box = (x - RING_PIXELS, y - RING_PIXELS, x + RING_PIXELS, y + RING_PIXELS)
+        pen.ellipse(box, outline=INK, width=3)
+    for key in notes.legend:
+        _key(pen, font, key)
+    for label in notes.labels:
+        _label(pen, font, label)
 
 
-def _ring(image: Floats, at: Floats) -> None:
-    """Draws a dark ring over everything else."""
-    y, x = np.ogrid[: image.shape[0], : image.shape[1]]
-    away = np.hypot(x + 0.5 - at[0], y + 0.5 - at[1]) / OVER
-    image[(away >= RING_PIXELS[0]) & (away <= RING_PIXELS[1])] = (0.1, 0.1, 0.1)
+def _key(pen: ImageDraw.ImageDraw, font: ImageFont.ImageFont | ImageFont.FreeTypeFont, key: Key) -> None:
+    x, y = key.at
+    pen.rectangle((x, y, x + KEY_PIXELS, y + KEY_PIXELS), fill=_bytes(key.colour))
+    pen.text((x + KEY_PIXELS + 6, y + KEY_PIXELS - 1), key.name, INK, font, anchor="ls")
 
 
-def _encoded(pixels: NDArray[np.uint8]) -> bytes:
-    """Pixels (height, width, 3) as PNG: a filter byte of 0 (no filter) stands before each row."""
-    height, width, _ = pixels.shape
-    rows = np.concatenate([np.zeros((height, 1), np.uint8), pixels.reshape(height, -1)], axis=1)
-    header = struct.pack(">IIBBBBB", width, height, 8, 2, 0, 0, 0)
-    parts = ((b"IHDR", header), (b"IDAT", zlib.compress(rows.tobytes(), 9)), (b"IEND", b""))
-    return b"\x89PNG\r\n\x1a\n" + b"".join(_chunk(kind, content) for kind, content in parts)
+def _label(
+    pen: ImageDraw.ImageDraw, font: ImageFont.ImageFont | ImageFont.FreeTypeFont, label: Label
+) -> None:
+    """The name with a white rim, so that it can be read on every ground; a line to its point if that is far."""
+    if label.far:
+        x, y = label.point
+        pen.line((label.point, label.end), fill=LEAD)
+        pen.ellipse((x - 2, y - 2, x + 2, y + 2), fill=LEAD)
+    pen.text(label.at, label.text, INK, font, anchor="ls", stroke_width=2, stroke_fill="white")
 
 
-def _chunk(kind: bytes, content: bytes) -> bytes:
-    return struct.pack(">I", len(content)) + kind + content + struct.pack(">I", zlib.crc32(kind + content))
+def _bytes(colour: Colour) -> tuple[int, int, int]:
+    red, green, blue = (round(part * 255) for part in colour)
+    return red, green, blue

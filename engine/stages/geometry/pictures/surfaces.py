@@ -13,18 +13,19 @@ from engine.stages.geometry import transforms
 from engine.stages.geometry.shapes.hull import hull_triangles
 from engine.stages.geometry.shapes.primitives import length_of, primitive_frame
 from engine.stages.geometry.world.model import World
-from kb.model.cell import BodyKind
 
 SIDES = 16  # sides of the polygon that stands for a circle
 Colour = tuple[float, float, float]
-COLOURS: dict[object, Colour] = {
-    BodyKind.FIXTURE: (0.72, 0.74, 0.77),
-    BodyKind.PART: (0.30, 0.55, 0.80),
-    BodyKind.TOOL: (0.36, 0.62, 0.45),
+KINDS: dict[str, Colour] = {
+    "arm": (0.93, 0.66, 0.24),
+    "tool": (0.36, 0.62, 0.45),
+    "part": (0.30, 0.55, 0.80),
+    "fixture": (0.72, 0.74, 0.77),
+    "region": (0.88, 0.84, 0.62),
+    "in collision": (0.86, 0.16, 0.16),
 }
-LINKS: tuple[Colour, Colour] = ((0.93, 0.66, 0.24), (0.85, 0.55, 0.16))  # colours of an arm's links in turn
-REGION: Colour = (0.80, 0.78, 0.70)
-MARKED: Colour = (0.86, 0.16, 0.16)
+"""What a colour means, in the order of the legend."""
+DARKER = 0.9  # every second link of an arm, so that links can be told apart
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -39,28 +40,34 @@ class Surface:
     vertices: Floats
     triangles: Longs
     colour: Colour
-    marked: bool = False
+    kind: str = "part"  # what the colour means
 
 
 def surfaces(world: World, scene: Scene, contacts: Collection[Contact] = ()) -> list[Surface]:
     """The surface of every piece of a scene. Bodies in contact have the colour for collisions."""
-    marked = {name for contact in contacts for name in (contact.first, contact.second)}
+    hit = {name for contact in contacts for name in (contact.first, contact.second)}
     found = []
     for piece in scene.pieces:
         vertices, triangles = mesh_of(piece)
-        colour = MARKED if piece.body in marked else _colour(world, piece.body)
-        found.append(Surface(piece.body, piece.carrier, vertices, triangles, colour, piece.body in marked))
+        kind = "in collision" if piece.body in hit else _kind(world, piece.body)
+        colour = _colour(world, piece.body, kind)
+        found.append(Surface(piece.body, piece.carrier, vertices, triangles, colour, kind))
     return found
 
 
-def _colour(world: World, body: str) -> Colour:
+def _kind(world: World, body: str) -> str:
+    """What a body is, as in `KINDS`."""
     if body in world.cell.bodies:
-        return COLOURS[world.cell.bodies[body].kind]
+        return world.cell.bodies[body].kind.value
+    return "arm" if body.partition(".")[0] in world.cell.arms else "region"
+
+
+def _colour(world: World, body: str, kind: str) -> Colour:
+    red, green, blue = KINDS[kind]
     arm, _, link = body.partition(".")
-    if arm in world.cell.arms:
-        names = [each.name for each in world.cell.arms[arm].arm.links]
-        return LINKS[names.index(link) % 2]
-    return REGION
+    if kind != "arm" or [each.name for each in world.cell.arms[arm].arm.links].index(link) % 2 == 0:
+        return red, green, blue
+    return red * DARKER, green * DARKER, blue * DARKER
 
 
 def mesh_of(piece: Piece) -> tuple[Floats, Longs]:

@@ -1,70 +1,88 @@
-"""A picture as SVG: the triangles that face the viewer, the farthest first.
+"""A picture as SVG: triangles that face the viewer, painted from the farthest to the nearest, and notes over them."""
 
-Large ones are split so that this order is right.
-"""
-
-from collections.abc import Sequence
+from collections.abc import Iterator
 from xml.sax.saxutils import escape
 
 import numpy as np
 
-from engine.model.geometry import Contact, Floats
+from engine.model.geometry import Floats, Longs
 from engine.stages.geometry.pictures.camera import Camera
+from engine.stages.geometry.pictures.labels import SIZE_PIXELS, Label
+from engine.stages.geometry.pictures.notes import KEY_PIXELS, RING_PIXELS, Key, Notes
+from engine.stages.geometry.pictures.painting import back_to_front, doubled_area
+from engine.stages.geometry.pictures.surfaces import Colour
 
-LONGEST_PIXELS = 60.0  # longer edges are split
-SPLITS = 6
+LEAST_PIXELS = 1e-3  # twice the area of a triangle that is seen edge on
 
 
-def draw(camera: Camera, triangles: Floats, colours: Floats, contacts: Sequence[Contact] = ()) -> str:
-    """The SVG of triangles (m, 3, 3) with colours (m, 3). Each contact has a ring and a name."""
-    shown = (np.clip(colours * camera.shade(triangles)[:, None], 0, 1) * 255 + 0.5).astype(int)
-    seen, fills = _facing(camera.project(triangles), shown)
-    for _ in range(SPLITS):
-        seen, fills = _split(seen, fills)
-    order = np.argsort(seen[:, :, 2].mean(axis=1), kind="stable")
-    lines = [_triangle(seen[n], fills[n]) for n in order]
+def draw(
+    camera: Camera,
+    triangles: Floats,
+    colours: Floats,
+    pieces: Longs | None = None,
+    notes: Notes | None = None,
+) -> str:
+    """The SVG of triangles (m, 3, 3) with colours (m, 3).
+
+    `pieces` (m,) are the numbers of their convex pieces; without them each triangle is a piece of its own.
+    """
+    pieces, notes = np.arange(len(triangles)) if pieces is None else pieces, notes or Notes()
+    fills = (np.clip(colours * camera.shade(triangles)[:, None], 0, 1) * 255 + 0.5).astype(int)
+    seen = camera.project(triangles)
+    seen[:, :, 2] *= camera.scale
+    facing = np.flatnonzero(doubled_area(seen) < -LEAST_PIXELS)
+    corners, source = back_to_front(seen[facing], pieces[facing])
     size = f'width="{camera.width}" height="{camera.height}" viewBox="0 0 {camera.width} {camera.height}"'
-    marks = [line for contact in contacts for line in _mark(camera, contact)]
-    head = f'<svg xmlns="http://www.w3.org/2000/svg" {size}>'
-    return (
-        "\n".join([head, '<rect width="100%" height="100%" fill="white"/>', *lines, *marks, "</svg>"]) + "\n"
-    )
-
-
-def _facing(seen: Floats, fills: Floats) -> tuple[Floats, Floats]:
-    """The triangles that show their outside: the order of their corners tells it (pixels count downwards)."""
-    a, b, c = (seen[:, k, :2] for k in range(3))
-    ahead = (b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (c[:, 0] - a[:, 0]) * (b[:, 1] - a[:, 1]) < 0
-    return seen[ahead], fills[ahead]
-
-
-def _split(seen: Floats, fills: Floats) -> tuple[Floats, Floats]:
-    """The triangles, where each one with an edge that is too long is halved across its longest edge."""
-    edges = np.linalg.norm(seen[:, [1, 2, 0], :2] - seen[:, :, :2], axis=2)
-    longest = edges.argmax(axis=1)
-    large = edges.max(axis=1) > LONGEST_PIXELS
-    turned = np.take_along_axis(seen, ((longest[:, None] + np.arange(3)) % 3)[:, :, None], axis=1)[large]
-    middle = (turned[:, 0] + turned[:, 1]) / 2
-    halves = [
-        np.stack([turned[:, 0], middle, turned[:, 2]], 1),
-        np.stack([middle, turned[:, 1], turned[:, 2]], 1),
+    lines = [
+        f'<svg xmlns="http://www.w3.org/2000/svg" {size}>',
+        '<rect width="100%" height="100%" fill="white"/>',
+        *(_triangle(each, fills[facing[n]]) for each, n in zip(corners, source, strict=True)),
+        *_noted(notes),
+        "</svg>",
     ]
-    return np.concatenate([seen[~large], *halves]), np.concatenate(
-        [fills[~large], fills[large], fills[large]]
-    )
+    return "\n".join(lines) + "\n"
 
 
-def _triangle(corners: Floats, fill: Floats) -> str:
+def _triangle(corners: Floats, fill: Longs) -> str:
     """A triangle in SVG. Its outline has the colour of its face, to close the seams between neighbours."""
     points = " ".join(f"{x:.1f},{y:.1f}" for x, y in corners[:, :2])
     colour = "#{:02x}{:02x}{:02x}".format(*fill)
-    return f'<polygon points="{points}" fill="{colour}" stroke="{colour}" stroke-width="0.6"/>'
+    return f'<polygon points="{points}" fill="{colour}" stroke="{colour}" stroke-width="1"/>'
 
 
-def _mark(camera: Camera, contact: Contact) -> list[str]:
-    x, y, _ = camera.project((contact.point_first + contact.point_second) / 2)
-    said = escape(f"{contact.first} / {contact.second}: {contact.depth_m * 1000:.1f} mm")
-    return [
-        f'<circle cx="{x:.1f}" cy="{y:.1f}" r="11" fill="none" stroke="#1a1a1a" stroke-width="3"/>',
-        f'<text x="{x + 16:.1f}" y="{y + 5:.1f}" font-family="sans-serif" font-size="14">{said}</text>',
-    ]
+def _noted(notes: Notes) -> Iterator[str]:
+    for x, y in notes.rings:
+        yield (
+            f'<circle cx="{x:.1f}" cy="{y:.1f}" r="{RING_PIXELS:g}" fill="none" stroke="#1a1a1a" stroke-width="3"/>'
+        )
+    for key in notes.legend:
+        yield from _key(key)
+    for label in notes.labels:
+        yield from _label(label)
+
+
+def _key(key: Key) -> Iterator[str]:
+    (x, y), side = key.at, KEY_PIXELS
+    yield f'<rect class="key" x="{x:g}" y="{y:g}" width="{side}" height="{side}" fill="{_hex(key.colour)}"/>'
+    yield _text(key.name, x + side + 6, y + side - 1)
+
+
+def _label(label: Label) -> Iterator[str]:
+    """The name with a white rim, so that it can be read on every ground; a line to its point if that is far."""
+    if label.far:
+        (x, y), (to_x, to_y) = label.point, label.end
+        yield f'<line x1="{x:.1f}" y1="{y:.1f}" x2="{to_x:.1f}" y2="{to_y:.1f}" stroke="#555555"/>'
+        yield f'<circle cx="{x:.1f}" cy="{y:.1f}" r="2" fill="#555555"/>'
+    rim = _text(label.text, *label.at).replace(
+        'fill="#1a1a1a"', 'class="rim" stroke="white" stroke-width="4" stroke-linejoin="round"'
+    )
+    yield from (rim, _text(label.text, *label.at))
+
+
+def _text(said: str, x: float, y: float) -> str:
+    at = f'x="{x:.1f}" y="{y:.1f}" font-family="sans-serif" font-size="{SIZE_PIXELS}"'
+    return f'<text {at} fill="#1a1a1a">{escape(said)}</text>'
+
+
+def _hex(colour: Colour) -> str:
+    return "#{:02x}{:02x}{:02x}".format(*(round(part * 255) for part in colour))

@@ -12,8 +12,15 @@ from engine.model.geometry import Contact, Floats
 from engine.ports import GeometryBackend
 from engine.stages.geometry import transforms
 from engine.stages.geometry.kinematics.arms import carrier_poses
-from engine.stages.geometry.pictures import gltf, png, svg
-from engine.stages.geometry.pictures.camera import Camera, colours_of, looking_at, triangles_in_world
+from engine.stages.geometry.pictures import gltf, svg
+from engine.stages.geometry.pictures.camera import (
+    Camera,
+    colours_of,
+    looking_at,
+    pieces_of,
+    triangles_in_world,
+)
+from engine.stages.geometry.pictures.notes import Notes, notes_of
 from engine.stages.geometry.pictures.surfaces import Surface, surfaces
 from engine.stages.geometry.reach.reach import Reachability, Unreached
 from engine.stages.geometry.world.following import following
@@ -92,22 +99,27 @@ def _at(world: World, backend: GeometryBackend, name: str) -> World:
 
 def as_png(view: View, azimuth_rad: float, elevation_rad: float) -> bytes:
     """The picture as PNG."""
-    camera, triangles, shown = _seen(view, azimuth_rad, elevation_rad)
-    marks = [(contact.point_first + contact.point_second) / 2 for contact in view.contacts]
-    return png.draw(camera, triangles, colours_of(shown), marks)
+    from engine.stages.geometry.pictures import png
+
+    camera, triangles, shown, notes = _seen(view, azimuth_rad, elevation_rad)
+    return png.draw(camera, triangles, colours_of(shown), notes)
 
 
 def as_svg(view: View, azimuth_rad: float, elevation_rad: float) -> str:
-    """The picture as SVG, with the name of each contact."""
-    camera, triangles, shown = _seen(view, azimuth_rad, elevation_rad)
-    return svg.draw(camera, triangles, colours_of(shown), view.contacts)
+    """The picture as SVG."""
+    camera, triangles, shown, notes = _seen(view, azimuth_rad, elevation_rad)
+    return svg.draw(camera, triangles, colours_of(shown), pieces_of(shown), notes)
 
 
-def _seen(view: View, azimuth_rad: float, elevation_rad: float) -> tuple[Camera, Floats, list[Surface]]:
+def _seen(
+    view: View, azimuth_rad: float, elevation_rad: float
+) -> tuple[Camera, Floats, list[Surface], Notes]:
     world = view.world
     shown = surfaces(world, scene_of(world), view.contacts)
-    triangles = triangles_in_world(shown, carrier_poses(world.joints, world.configuration))
-    return looking_at(triangles.reshape(-1, 3), SIZE, azimuth_rad, elevation_rad), triangles, shown
+    carriers = carrier_poses(world.joints, world.configuration)
+    triangles = triangles_in_world(shown, carriers)
+    camera = looking_at(triangles.reshape(-1, 3), SIZE, azimuth_rad, elevation_rad)
+    return camera, triangles, shown, notes_of(camera, shown, carriers, view.contacts)
 
 
 def as_gltf(view: View, step_s: float = 1.0) -> str:

@@ -1,4 +1,5 @@
 import json
+from importlib.metadata import version
 from pathlib import Path
 
 import pytest
@@ -38,9 +39,12 @@ def test_a_problem_is_shown_as_it_begins() -> None:
 @pytest.mark.parametrize(("form", "begins"), [("png", b"\x89PNG"), ("svg", b"<svg"), ("gltf", b'{"asset"')])
 def test_pictures_are_written_to_files(form: str, begins: bytes, tmp_path: Path) -> None:
     file = tmp_path / f"cell.{form}"
-    result = run(app, ["cell", "show", "themse", "--format", form, "--output", str(file)])
+    result = run(app, ["cell", "show", "themse", "-o", str(file)])
     assert result.exit_code == 0, result.output
     assert file.read_bytes().startswith(begins)
+    other = tmp_path / "cell.bin"
+    assert run(app, ["cell", "show", "themse", "--format", form, "-o", str(other)]).exit_code == 0
+    assert other.read_bytes() == file.read_bytes()
 
 
 @pytest.mark.parametrize(
@@ -51,6 +55,7 @@ def test_pictures_are_written_to_files(form: str, begins: bytes, tmp_path: Path)
         (["--configuration", "left: 0, 0, 0, 0, 0, 0"], "unknown arm 'left'"),
         (["--place", "slot(drawer, 9)"], "unknown place"),
         (["--format", "png"], "give --output"),
+        (["--output", "cell.bin"], "--output has no effect"),
     ],
 )
 def test_what_cannot_be_shown_is_told(options: list[str], said: str) -> None:
@@ -64,3 +69,9 @@ def test_a_domain_without_a_cell_has_no_picture(tmp_path: Path) -> None:
     result = run(app, ["cell", "show", str(tmp_path)])
     assert result.exit_code == 2
     assert "there is no cell.yaml" in result.stderr
+
+
+def test_the_version_is_told() -> None:
+    result = run(app, ["--version"])
+    assert result.exit_code == 0
+    assert result.stdout == f"cellwright {version('cellwright')}\n"

@@ -1,11 +1,14 @@
 import re
+from collections.abc import Iterator
 from itertools import combinations, pairwise
+from random import Random
 from xml.etree import ElementTree
 
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from engine.formats.report import dot, svg
+from engine.formats.report.columns import HIGHEST, columns
 from engine.formats.report.layout import layout
 from engine.model.outcome import Found
 from engine.pipelines import planning
@@ -36,12 +39,25 @@ def plans(draw: st.DrawFn) -> Plan:
     return Plan(tuple(steps), tuple(links))
 
 
+def drawn_in(root: ElementTree.Element, kind: str) -> Iterator[tuple[ElementTree.Element, float, float]]:
+    """The elements of a kind, and how far their column is moved to the right and down."""
+    columns = [each for each in root.iter(f"{SVG}g") if each.get("class") == "column"]
+    inside = {id(each) for column in columns for each in column.iter()}
+    for each in root.iter(f"{SVG}{kind}"):
+        if id(each) not in inside:
+            yield each, 0.0, 0.0
+    for column in columns:
+        right, down = map(float, re.findall(r"-?[\d.]+", column.get("transform", "")))
+        for each in column.iter(f"{SVG}{kind}"):
+            yield each, right, down
+
+
 def rectangles(root: ElementTree.Element, name: str) -> list[Box]:
     found = []
-    for rect in root.iter(f"{SVG}rect"):
+    for rect, right, down in drawn_in(root, "rect"):
         if rect.get("class") == name:
             x, y, width, height = (float(rect.get(key, "0")) for key in ("x", "y", "width", "height"))
-            found.append((x, y, x + width, y + height))
+            found.append((x + right, y + down, x + right + width, y + down + height))
     return found
 
 
@@ -52,10 +68,10 @@ def overlap(one: Box, other: Box) -> bool:
 def ways(root: ElementTree.Element) -> list[tuple[str, list[Segment]]]:
     """Producer and condition of each link, and the level and upright pieces of its way."""
     found = []
-    for path in root.iter(f"{SVG}path"):
+    for path, right, down in drawn_in(root, "path"):
         if (path.get("class") or "").split(" ")[0] == "link":
             numbers = [float(number) for number in re.findall(r"-?[\d.]+", path.get("d", ""))]
-            corners = list(zip(numbers[::2], numbers[1::2], strict=True))
+            corners = [(x + right, y + down) for x, y in zip(numbers[::2], numbers[1::2], strict=True)]
             pieces = [
                 (min(x, to_x), min(y, to_y), max(x, to_x), max(y, to_y))
                 for (x, y), (to_x, to_y) in pairwise(corners)
@@ -174,3 +190,29 @@ def test_stages_are_shown_in_the_words_of_the_problem() -> None:
     for picture in (svg.plan(outcome.plan, problem), dot.plan(outcome.plan, problem)):
         assert "_stage" not in picture
         assert "heated(probe_1, 900)" in picture
+
+
+@given(st.integers(1, 4 * HIGHEST), st.integers(0, 2**32 - 1))
+@settings(max_examples=25, deadline=None)
+def test_columns_hold_every_step_once_and_every_link_where_it_begins_and_ends(count: int, seed: int) -> None:
+    chance = Random(seed)
+    steps = tuple(Step(StepId(n), Function(f"o{n}")) for n in range(1, count + 1))
+    links = []
+    for _ in range(3 * count):
+        producer, consumer = sorted(chance.sample(range(count + 2), 2))
+        condition = Function(chance.choice("pqr"))
+        links.append(CausalLink(StepId(producer), condition, StepId(consumer) if consumer <= count else GOAL))
+    plan = Plan(steps, tuple(dict.fromkeys(links)))
+    made = columns(plan, str)
+    assert [step.id for column in made for step in column.part.steps] == [step.id for step in steps]
+    assert max(len(column.part.steps) for column in made) <= HIGHEST
+    texts = {START: "start", **{step.id: f"{step.id} {step.operator}" for step in steps}, GOAL: "goal"}
+    said = [part for column in made for title in column.titles.values() for part in title.split("; ")]
+    for link in plan.links:
+        head = f"{texts[link.producer]} achieves {link.condition} for "
+        users = [title.removeprefix(head).split(", ") for title in said if title.startswith(head)]
+        assert any(texts[link.consumer] in each for each in users)
+    picture = ElementTree.fromstring(svg.plan(plan))
+    assert len(rectangles(picture, "box")) == count + 2 * len(made)
+    for one, other in combinations(rectangles(picture, "box"), 2):
+        assert not overlap(one, other)

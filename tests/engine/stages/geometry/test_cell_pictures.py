@@ -1,17 +1,18 @@
 """Pictures without a display, and glTF that says where everything is."""
 
 import base64
+import io
+import itertools
 import json
 import math
-import struct
-import zlib
 from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
+from PIL import Image
 
 from engine.model.geometry import Floats, Joints, Piece
 from engine.stages.geometry import transforms
@@ -20,8 +21,11 @@ from engine.stages.geometry.kinematics.arms import carrier_poses
 from engine.stages.geometry.pictures import png, svg
 from engine.stages.geometry.pictures.camera import AZIMUTH_RAD, ELEVATION_RAD, looking_at
 from engine.stages.geometry.pictures.gltf import document, quaternion
-from engine.stages.geometry.pictures.surfaces import MARKED, Surface, mesh_of, surfaces
-from engine.stages.geometry.pictures.view import View, as_gltf, as_png, as_svg, view_of
+from engine.stages.geometry.pictures.labels import SIZE_PIXELS, WIDTH_PIXELS
+from engine.stages.geometry.pictures.painting import back_to_front, doubled_area
+from engine.stages.geometry.pictures.raster import fill
+from engine.stages.geometry.pictures.surfaces import KINDS, Surface, mesh_of, surfaces
+from engine.stages.geometry.pictures.view import View, _seen, as_gltf, as_png, as_svg, view_of
 from engine.stages.geometry.world.scenes import scene_of
 from kb.loader import bundled
 from kb.loader.cell import load_cell
@@ -35,20 +39,8 @@ def hitting() -> View:
 
 
 def pixels(picture: bytes) -> Floats:
-    """A PNG without filters as (height, width, 3), its checksums verified."""
-    assert picture[:8] == b"\x89PNG\r\n\x1a\n"
-    at, found = 8, {}
-    while at < len(picture):
-        (length,) = struct.unpack_from(">I", picture, at)
-        kind, content = picture[at + 4 : at + 8], picture[at + 8 : at + 8 + length]
-        assert struct.unpack_from(">I", picture, at + 8 + length) == (zlib.crc32(kind + content),)
-        found[kind] = content
-        at += 12 + length
-    width, height, bits, colour = struct.unpack_from(">IIBB", found[b"IHDR"])
-    assert (bits, colour) == (8, 2)
-    rows = np.frombuffer(zlib.decompress(found[b"IDAT"]), np.uint8).reshape(height, 1 + 3 * width)
-    assert not rows[:, 0].any()
-    return rows[:, 1:].reshape(height, width, 3).astype(float)
+    """A PNG as (height, width, 3)."""
+    return np.asarray(Image.open(io.BytesIO(picture)).convert("RGB"), dtype=float)
 
 
 def test_a_colliding_pair_is_marked_in_both_pictures(hitting: View) -> None:
@@ -58,12 +50,61 @@ def test_a_colliding_pair_is_marked_in_both_pictures(hitting: View) -> None:
     red = (image[..., 0] > 1.8 * image[..., 1]) & (image[..., 0] > 2.5 * image[..., 2])
     assert red.sum() > 500
     root = ElementTree.fromstring(as_svg(hitting, AZIMUTH_RAD, ELEVATION_RAD))
-    said = [each.text or "" for each in root.iter("{http://www.w3.org/2000/svg}text")]
-    assert len(said) == len(hitting.contacts)
-    assert said[0].startswith(f"{hitting.contacts[0].first} / {hitting.contacts[0].second}: ")
+    said = written(root)
+    assert "in collision" in said
+    for contact in hitting.contacts:
+        assert any(each.startswith(f"{contact.first} / {contact.second}: ") for each in said)
     free = view_of(hitting.world.cell, BuiltinBackend())
-    assert not any(each.marked for each in surfaces(free.world, scene_of(free.world), free.contacts))
-    assert "<text" not in as_svg(free, AZIMUTH_RAD, ELEVATION_RAD)
+    assert {each.kind for each in surfaces(free.world, scene_of(free.world), free.contacts)} == set(KINDS) - {
+        "in collision",
+        "region",
+    }
+    assert "in collision" not in as_svg(free, AZIMUTH_RAD, ELEVATION_RAD)
+
+
+def written(root: ElementTree.Element) -> list[str]:
+    """The texts of an SVG, without their rims."""
+    found = root.iter("{http://www.w3.org/2000/svg}text")
+    return [each.text or "" for each in found if each.get("class") != "rim"]
+
+
+@pytest.mark.parametrize("name", ["themse", "bulkhead"])
+@pytest.mark.parametrize("azimuth", [-60.0, 20.0, 110.0, 200.0])
+def test_every_body_is_named_once_and_no_name_lies_on_another(name: str, azimuth: float) -> None:
+    view = view_of(load_cell(bundled()[name] / "cell.yaml"), BuiltinBackend())
+    root = ElementTree.fromstring(as_svg(view, math.radians(azimuth), ELEVATION_RAD))
+    said = sorted(each.removesuffix(" (hidden)") for each in written(root))
+    kinds = {each.kind for each in surfaces(view.world, scene_of(view.world), ())}
+    bodies = {each.partition(".")[0] for each in scene_of(view.world).bodies}
+    assert said == sorted([*kinds, *bodies])
+    _, _, _, notes = _seen(view, math.radians(azimuth), ELEVATION_RAD)
+    for one, other in itertools.combinations(notes.labels, 2):
+        left, right = sorted((one, other), key=lambda each: each.at[0])
+        apart = right.at[0] - left.at[0] >= WIDTH_PIXELS * len(left.text)
+        assert apart or abs(one.at[1] - other.at[1]) >= SIZE_PIXELS
+
+
+@given(st.integers(0, 2**32 - 1))
+@settings(max_examples=40, deadline=None)
+def test_painting_from_the_farthest_shows_what_a_depth_buffer_shows(seed: int) -> None:
+    """For random triangles, many of which pass through each other."""
+    random = np.random.default_rng(seed)
+    corners = random.uniform(2, 38, size=(random.integers(1, 14), 3, 3))
+    away = doubled_area(corners) > 0
+    corners[away] = corners[away][:, ::-1]
+    corners = corners[np.abs(doubled_area(corners)) > 20]
+    piece = np.arange(len(corners))
+    expected = fill(np.full((40, 40), -1), corners, piece)
+    parts, source = back_to_front(corners, piece)
+    flat = parts * np.array([1.0, 1.0, 0.0]) + np.arange(len(parts))[:, None, None] * np.array([0, 0, 1.0])
+    painted = fill(np.full((40, 40), -1), flat, source)
+    assert (painted != expected).mean() < 0.01  # pixels on the seams of parts
+
+
+def test_triangles_of_one_piece_are_not_cut() -> None:
+    corners = np.random.default_rng(1).uniform(0, 40, size=(9, 3, 3))
+    parts, _ = back_to_front(corners, np.zeros(9, dtype=int))
+    assert len(parts) == 9
 
 
 def test_the_same_view_gives_the_same_bytes(hitting: View) -> None:
@@ -189,7 +230,7 @@ def test_the_nodes_of_a_gltf_stand_where_the_carriers_do(hitting: View) -> None:
     meshes = [node for node in read.content["nodes"] if "mesh" in node]
     assert {node["name"] for node in meshes} == set(scene_of(world).bodies)
     colours = [m["pbrMetallicRoughness"]["baseColorFactor"][:3] for m in read.content["materials"]]
-    assert list(MARKED) in colours
+    assert list(KINDS["in collision"]) in colours
     assert read.content["asset"]["version"] == "2.0"
 
 

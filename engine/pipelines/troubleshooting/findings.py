@@ -1,0 +1,156 @@
+"""What a case says of the world in which its problem lives: what is withdrawn, asserted, kept, lost, and not to be tried again."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+from engine.model.cases import Diagnosis, Revision
+from engine.pipelines.simulation import WorldState
+from engine.pipelines.simulation.dynamics import fits
+from engine.pipelines.troubleshooting.beliefs import NOTHING, Beliefs, Causes
+from engine.pipelines.troubleshooting.recovery import FirstRepair
+from engine.stages.diagnosis.knowledge import cure_chance
+from engine.stages.diagnosis.session import Session
+from kb.model.faults import FaultModel
+from kb.terms import Atom, ordered
+
+Reasoned = tuple[tuple[Atom, str], ...]
+
+
+@dataclass(frozen=True)
+class Findings:
+    """A diagnosis, held against the states that were believed while it was made."""
+
+    beliefs: Beliefs
+    made: Diagnosis
+
+    @property
+    def causes(self) -> Causes:
+        """The causes that were found; none if several sets are possible."""
+        return self.made.hypotheses[0][0].causes if self.made.isolated and self.made.hypotheses else NOTHING
+
+    @property
+    def believed(self) -> WorldState:
+        """The state now: what is sure under every hypothesis that is left."""
+        return self.beliefs.common(hypothesis for hypothesis, _ in self.made.hypotheses)
+
+    @property
+    def suspects(self) -> tuple[str, ...]:
+        """The causes that are or may be there still."""
+        if self.made.cured:
+            return ()
+        return tuple(dict.fromkeys(cause for h, _ in self.made.hypotheses for cause in h.causes))
+
+    def applied(self, said: Revision) -> Revision:
+        """What a revision comes to in this world; what it says of facts that never held is left out."""
+        begun = self.beliefs.cell.begun(self.beliefs.before, self.causes)
+        before, now = self.beliefs.before.facts, self.believed.facts
+        gone, new = before - begun.facts, begun.facts - before
+        if self.beliefs.helped is not None:
+            last = replace(self.beliefs, helped=None).state(self.causes)
+            gone, new = gone | (last.facts - now), new | (now - last.facts)
+        withdrawn = (*_named(said.withdrawn, gone), *self._spoilt(gone), *self._unsure(now))
+        asserted = _named(said.asserted, new)
+        told = {atom for atom, _ in (*withdrawn, *asserted)}
+        return replace(
+            said,
+            withdrawn=withdrawn,
+            asserted=asserted,
+            restored=tuple((atom, why) for atom, why in said.restored if atom in now),
+            lost=self._lost(),
+            blocked=self._blocked(),
+            kept=tuple(self._kept(before)),
+            follows=tuple(_following(gone, new, told)),
+        )
+
+    def _spoilt(self, gone: frozenset[Atom]) -> Reasoned:
+        model, cell = self.beliefs.cell.model, self.beliefs.cell
+        return tuple(
+            (atom, f"{cause}: {model.causes[cause].say}; step {work.id} made it before that was noticed")
+            for cause in self.causes
+            for work in cell.spoilt(cause)[0]
+            for atom in (*work.added, *(stage for _, _, stage in work.moved if stage not in work.added))
+            if atom in gone or atom not in self.beliefs.before.facts
+        )
+
+    def _kept(self, before: frozenset[Atom]) -> Iterator[tuple[Atom, str]]:
+        """Work like the work that a cause puts in doubt."""
+        cell = self.beliefs.cell
+        for cause in self.causes:
+            spoilt, standing = cell.spoilt(cause)
+            gone = {atom for work in spoilt for atom in work.added}
+            told = {
+                atom: f"step {work.id} made it before {cause} was last ruled out"
+                for work in standing
+                for atom in work.added
+            }
+            patterns = cell.patterns(cause)
+            for atom in ordered(before - gone):
+                if any(fits(pattern, atom) for pattern in patterns):
+                    yield atom, told.get(atom, "it was so when the plan began")
+
+    def _unsure(self, now: frozenset[Atom]) -> Reasoned:
+        """The facts that hold only under some of the hypotheses that are left."""
+        if self.made.isolated:
+            return ()
+        found: dict[Atom, str] = {}
+        for hypothesis, _ in self.made.hypotheses:
+            state = self.beliefs.state(hypothesis.causes)
+            for other in self.beliefs.state(NOTHING).facts - state.facts:
+                found.setdefault(other, f"not sure: it does not hold if the cause is {hypothesis}")
+        return tuple((atom, found[atom]) for atom in ordered(set(found) - now))
+
+    def _lost(self) -> tuple[str, ...]:
+        cell = self.beliefs.cell
+        names = [str(term) for cause in self.suspects for term in cell.lost(cause)]
+        if self.beliefs.helped is not None:
+            names += [str(term) for term in cell.given_up(self.beliefs.helped)]
+        return tuple(dict.fromkeys(names))
+
+    def _blocked(self) -> Reasoned:
+        cell = self.beliefs.cell
+        certain = len(self.made.hypotheses) <= 1
+        return tuple(
+            (pattern, still_there(cell.model, cause, certain))
+            for cause in self.suspects
+            for pattern in dict.fromkeys(cell.blocked(cause))
+        )
+
+
+def first_repair(
+    beliefs: Beliefs, session: Session, made: Diagnosis
+) -> tuple[FirstRepair, Beliefs, Diagnosis] | None:
+    """The repair with which a recovery begins, what is believed after it, and the case as it stands then.
+
+    None where the trouble is gone, where the cause is not known or hinders nothing, and where no repair is sure to help
+    without anybody's help.
+    """
+    model, found = beliefs.cell.model, Findings(beliefs, made)
+    hindered = any(beliefs.cell.blocked(cause) or beliefs.cell.lost(cause) for cause in found.suspects)
+    if not made.isolated or not hindered:
+        return None
+    for name in made.repairs:
+        repair = model.repairs[name]
+        sure = all(cure_chance(repair, hypothesis) == 1.0 for hypothesis, _ in made.hypotheses)
+        later = beliefs.repaired(session, name) if sure and not repair.asks else None
+        if later is not None:
+            after, prepared = later
+            return FirstRepair(name, repair.say, prepared), after, replace(made, cured=name)
+    return None
+
+
+def still_there(model: FaultModel, cause: str, certain: bool = True) -> str:
+    """That a cause is there still, and what would put it right."""
+    said = f"{cause} is there still: {model.causes[cause].say}" if certain else f"{cause} may be there still"
+    repairs = () if model.causes[cause].stops else model.repairs_of(cause)
+    return f"{said}; {repairs[0].name} may put it right" if repairs else f"{said}; nobody has put it right"
+
+
+def _named(said: Reasoned, changed: frozenset[Atom]) -> Reasoned:
+    """The facts among those that changed which fit what is said."""
+    found = {atom: why for pattern, why in said for atom in ordered(a for a in changed if fits(pattern, a))}
+    return tuple(found.items())
+
+
+def _following(gone: frozenset[Atom], new: frozenset[Atom], told: set[Atom]) -> Iterator[tuple[Atom, bool]]:
+    yield from ((atom, True) for atom in ordered(new - told))
+    yield from ((atom, False) for atom in ordered(gone - told))

@@ -1,0 +1,211 @@
+"""The clauses of a sentence: which phrases it says, what fills their slots, and how they are joined.
+
+All readings are followed from left to right, and the best one is kept for each place. The best reading needs the fewest words
+that are left out, then the fewest objects that do not fit, then the fewest phrases in another order; then the earlier phrase wins.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
+
+from kb.commands.joints import Joint, before, behind, closes, joints
+from kb.commands.matching import LEFT_OUT, MOVED, Book, Match, Matcher, along
+from kb.commands.mentions import Words
+from kb.commands.patterns import PREPOSITIONS, Slot, Word
+from kb.commands.phrasebook import Form
+from kb.commands.reading import Said
+from kb.commands.tokens import Piece
+
+LINKS = ("after", "before")
+
+
+@dataclass(frozen=True, slots=True)
+class Clause:
+    """One phrase in a sentence: its form, the content of its slots, where it begins, and whether "then" precedes it.
+
+    `link` is "after" or "before" for a clause such as "after heating probe 1", which stands before or behind another.
+    `marked` says that a comma or "and" precedes it.
+    """
+
+    form: Form
+    values: tuple[Words, ...]
+    offset: int
+    then: bool
+    link: str = ""
+    marked: bool = False
+
+    @property
+    def slots(self) -> dict[str, Words]:
+        """What fills each slot, by its variable."""
+        found = [part.variable for part in self.form.parts if isinstance(part, Slot)]
+        return dict(zip(found, self.values, strict=True))
+
+
+class NotUnderstood(Exception):
+    """The sentence is not understood from piece `index` on. `expected` holds what is possible there."""
+
+    def __init__(self, said: Sequence[Piece], index: int, expected: frozenset[str]) -> None:
+        super().__init__("not understood")
+        self.said, self.index, self.expected = tuple(said), index, expected
+
+
+@dataclass(frozen=True, slots=True)
+class _Reading:
+    """The clauses up to a place, the last one first, with their cost."""
+
+    place: int
+    cost: tuple[int, int, int]
+    clause: Clause
+    earlier: "_Reading | None"
+    polite: bool = False
+
+    def clauses(self) -> Iterator[Clause]:
+        """The clauses, the last one first."""
+        reading: _Reading | None = self
+        while reading is not None:
+            yield reading.clause
+            reading = reading.earlier
+
+
+def read_clauses(book: Book, text: str) -> list[Clause]:
+    """The clauses of a sentence, in the order said. Raises `NotUnderstood`."""
+    first = Search(book, text, False)
+    if (found := first.run()) is not None:
+        return found
+    second = Search(book, text, True)
+    if (found := second.run()) is not None:
+        return found
+    last = max((first.said, second.said), key=Said.furthest)
+    expected = last.expected.get(last.furthest(), set())
+    raise NotUnderstood(last.pieces, last.furthest(), frozenset(expected))
+
+
+@dataclass(slots=True)
+class Search:
+    """One search for the best reading. With `short`, a clause may leave out words that the clause before it has."""
+
+    book: Book
+    text: str
+    short: bool
+    said: Said = field(init=False)
+    matcher: Matcher = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.said = Said(self.text)
+        self.matcher = Matcher(self.book, self.said, self.short)
+
+    def run(self) -> list[Clause] | None:
+        """The best reading of the whole sentence, if there is one."""
+        best: dict[int, dict[tuple[object, ...], _Reading]] = {}
+        self._add(best, self._next(None, Joint(0, False, False)))
+        ends: list[_Reading] = []
+        for place in range(len(self.said.pieces) + 1):
+            for reading in best.pop(place, {}).values():
+                if closes(self.said, place, reading.polite):
+                    ends.append(reading)
+                else:
+                    self._add(best, self._following(reading))
+        found = min(ends, key=lambda each: each.cost, default=None)
+        return [*found.clauses()][::-1] if found is not None else None
+
+    def _add(self, best: dict[int, dict[tuple[object, ...], _Reading]], readings: Iterator[_Reading]) -> None:
+        for reading in readings:
+            form = (reading.clause.form.phrase, reading.clause.form.parts) if self.short else ()
+            key = (reading.clause.link, reading.polite, *form)
+            known = best.setdefault(reading.place, {}).get(key)
+            if known is None or reading.cost < known.cost:
+                best[reading.place][key] = reading
+
+    def _following(self, reading: _Reading) -> Iterator[_Reading]:
+        nothing = Joint(reading.place, False, False)
+        for joint in (nothing, *joints(self.said, reading.place)):
+            yield from self._next(reading, joint)
+
+    def _next(self, earlier: _Reading | None, joint: Joint) -> Iterator[_Reading]:
+        """The readings with one clause more, after a joint."""
+        link = earlier.clause.link if earlier is not None else ""
+        if earlier is None or joint.marked or link:
+            for begin, polite in before(self.said, joint.end):
+                for match in (*self.matcher.forms(begin), *self._short(earlier, begin)):
+                    yield from self._ended(earlier, joint, begin, match, "", polite)
+        for begin, each in self._links(joint, link):
+            for match in self.matcher.forms(begin, gerund=True):
+                yield from self._ended(earlier, joint, joint.end, match, each)
+
+    def _links(self, joint: Joint, link: str) -> Iterator[tuple[int, str]]:
+        """Where a verb in -ing can begin: behind "after" or "before", or as one more act of the same kind."""
+        if link and joint.marked and not joint.then:
+            yield joint.end, link
+        ends = ((self.said.word(joint.end, word), word) for word in LINKS)
+        yield from ((end, word) for end, word in ends if end is not None)
+
+    def _ended(
+        self,
+        earlier: _Reading | None,
+        joint: Joint,
+        begin: int,
+        match: Match,
+        link: str,
+        polite: bool = False,
+    ) -> Iterator[_Reading]:
+        offset = self.said.pieces[self.said.start(begin)].offset
+        cost, count, order = earlier.cost if earlier is not None else (0, 0, 0)
+        cost += match.cost + self.matcher.unfit(match) + (MOVED if match.form.moved else 0)
+        for end, last in behind(self.said, match.end, earlier is None):
+            clause = Clause(match.form, match.values, offset, joint.then or last, link, joint.marked)
+            total = (cost, count + 1, order + match.form.phrase)
+            yield _Reading(end, total, clause, earlier, polite or (earlier is not None and earlier.polite))
+
+    def _short(self, earlier: _Reading | None, begin: int) -> Iterator[Match]:
+        """The clauses that share words with the one before: "... and probe 2 for 10 min", "... and close it"."""
+        if not self.short or earlier is None:
+            return
+        for match in self._shared(earlier.clause, begin):
+            yield replace(match, cost=match.cost + LEFT_OUT)
+        things = [each for clause in earlier.clauses() for each in self._things(clause)]
+        for word, node in self.book.natural.words.items():
+            if (end := self.said.word(begin, word)) is not None:
+                for match in self.matcher.walk(node, end, (), tuple(dict.fromkeys(things))[:10]):
+                    yield replace(match, cost=match.cost + LEFT_OUT)
+
+    def _shared(self, clause: Clause, begin: int) -> Iterator[Match]:
+        form = clause.form
+        root = self.book.moved if form.moved else self.book.natural
+        verb = form.verb
+        while verb and verb[-1] in PREPOSITIONS:
+            verb = verb[:-1]  # "go to m3, then to m4"
+        starts = {
+            len(verb),
+            len(form.verb),
+            *(n + 1 for n, part in enumerate(form.parts) if isinstance(part, Slot)),
+        }
+        for start in sorted(starts - {len(form.parts)}):
+            node = along(root, form.parts[:start])
+            slots = sum(isinstance(part, Slot) for part in form.parts[:start])
+            if node is not None:
+                yield from (
+                    each for each in self.matcher.walk(node, begin, clause.values[:slots]) if each.end > begin
+                )
+            yield from self._with_the_same_end(clause, start, begin, clause.values[:slots])
+
+    def _with_the_same_end(
+        self, clause: Clause, start: int, place: int, values: tuple[Words, ...]
+    ) -> Iterator[Match]:
+        """Only some parts from `start` on are said; what follows is as in the clause before."""
+        part = clause.form.parts[start] if start < len(clause.form.parts) else None
+        if isinstance(part, Word):
+            if (end := self.said.word(place, part.text)) is not None:
+                yield from self._with_the_same_end(clause, start + 1, end, values)
+        elif part is not None:
+            for end, words in self.matcher.slot(part.type, place):
+                now = (*values, words)
+                if end > place and clause.form.parts[start + 1 :]:
+                    yield Match(end, clause.form, (*now, *clause.values[len(now) :]), LEFT_OUT)
+                yield from self._with_the_same_end(clause, start + 1, end, now)
+
+    def _things(self, clause: Clause) -> Iterator[tuple[str, ...]]:
+        """What a clause names in the words of its phrase: objects, or all words behind the verb."""
+        words = tuple(part.text if isinstance(part, Word) else "" for part in clause.form.parts)
+        for found in reversed(self.book.vocabulary.named(clause.form.parts)):
+            yield words[found.first : found.last + 1]
+        if "" not in words:
+            yield words[len(clause.form.verb) :]

@@ -1,0 +1,85 @@
+"""The phrases of a domain as one tree of words and slots, in every order in which their parts can be said."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+
+from kb.commands.patterns import Pattern, Slot, Variant, Word, expansions, variants
+
+
+@dataclass(frozen=True, slots=True)
+class Form:
+    """One way of saying a phrase: its number, its parts, and whether they are in another order than the written one."""
+
+    phrase: int
+    parts: Variant
+    moved: bool
+
+    @property
+    def verb(self) -> tuple[str, ...]:
+        """The words before the first slot; for a phrase without slots, the first word and a particle after it."""
+        words = tuple(part.text if isinstance(part, Word) else "" for part in self.parts)
+        if "" in words:
+            return words[: words.index("")]
+        return words[: 2 if words[1:2] and words[1] in PARTICLES else 1]
+
+
+PARTICLES = frozenset({"up", "down", "on", "off", "out", "back", "away"})
+
+
+@dataclass(slots=True)
+class Node:
+    """A place in the tree: where each word and each type of slot leads, and the forms that end here."""
+
+    words: dict[str, "Node"] = field(default_factory=dict)
+    slots: dict[str, "Node"] = field(default_factory=dict)
+    ends: list[Form] = field(default_factory=list)
+
+    def after(self, part: Word | Slot) -> "Node":
+        """The node behind a part, which is made if there is none."""
+        if isinstance(part, Word):
+            return self.words.setdefault(part.text, Node())
+        return self.slots.setdefault(part.type, Node())
+
+
+def tree(patterns: Sequence[Pattern], moved: bool) -> Node:
+    """The root of the tree of all forms of the patterns: those as written, or those in another order."""
+    root = Node()
+    for form in forms(patterns):
+        if form.moved != moved:
+            continue
+        node = root
+        for part in form.parts:
+            node = node.after(part)
+        if not any(each.phrase == form.phrase and each.parts == form.parts for each in node.ends):
+            node.ends.append(form)
+    return root
+
+
+def forms(patterns: Sequence[Pattern]) -> Iterator[Form]:
+    """Every way of saying every pattern, in the order of the patterns."""
+    for number, pattern in enumerate(patterns):
+        for expansion in expansions(pattern):
+            for parts, moved in variants(expansion):
+                yield Form(number, parts, moved)
+
+
+def gerunds(verb: str) -> tuple[str, ...]:
+    """What a verb may look like after "after" and "before": heating, storing, putting."""
+    if verb.endswith("ie"):
+        return (f"{verb[:-2]}ying",)
+    short = (f"{verb[:-1]}ing",) if verb.endswith("e") else ()
+    return (*short, f"{verb}ing", f"{verb}{verb[-1]}ing")
+
+
+def spoken(say: str) -> tuple[str, ...]:
+    """The words of a noun, in small letters."""
+    return tuple(say.lower().replace("’", "'").split())
+
+
+def plurals(noun: str) -> tuple[str, ...]:
+    """A noun and its plurals, as people may spell them."""
+    if noun.endswith("y") and noun[-2:-1] not in tuple("aeiou"):
+        return noun, f"{noun[:-1]}ies", f"{noun}s"
+    return (
+        (noun, f"{noun}es", f"{noun}s") if noun.endswith(("s", "x", "z", "ch", "sh")) else (noun, f"{noun}s")
+    )

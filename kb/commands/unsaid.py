@@ -1,0 +1,146 @@
+"""What no command can say, whatever the phrases of the domain: negations, conditions, choices, questions; and other languages."""
+
+import unicodedata
+from collections.abc import Collection, Iterator, Sequence
+from dataclasses import dataclass
+
+from kb.commands.tokens import WORD, Piece
+
+
+@dataclass(frozen=True, slots=True)
+class Refusal:
+    """Where a sentence says what no command can say, why it cannot, and what to try."""
+
+    offset: int
+    message: str
+    hint: str
+
+
+_NEGATIONS = "not never no without avoid neither nor nothing none cannot dont don't"
+NEGATIONS = frozenset(_NEGATIONS.split())
+NO_NEGATION = "is a negation, and a command can only say what is to be done"
+INSTEAD = "say what should be so instead, or write a goal such as `not p(X)` in a problem file"
+
+KINDS = {
+    "is a condition, and a command is planned before anything is known": (
+        "if unless whenever when once until till otherwise else provided depending case soon",
+        "say what is to be done; a plan for the other case is another command",
+    ),
+    "leaves a choice, and a command says which": (
+        "or either any some one-of whichever anything something several few",
+        "name the objects, or write a goal with `|` or `_` in a problem file",
+    ),
+    "asks for two acts at the same time, which a command cannot": (
+        "meanwhile while simultaneously during concurrently",
+        "join them with 'and': acts of different objects overlap where they can",
+    ),
+    "says how often, and a command says each act": (
+        "twice thrice times repeat repeatedly often daily hourly every",
+        "say the act as often as it is to be done",
+    ),
+    "says which object belongs to which act, and a command cannot": (
+        "respectively alternately",
+        "say one act for each object: 'put probe 1 into ..., put probe 2 into ...'",
+    ),
+    "says how, and only the phrases of the domain say that": (
+        "quickly slowly carefully gently quietly fast faster slower immediately asap possible approximately about"
+        " roughly almost exactly least most more less",
+        "leave it out",
+    ),
+    "is a question, and a command says what is to be done": (
+        "what which who whom whose where why how is are was were does did has have ?",
+        "`plan` answers what is to be done; the state is in the problem file",
+    ),
+    "is no unit of the sentences of this domain: they know times and whole numbers": (
+        "degree degrees celsius kelvin fahrenheit mm cm m km inch inches kg g mg bar rpm volt volts watt percent % °c"
+        " weeks week months month years year",
+        "times are in s, min, h or days",
+    ),
+    "is the number of an object in its row, which a command cannot count": (
+        "third fourth fifth last left-most leftmost rightmost",
+        "say its number or its name",
+    ),
+    "says when by the clock, and a command only says what comes before what": (
+        "o'clock today tomorrow tonight morning evening noon midnight now ago",
+        "leave it out; `due` and `release` in a problem file give times of jobs",
+    ),
+    "is about a plan that runs, and a command only says what is to be done": (
+        "stop abort cancel undo continue resume",
+        "say the state that is wanted",
+    ),
+    "asks for a pause, and a plan has none of its own": (
+        "wait pause sleep",
+        "say the act that takes this long",
+    ),
+    "repeats other acts, and a command names each": (
+        "do likewise ditto same",
+        "name the objects together: 'probes 1 and 2'",
+    ),
+}
+REASONS = {word: (reason, hint) for reason, (words, hint) in KINDS.items() for word in words.split()}
+
+LANGUAGES = {
+    "German": "der die das den dem des und dann danach nicht ein eine einen für fuer minuten stunden sekunden im ins mit"
+    " auf alle zuerst bitte probe-1 nach lege öffne schließe schliesse messe bringe stelle erhitze kühle heize nimm in",
+    "French": "le la les des et puis ensuite ne pas un une pour dans avec sur tous toutes minutes d'abord ouvrez ouvre"
+    " fermez ferme mettez mets chauffez chauffe mesurez mesure du au",
+    "Spanish": "el la los las y luego después despues entonces un una para por con en todos todas minutos abre cierra pon"
+    " calienta mide la",
+    "Italian": "il lo la gli e poi quindi un una per con nel nella tutti tutte minuti apri chiudi metti riscalda misura di",
+    "Dutch": "de het en dan daarna niet een voor met op alle minuten open sluit zet verwarm meet",
+    "Portuguese": "o a os as e depois então um uma para com no na todos todas minutos abra feche coloque aqueça meça",
+}
+FOREIGN = {language: frozenset(words.split()) for language, words in LANGUAGES.items()}
+
+
+def refusal(said: Sequence[Piece], index: int, known: Collection[str], example: str) -> Refusal | None:
+    """Why a sentence that is not understood from piece `index` on cannot be said; None if only its words are unknown.
+
+    `known` are the words of the domain, which are never taken for anything else. `example` is one of its phrases.
+    """
+    strange = [piece for piece in said if piece.lower not in known and piece.value is None]
+    return next(_reasons(said, index, strange, example), None)
+
+
+def _reasons(said: Sequence[Piece], index: int, strange: Sequence[Piece], example: str) -> Iterator[Refusal]:
+    if (found := _language(said, strange, example)) is not None:
+        yield found
+    for piece in strange:
+        if piece.lower in NEGATIONS or piece.lower.endswith("n't"):
+            yield Refusal(piece.offset, f"'{piece.text}' {NO_NEGATION}", INSTEAD)
+    here = said[index] if index < len(said) else None
+    before = said[index - 1] if 0 < index <= len(said) else None
+    if before is not None and before.lower in ("after", "before"):
+        message = f"'{before.text}' needs an act behind it, said with a verb in -ing"
+        yield Refusal(
+            before.offset, message, f"such as '{before.lower} heating probe 1, store it'; or use 'then'"
+        )
+    near = [piece for piece in (here, before, *said[index + 1 : index + 3]) if piece is not None]
+    for piece in near:
+        if piece in strange and piece.lower in REASONS:
+            reason, hint = REASONS[piece.lower]
+            yield Refusal(piece.offset, f"'{piece.text}' {reason}", hint)
+
+
+def _language(said: Sequence[Piece], strange: Sequence[Piece], example: str) -> Refusal | None:
+    """A refusal for a sentence in another language than the phrases of the domain."""
+    words = [piece for piece in strange if piece.kind == WORD or piece.text[:1].isalpha()]
+    for piece in words:
+        script = unicodedata.name(piece.text[0], "LATIN").split()[0]
+        if script != "LATIN":
+            return _foreign(piece, f"{script.capitalize()} letters", example)
+    counts = {name: sum(piece.lower in foreign for piece in words) for name, foreign in FOREIGN.items()}
+    language = max(counts, key=lambda name: counts[name])
+    if counts[language] >= 2 and counts[language] > sum(piece.lower in ENGLISH for piece in said):
+        first = next(piece for piece in words if piece.lower in FOREIGN[language])
+        return _foreign(first, language, example)
+    return None
+
+
+_ENGLISH = "the and then for into with after before of it them all both please an"
+ENGLISH = frozenset(_ENGLISH.split())
+
+
+def _foreign(piece: Piece, language: str, example: str) -> Refusal:
+    message = f"this looks like {language}; commands are understood in the words of the domain"
+    return Refusal(piece.offset, message, f"a phrase of this domain is: {example}")

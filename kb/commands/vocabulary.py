@@ -1,0 +1,117 @@
+"""The nouns of a domain: how people call the objects of each type, and single objects."""
+
+import re
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from fractions import Fraction
+from functools import cached_property
+
+from kb.commands.patterns import ARTICLES, Variant, Word
+from kb.commands.phrasebook import plurals, spoken
+from kb.model.domain import BUILT_IN_TYPES, Domain
+
+Noun = tuple[str, ...]
+"""The words of a noun, in small letters, without an article before them."""
+
+Nouns = Mapping[str, tuple[tuple[Noun, str], ...]]
+"""Nouns by their first words, each with the type or object that it names."""
+
+
+@dataclass(frozen=True, slots=True)
+class Named:
+    """An object that the words of a phrase name, and the numbers of the first and last part that name it."""
+
+    object: str
+    first: int
+    last: int
+
+
+class Vocabulary:
+    """The nouns of the types and objects of a domain. `objects` maps the names of all objects to their types."""
+
+    def __init__(self, domain: Domain, objects: Mapping[str, str]) -> None:
+        self.domain, self.objects = domain, objects
+        self._nouns: dict[str, Nouns] = {}
+        self._called: dict[str, Nouns] = {}
+        self._numbers: dict[str, frozenset[Fraction]] = {}
+        self._folded = {name.lower(): name for name in reversed(list(objects))}
+
+    def nouns(self, type_: str) -> Nouns:
+        """The nouns for objects of a type, each with the type that it belongs to (the type itself or one below it)."""
+        if type_ not in self._nouns:
+            own = [type_] if type_ in BUILT_IN_TYPES else []
+            below = (*own, *(each for each in self.domain.types if self.domain.is_subtype(each, type_)))
+            self._nouns[type_] = _by_first((noun, each) for each in below for noun in self._said(each))
+        return self._nouns[type_]
+
+    def called(self, type_: str) -> Nouns:
+        """The nouns of single objects of a type, each with its object."""
+        if type_ not in self._called:
+            names = (name for name in self.objects if self.is_a(name, type_))
+            self._called[type_] = _by_first((noun, name) for name in names for noun in self._own(name))
+        return self._called[type_]
+
+    def name(self, said: str) -> str | None:
+        """The object with this name, in small or capital letters; None if there is none."""
+        return said if said in self.objects else self._folded.get(said.lower())
+
+    def is_a(self, name: str, type_: str) -> bool:
+        """Whether an object is of a type."""
+        return self.domain.is_subtype(self.objects[name], type_)
+
+    @cached_property
+    def things(self) -> Mapping[Noun, str]:
+        """The objects by their names and nouns, as the words of a phrase may contain them; no constants of closed lists."""
+        constants = {each for type_ in self.domain.types.values() for each in type_.constants}
+        found: dict[Noun, str] = {}
+        for name in (each for each in self.objects if each not in constants):
+            for noun in ((name.lower(),), *self._own(name)):
+                found.setdefault(noun, name)
+        return found
+
+    def named(self, parts: Variant) -> tuple[Named, ...]:
+        """The objects that the words of a phrase name, in order; of several readings, the longest noun."""
+        longest = max(map(len, self.things), default=0)
+        words = tuple(part.text if isinstance(part, Word) else "" for part in parts)
+        found: list[Named] = []
+        for place in range(len(words)):
+            if found and place <= found[-1].last:
+                continue
+            ends = range(min(len(words), place + longest), place, -1)
+            end = next((each for each in ends if words[place:each] in self.things), None)
+            if end is not None:
+                found.append(Named(self.things[words[place:end]], place, end - 1))
+        return tuple(found)
+
+    def numbered(self, type_: str, value: Fraction | None) -> bool:
+        """Whether an object of a type has a name that ends with this number."""
+        if type_ not in self._numbers:
+            ends = (re.search(r"\d+$", name) for name in self.objects if self.is_a(name, type_))
+            self._numbers[type_] = frozenset(Fraction(end[0]) for end in ends if end)
+        return value in self._numbers[type_]
+
+    def _said(self, type_: str) -> Iterator[Noun]:
+        plain = type_.replace("_", " ")
+        for said in self.domain.words.get(type_, plurals(plain)):
+            yield _bare(spoken(said))
+
+    def _own(self, name: str) -> Iterator[Noun]:
+        """The nouns of one object: those listed under `words`, and its name with blanks."""
+        if name not in self.domain.types:
+            yield from (_bare(spoken(each)) for each in self.domain.words.get(name, ()))
+        parts = tuple(name.lower().split("_"))
+        if len(parts) > 1 and all(parts) and not parts[-1].isdecimal():
+            yield parts
+
+
+def _by_first(found: Iterable[tuple[Noun, str]]) -> Nouns:
+    nouns: dict[str, list[tuple[Noun, str]]] = {}
+    for noun, owner in found:
+        if noun and (noun, owner) not in nouns.setdefault(noun[0], []):
+            nouns[noun[0]].append((noun, owner))
+    return {first: tuple(each) for first, each in nouns.items()}
+
+
+def _bare(noun: Noun) -> Noun:
+    """The noun without an article before it."""
+    return noun[1:] if noun[1:] and noun[0] in ARTICLES else noun
