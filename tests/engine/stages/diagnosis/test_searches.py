@@ -184,13 +184,14 @@ def test_a_rule_expects_what_its_tree_costs(problem: Troubleshooting) -> None:
         )
 
 
-@given(isolations(6) | troubles())
-@SOME
-def test_short_tables_change_no_advice(problem: Troubleshooting) -> None:
-    """Each is just long enough for what is entered after it is full."""
+def test_short_tables_change_no_advice() -> None:
+    """Forty causes that six tests tell apart bit by bit: more states than a table of 64 holds."""
+    tests = tuple(certain(f"bit{n}", 1.0 + n, tuple(each >> n & 1 for each in range(40))) for n in range(6))
+    problem = Troubleshooting(names(40), (1 / 40,) * 40, tests, each_alone(40))
     ample, cramped = Selector(problem, 0), Selector(problem, 0)
-    cramped._bases = (Memo(1 << 5, 0), Memo(1 << 5, 0), Memo(1 << 5, 0))
-    cramped._followed = {rule: Memo(1 << 5, 0) for rule in RULES.values()}
+    cramped._bases = (Memo(1 << 6, 0), Memo(1 << 6, 0), Memo(1 << 6, 0))
+    cramped._followed = {rule: Memo(1 << 6, 0) for rule in RULES.values()}
     assert cramped.advise(cramped.start()) == ample.advise(ample.start())
     for name in RULES:
         assert cramped.rule(name)(cramped.start()) == ample.rule(name)(ample.start())
+    assert all(table.length > 1 << 6 for table in (*cramped._bases, *cramped._followed.values()))

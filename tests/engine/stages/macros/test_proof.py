@@ -338,6 +338,12 @@ def test_what_is_false_for_want_of_support_stays_as_it_was() -> None:
     assert str(found.steps[0].operator) == "sweep(table)"
 
 
+def test_the_goals_of_a_goal_that_is_no_literal_are_what_its_links_provide() -> None:
+    told = link(1, "not(at(bolt, table))", -1)
+    found = macrop("not busy(table) | tried", ("at(bolt, table)", "clean(bolt)"), (MOVE,), told)
+    assert texts(found.goals) == {"not at(bolt, table)"}
+
+
 def refused(goals: str, steps: tuple[Step, ...], *initial: str) -> str:
     """Why a plan that is not valid is not generalised."""
     with pytest.raises(NotGeneral) as raised:
