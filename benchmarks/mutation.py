@@ -60,7 +60,7 @@ MODULES: dict[
                 f"{DIAGNOSIS}/test_{name}.py"
                 for name in ("revision", "conversations", "knowledge", "circuits")
             ),
-            *(f"{DIAGNOSIS}/test_{name}.py" for name in ("trees", "session", "selection")),
+            *(f"{DIAGNOSIS}/test_{name}.py" for name in ("searches", "trees", "session", "selection")),
         ),
     ),
     "MACROP proof": (
@@ -69,7 +69,7 @@ MODULES: dict[
     ),
     "checks of the knowledge base": (
         ("kb/check/*.py",),
-        ("tests/kb/check/test_fault_bases.py", "tests/kb/check/test_domain_checks.py"),
+        tuple(f"tests/kb/check/test_{name}.py" for name in ("fault_bases", "near_misses", "domain_checks")),
     ),
 }
 

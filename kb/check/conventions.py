@@ -45,7 +45,7 @@ def near_misses(domain: Domain) -> list[Diagnostic]:
     ]
     found: list[Diagnostic] = []
     for convention in CONVENTIONS.values():
-        if convention.role in domain.renamed or convention in fitting or convention.sort is Sort.CONSTANT:
+        if convention.role in domain.renamed or convention.sort is Sort.CONSTANT:
             continue
         same = [each for each in declared if each.name == convention.role and _one_table(convention, each)]
         if same:

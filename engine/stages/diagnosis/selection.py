@@ -136,8 +136,6 @@ class Selector:
 
     def _rollout(self, weights: Floats, rest: int) -> tuple[int | None, float]:
         while True:
-            for base in self._bases:
-                base.resume(0)
             problem = self.exact.beliefs
             steps = 3 if problem.masks.size**3 <= LEAVES else 2
             action, cost = rollout.look_ahead(
@@ -152,7 +150,6 @@ class Selector:
         """The weighted cost of following a one-step rule."""
         while True:
             table = self._followed.setdefault(rule, Memo(1 << 12, 0))
-            table.resume(0)
             cost = rollout.follow(self.exact.beliefs, self.groups, table, self._trail(weights), 0, rest, rule)
             if not table.full:
                 return cost

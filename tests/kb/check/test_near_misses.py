@@ -92,3 +92,50 @@ def test_other_domains_have_no_near_misses(file: Path, tmp_path: Path) -> None:
 def test_a_name_that_means_something_else_is_left_alone(declaration: str, tmp_path: Path) -> None:
     (tmp_path / "domain.yaml").write_text(f"domain: other\ntypes:\n  place: object\n{declaration}\n")
     assert near_misses(load_domain(str(tmp_path))) == []
+
+
+def said(folder: Path, *declarations: str) -> list[str]:
+    """What is pointed at in a domain of one type, in which each declaration is `section: predicate`."""
+    sections: dict[str, list[str]] = {}
+    for each in declarations:
+        section, predicate = each.split(": ")
+        sections.setdefault(section, []).append(f"  {predicate}: {{}}")
+    text = "\n".join(line for section in sections for line in (f"{section}:", *sections[section]))
+    (folder / "domain.yaml").write_text(f"domain: other\ntypes:\n  thing: object\n{text}\n")
+    return [each.message for each in near_misses(load_domain(str(folder / "domain.yaml")))]
+
+
+PLACED = ("statics: position(thing, int, int, int)", "statics: normal(thing, int, int, int)")
+THREE = (*PLACED, "statics: tolerance(thing, int)")
+
+
+def test_a_domain_measures_from_three_conventions_on(tmp_path: Path) -> None:
+    assert said(tmp_path, *PLACED, "statics: bor(thing, int)") == []
+    (found,) = said(tmp_path, *THREE, "statics: bor(thing, int)")
+    assert found.startswith("'bor' is almost 'bore'")
+
+
+@pytest.mark.parametrize(
+    ("declaration", "meant"),
+    [
+        ("fluents: chosen(thing, thing)", True),
+        ("statics: chosen(thing)", True),
+        ("fluents: chosen(thing)", False),  # another sort and another count: another thing
+        ("fluents: thickness", False),  # constants are left out
+        ("fluents: release(thing, time)", True),
+        ("statics: release(thing)", False),  # nothing in the domain is about time
+    ],
+)
+def test_a_declaration_of_a_known_name_is_meant_if_it_is_like_the_convention(
+    tmp_path: Path, declaration: str, meant: bool
+) -> None:
+    found = said(tmp_path, *THREE, declaration)
+    assert len(found) == meant
+    assert all("the engine does not read this" in each for each in found)
+
+
+def test_where_one_convention_is_about_time_others_are_meant_so(tmp_path: Path) -> None:
+    travel = "statics: travel(thing, thing, time)"
+    assert said(tmp_path, travel) == []
+    (found,) = said(tmp_path, travel, "statics: release(thing)")
+    assert "the engine does not read this 'release'" in found

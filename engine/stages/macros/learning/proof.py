@@ -97,14 +97,12 @@ class Proof:
         if not any(self.rest(body, step.id, {}) is not None for body in schema.alternatives):
             raise NotGeneral(f"the precondition of {step.operator} does not hold")
 
-    def rest(
-        self, body: Body, consumer: StepId, bindings: dict[Variable, Term], links: bool = True
-    ) -> list[Conjunct] | None:
+    def rest(self, body: Body, consumer: StepId, bindings: dict[Variable, Term]) -> list[Conjunct] | None:
         """Prove a body for `consumer`, and add its needs to the proof.
 
         Returns the literals over fluents that the proof uses, or None if the body does not hold.
         """
-        sources = [[*self._provided(consumer)]] if links and self._linked.get(consumer) else []
+        sources = [[*self._provided(consumer)]] if self._linked.get(consumer) else []
         for available in [*map(Facts, sources), self.states[consumer]]:
             start = {**self._ground(body), **bindings}
             found = next(self._prove(body, start, available, consumer, 0), None)

@@ -30,7 +30,7 @@ class Safety:
     negated: dict[BodyPart, None] = field(default_factory=dict)
     exclusions: dict[Body, None] = field(default_factory=dict)
     _constrained: set[Comparison] = field(default_factory=set)
-    _constrained_at: tuple[int, int] = (-1, -1)
+    _constrained_at: tuple[int, int] | None = None
 
     def establish(self) -> None:
         """Exclude everything that could go wrong. Repeat while this makes terms equal or adds needs."""

@@ -118,3 +118,57 @@ def test_a_bench_file_is_read_in_any_order() -> None:
 def test_what_is_no_bench_file_is_said(text: str, said: str) -> None:
     with pytest.raises(BenchError, match=said):
         read_bench(text)
+
+
+@pytest.mark.parametrize(
+    ("function", "table"),
+    [
+        ("AND", "0001"),
+        ("NAND", "1110"),
+        ("OR", "0111"),
+        ("NOR", "1000"),
+        ("XOR", "0110"),
+        ("XNOR", "1001"),
+        ("NOT", "10"),
+        ("BUFF", "01"),
+        ("BUF", "01"),
+        ("Nand", "1110"),
+    ],
+)
+def test_a_gate_computes_what_its_name_says(function: str, table: str) -> None:
+    wires = ("a", "b")[: 1 if len(table) == 2 else 2]
+    circuit = read_bench(
+        f"input(a)\nInput( b )\n# note\nOUTPUT(z)  # note\nz = {function}({', '.join(wires)})"
+    )
+    found = [
+        circuit.values({"a": False, "b": False} | dict(zip(wires, values, strict=True)))["z"]
+        for values in itertools.product((False, True), repeat=len(wires))
+    ]
+    assert "".join(str(int(value)) for value in found) == table
+
+
+def test_a_long_line_is_cut_in_the_message() -> None:
+    with pytest.raises(BenchError) as raised:
+        read_bench("w" * 70)
+    assert str(raised.value).endswith(f": {'w' * 60}")
+
+
+def test_no_gate_explains_an_output_that_is_also_an_input() -> None:
+    circuit = Circuit("wire", ("a",), ("a", "g"), {"g": Gate(AND, True, ("a",))})
+    assert diagnose(circuit, {"a": True}, {"a": False, "g": False}) is None
+    made = diagnose(circuit, {"a": True}, {"a": True, "g": True})
+    assert made is not None
+    assert (made.gates, made.candidates) == (("g",), 1)
+
+
+def test_a_gate_that_leads_to_no_output_is_not_blamed() -> None:
+    gates = {
+        "dead": Gate(AND, False, ("a",)),
+        "more": Gate(OR, False, ("dead",)),
+        "g": Gate(AND, True, ("a",)),
+    }
+    circuit = Circuit("dead", ("a",), ("g",), gates)
+    assert top_level(circuit) == {"g"}
+    made = diagnose(circuit, {"a": True}, {"g": True})
+    assert made is not None
+    assert made.gates == ("g",)

@@ -1,15 +1,19 @@
 """A session's own decisions: which repairs it offers, what it asks a person, and what the answers do."""
 
 import random
+from dataclasses import dataclass, field
 
 import pytest
 
-from engine.model.cases import Diagnosis, Hypothesis, Observation
+from engine.model.cases import Diagnosis, Hypothesis, Observation, Prepared
 from engine.model.troubleshooting import Action, Advice
 from engine.stages.diagnosis.knowledge import CURED, NOT_CURED, Objective
+from engine.stages.diagnosis.multiple import explanations
 from engine.stages.diagnosis.session import A_PERSON, QUESTION, Session, run, steps
 from engine.stages.diagnosis.world import HiddenWorld, draw_cause
 from kb.model.faults import Cause, FaultModel, FaultTest, Interruption, Repair
+from kb.model.plan import Step, StepId
+from kb.terms import Function
 
 LOOK = FaultTest("look", "", 2, ("fine", "wet"), "fine", {"leak": {"wet": 1.0}})
 LISTEN = FaultTest("listen", "", 1, ("quiet", "loud"), "quiet", {"jam": {"loud": 1.0}})
@@ -148,6 +152,71 @@ def test_when_nothing_alone_explains_what_was_seen_sets_of_causes_do() -> None:
     assert session.belief()[0][0] == Hypothesis(("jam", "leak"))
     assert session.case.problem.actions == ()
     assert session.diagnosis().cost == 3.0
+
+
+def test_a_case_is_finished_when_its_cause_is_known_even_if_a_repair_is_left_to_do() -> None:
+    session = Session(pump(SEAL), "halt", Objective.REPAIR)
+    look = [action.name for action in session.case.problem.actions].index("look")
+    session.observe(look, 1, session.advice())
+    assert session.advice().action is not None
+    made = session.diagnosis()
+    assert (made.isolated, made.finished, made.cured) == (True, True, None)
+
+
+def test_a_repair_that_cures_several_causes_finishes_the_case_without_telling_which() -> None:
+    made = told(pump(SWAP, tests=()), CURED, objective=Objective.REPAIR)
+    assert {str(h) for h, _ in made.hypotheses} == {"leak", "jam", "rust"}
+    assert (made.isolated, made.finished, made.cured) == (False, True, "swap")
+
+
+def test_the_likeliest_explanations_are_kept() -> None:
+    """The leak explains what was seen; so does rust, the likelier cause, but only if the look was wrong."""
+    seen = [Observation("look", "wet")]
+    every = explanations(pump(), {"leak": 0.4, "rust": 0.6}, seen)
+    assert [h for h, _ in every] == [Hypothesis(("leak",)), Hypothesis(("rust",), ("look",))]
+    assert explanations(pump(), {"leak": 0.4, "rust": 0.6}, seen, most=1) == [(Hypothesis(("leak",)), 1.0)]
+
+
+def test_a_cause_that_never_happens_explains_nothing() -> None:
+    found = explanations(pump(), {"leak": 0.0, "rust": 1.0}, [Observation("look", "wet")])
+    assert found == [(Hypothesis(("rust",), ("look",)), 1.0)]
+
+
+@dataclass
+class Helper:
+    """Prepares tests and repairs, except what is out of reach, at a cost of 4; notes what was done."""
+
+    out_of_reach: tuple[str, ...] = ()
+    done: list[tuple[str, str]] = field(default_factory=list)
+
+    def prepare(self, session: Session, action: str) -> Prepared | None:
+        assert action in [each.name for each in session.case.problem.actions]
+        return None if action in self.out_of_reach else Prepared((GO,), 4.0)
+
+    def carried_out(self, action: str, outcome: str, prepared: Prepared) -> None:
+        assert prepared.steps == (GO,)
+        self.done.append((action, outcome))
+
+
+GO = Step(StepId(1), Function("go"))
+
+
+def test_what_comes_before_a_test_is_done_and_paid_with_it() -> None:
+    helper = Helper()
+    made = run(Session(pump(), "halt", hands=helper), lambda action, _: {"look": "wet"}.get(action.name))
+    assert helper.done == [("look", "wet")]
+    assert [(stage.cost, stage.steps) for stage in made.stages] == [(2.0 + 4.0, (GO,))]
+
+
+def test_what_cannot_be_prepared_any_more_is_left_out_and_the_belief_stays() -> None:
+    helper = Helper(("look",))
+    session = Session(pump(), "halt", hands=helper)
+    before, asked = session.belief(), list[str]()
+    run(session, lambda action, _: asked.append(action.name))
+    assert session.left_out == ["look"]
+    assert asked[0] == "listen"
+    assert session.belief() == tuple((each, pytest.approx(share)) for each, share in before)
+    assert helper.done == []
 
 
 # A world with a hidden cause.

@@ -1,13 +1,26 @@
 """What a belief says of the world model: doubts, what is withdrawn and asserted, what is restored and lost."""
 
+from dataclasses import replace
+
 import pytest
 
 from engine.model.cases import Diagnosis, Hypothesis
-from engine.stages.diagnosis.revision import binding_of, bound, certainties, fits, revised, revision
+from engine.stages.diagnosis.revision import (
+    binding_of,
+    bound,
+    certainties,
+    fits,
+    presupposed,
+    revised,
+    revision,
+)
+from kb.model.conditions import TRUE, And, Comparison, Literal, Parameter
+from kb.model.domain import Domain, Operator
 from kb.model.faults import Cause, FaultModel, Interruption, Repair
 from kb.terms import ANYTHING, Atom, Function, Variable
 
 ITEM, P = Variable("I"), Variable("P")
+X, Y = Variable("X"), Variable("Y")
 BOLT, BIN, RACK = Function("bolt"), Function("bin"), Function("rack")
 
 
@@ -129,6 +142,29 @@ def test_a_repair_then_does_what_it_does_and_nothing_is_lost() -> None:
     assert names(found.withdrawn) == {"at(bolt, floor)": "pick_up: picked up"}
     assert names(found.asserted)["at(bolt, bin)"] == "pick_up: picked up"
     assert found.lost == ()
+
+
+def test_a_repair_may_lose_what_it_needed() -> None:
+    lossy = replace(MODEL.repairs["pick_up"], loses=(P,))
+    model = replace(MODEL, repairs={**MODEL.repairs, "pick_up": lossy})
+    assert revision(model, made(("fell",)), BINDING, "pick_up").lost == ("bin",)
+
+
+def test_what_a_person_has_put_right_is_not_lost() -> None:
+    assert revision(MODEL, replace(made(("fell",)), cured="a person"), BINDING).lost == ()
+
+
+def test_the_interrupted_step_presupposes_what_its_operator_needs_to_be_true() -> None:
+    needs = And(
+        (Literal(at(X, Y)), Literal(held(X), False), Comparison(X, "!=", Y), Literal(Function("lit")))
+    )
+    take = Operator("take", (Parameter(X, "item"), Parameter(Y, "place")), needs, ())
+    give = Operator("give", (), TRUE, ())
+    domain = Domain("shelf", operators=(give, take))
+    assert presupposed(domain, MODEL, "missing", BINDING) == (at(BOLT, BIN), Function("lit"))
+    assert presupposed(domain, MODEL, "missing", {}) == (at(ITEM, P), Function("lit"))
+    assert presupposed(domain, MODEL, "halt", {}) == ()  # it interrupts any operator
+    assert presupposed(Domain("shelf", operators=(give,)), MODEL, "missing", BINDING) == ()
 
 
 def test_what_is_withdrawn_is_not_restored() -> None:

@@ -93,8 +93,8 @@ SHELF = """domain: shelf
 types: {item: object, place: object, lamp: object}
 objects: {item: [bolt, nut], place: [table, bin, rack], lamp: [red, green]}
 statics: {"fits(item, place)": {}, "weight(item, int)": {}, "most(place, int)": {}}
-derived: {busy(place): {}, "heavier(item, item)": {}}
-fluents: {"at(item, place)": {}, lit(lamp): {}, dirty: {}, clean(item): {}, tried: {}}
+derived: {busy(place): {}, "heavier(item, item)": {}, "above(item, item)": {}, alone(item): {}}
+fluents: {"at(item, place)": {}, "over(item, item)": {}, lit(lamp): {}, dirty: {}, clean(item): {}, tried: {}}
 include: [rules.lp]
 operators:
   move(I, From, To):
@@ -112,10 +112,24 @@ operators:
   look(L): {preconditions: lit(L), adds: tried}
   wipe(I): {preconditions: "at(I, table), not dirty", adds: clean(I)}
   pour(P): {preconditions: busy(P), adds: dirty}
+  sweep(P): {preconditions: not busy(P), adds: tried}
+  split(I, P, Q): {adds: "at(I, P), at(I, Q)"}
+  bump(L): {types: {L: lamp}, adds: tried, effects: [{when: dirty, deletes: lit(L)}]}
+  fill(P): {types: {P: place}, adds: tried, effects: [{when: "fits(bolt, P)", deletes: lit(red)}]}
+  press(L): {types: {L: lamp}, effects: [{when: dirty, adds: lit(L)}, {when: tried, adds: lit(L)}]}
+  note(I, J): {preconditions: "above(I, J) | tried", adds: clean(I)}
+  stack(I, J): {adds: "over(I, J)"}
+  turn(I, J, M, K): {where: J != K, preconditions: "over(I, J)", adds: tried, deletes: "over(M, K)"}
+  free(I): {preconditions: alone(I), adds: tried}
 deductive_operators:
   - {when: "at(I, P)", denies: "at(I, Q), Q != P"}
 """
-RULES = "busy(P) :- at(I, P), clean(I).\n"
+RULES = """heavier(I, J) :- at(I, P), at(J, P), weight(I, V), weight(J, W), V > W.
+busy(P) :- at(I, P), clean(I).
+above(I, J) :- over(I, J).
+above(I, K) :- above(I, J), over(J, K).
+alone(I) :- item(I), not over(_, I).
+"""
 STATICS = (
     "fits(bolt, bin)",
     "fits(bolt, rack)",
@@ -223,6 +237,41 @@ WIPE, POUR = step(1, "wipe(bolt)"), step(2, "pour(table)", 1)
             set(), set(), set(), {"lit(L1)"},
             id="what held before is no goal",
         ),
+        pytest.param(
+            "at(bolt, bin)", "at(bolt, table)", (step(1, "split(bolt, bin, bin)"),),
+            set(), set(), set(), {"at(I1, P1)"},
+            id="what a step may not add together is the same",
+        ),
+        pytest.param(
+            "lit(red), tried", "", (step(1, "light(red)"), step(2, "bump(red)", 1)),
+            {"not dirty"}, set(), set(), {"lit(L1)", "tried"},
+            id="an effect that would end a link needs to stay out",
+        ),
+        pytest.param(
+            "lit(red), tried", "dirty", (step(1, "light(red)"), step(2, "bump(green)", 1)),
+            set(), set(), {"L1 != L2"}, {"lit(L1)", "tried"},
+            id="an effect that comes ends something else",
+        ),
+        pytest.param(
+            "lit(red), tried", "", (step(1, "light(red)"), step(2, "fill(table)", 1)),
+            set(), {"not fits(bolt, P1)"}, set(), {"lit(L1)", "tried"},
+            id="what no static fact allows is not allowed later",
+        ),
+        pytest.param(
+            "lit(red)", "tried", (step(1, "press(red)"),),
+            {"tried"}, set(), set(), {"lit(L1)"},
+            id="an effect rests on its own condition, not on another's",
+        ),
+        pytest.param(
+            "clean(bolt)", "over(nut, nut); tried", (step(1, "note(bolt, nut)"),),
+            {"tried"}, set(), set(), {"clean(I1)"},
+            id="rules that lead back to themselves end",
+        ),
+        pytest.param(
+            "over(bolt, nut), tried", "", (step(1, "stack(bolt, nut)"), step(2, "turn(bolt, nut, nut, bolt)", 1)),
+            set(), set(), {"J1 != K1"}, {"over(I1, J1)", "tried"},
+            id="what a constraint keeps apart is not kept apart again",
+        ),
     ],
 )  # fmt: skip
 def test_a_macrop_demands_what_its_proof_rests_on_and_no_more(
@@ -271,6 +320,30 @@ def test_links_of_the_plan_decide_who_provides_a_condition() -> None:
     assert str(told.steps[2].operator) == "look(L2)"
 
 
+@pytest.mark.parametrize(("item", "number"), [("bolt", 1), ("nut", 2)])
+def test_links_of_the_plan_decide_on_what_a_derived_condition_rests(item: str, number: int) -> None:
+    """Both items make the table busy; the links say which of them counts."""
+    steps = (step(1, "wipe(bolt)"), step(2, "wipe(nut)", 1), step(3, "pour(table)", 2))
+    told = (link(0, f"at({item}, table)", 3), link(number, f"clean({item})", 3))
+    found = macrop("dirty", ("at(bolt, table)", "at(nut, table)"), steps, *told)
+    providers = [each.producer for each in found.links if each.consumer == 3]
+    assert providers == [0, number]
+
+
+def test_what_is_false_for_want_of_support_stays_as_it_was() -> None:
+    """No rule makes the table busy, as the links say; so the constants stay."""
+    told = (link(0, "at(bolt, table)", 1), link(0, "not(clean(bolt))", 1))
+    found = macrop("tried", ("at(bolt, table)",), (step(1, "sweep(table)"),), *told)
+    assert texts(found.preconditions) == {"at(bolt, table)", "not clean(bolt)"}
+    assert str(found.steps[0].operator) == "sweep(table)"
+
+
+def test_the_goals_of_a_goal_that_is_no_literal_are_what_its_links_provide() -> None:
+    told = link(1, "not(at(bolt, table))", -1)
+    found = macrop("not busy(table) | tried", ("at(bolt, table)", "clean(bolt)"), (MOVE,), told)
+    assert texts(found.goals) == {"not at(bolt, table)"}
+
+
 def refused(goals: str, steps: tuple[Step, ...], *initial: str) -> str:
     """Why a plan that is not valid is not generalised."""
     with pytest.raises(NotGeneral) as raised:
@@ -284,3 +357,9 @@ def test_a_plan_that_does_not_work_is_not_generalised() -> None:
         "at(nut, rack)", (step(1, "move(nut, table, rack)", holds=ARM),), "at(nut, table)"
     )
     assert "precondition of look(red) does not hold" in refused("tried", (step(1, "look(red)"),))
+    assert "is about all instances" in refused("tried", (step(1, "free(bolt)"),))
+
+
+def test_a_plan_that_another_order_breaks_is_not_generalised() -> None:
+    steps = (step(1, "bump(red)"), step(2, "light(red)"))
+    assert "the original plan itself does not exclude this" in refused("lit(red), tried", steps, "dirty")

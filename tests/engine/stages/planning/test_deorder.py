@@ -15,19 +15,23 @@ SIZE = 5
 ATOMS = tuple(Function(f"p{n}") for n in range(SIZE))
 RESOURCES = (Function("arm"), Function("oven"))
 MANY = settings(max_examples=150, deadline=None)
-small = st.sets(st.integers(0, SIZE - 1), max_size=2).map(bitset)
+FEW = st.sets(st.integers(0, SIZE - 1), max_size=2).map(bitset)
 
 
 @st.composite
 def sequences(draw: st.DrawFn) -> tuple[Task, list[GroundOperator], Bits]:
-    """A task, an executable sequence of its operators, and goals that hold at its end."""
-    initial = draw(st.integers(0, (1 << SIZE) - 1))
+    """A task, an executable sequence of its operators, and goals that hold at its end.
+
+    Few atoms hold at first, so that steps need what earlier steps add.
+    """
+    initial = draw(FEW)
     state, steps = initial, []
     for number in range(draw(st.integers(0, 5))):
-        needed = draw(small) & state
+        needed = bitset(draw(st.sets(st.sampled_from(list(indices(state))), max_size=2))) if state else 0
+        added, deleted = draw(FEW), draw(FEW)
         held = tuple(draw(st.lists(st.sampled_from(RESOURCES), max_size=1)))
         made = Function(f"o{number}")
-        steps.append(GroundOperator(made, needed, draw(small), draw(small), (), held, number, number + 2))
+        steps.append(GroundOperator(made, needed, added, deleted, (), held, number, number + 2))
         state = progress(state, steps[-1])
     goals = draw(st.integers(0, (1 << SIZE) - 1)) & state
     return Task(ATOMS, tuple(steps), initial, (goals,), (1,) * SIZE), steps, goals

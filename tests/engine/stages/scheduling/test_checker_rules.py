@@ -374,3 +374,11 @@ def test_tardiness_is_the_weighted_sum_of_what_jobs_end_too_late() -> None:
     assert check_schedule(shop, replace(made, tardiness=26)) == ("the tardiness is 27, not 26",)
     early = Schedule({**starts, "one": 3, "three": 0}, (), 9, 0, 0)
     assert check_schedule(shop, early) == ()
+
+
+def test_a_change_of_a_device_takes_only_the_resource_that_makes_it() -> None:
+    """Resources before and after its name in the alphabet are free, and need no way to the device."""
+    others = [Resource(name, 1, {("home", "door"): 9}, "home") for name in ("aisle", "cart")]
+    door = Device("door", "arm", "shut", (Changeover("shut", "open", 2, "door", "door"),))
+    shop = Shop((Job("a", (Stage("wait", 3, ("aisle", "cart")),)),), (ARM, *others), (), (), (door,))
+    assert check_schedule(shop, complete(shop, {"wait": 0}, (Adjustment("door", door.changes[0], 1),))) == ()

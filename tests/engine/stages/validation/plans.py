@@ -33,6 +33,7 @@ operators:
     preconditions: at(Item, From)
     adds: at(Item, To)
     resources: arm, Item
+  drop(Item, Place): {adds: "at(Item, Place)"}
   light: {adds: lit}
   douse: {deletes: lit}
   look(Item): {preconditions: lit, adds: seen(Item)}

@@ -337,6 +337,19 @@ def test_no_unordered_step_denies_what_another_adds() -> None:
     assert wrong(posed, (step(1, "light"), step(2, "douse", 1))) == []
 
 
+def test_no_unordered_step_denies_by_deduction_what_another_adds_or_needs() -> None:
+    posed = problem("")
+    bin_, table = step(1, "drop(bolt, bin)"), step(2, "drop(bolt, table)")
+    assert wrong(posed, (bin_, table)) == [
+        "K503: steps 1 and 2 are unordered, but drop(bolt, table) denies at(bolt, bin), which drop(bolt, bin) needs or adds"
+    ]
+    assert wrong(posed, (bin_, step(2, "drop(nut, table)"))) == []
+    needing = (step(1, "move(bolt, table, bin)", holds=ARM_BOLT), step(2, "drop(bolt, bin)"))
+    assert wrong(posed, needing, (link(0, "at(bolt, table)", 1),))[-1] == (
+        "K503: steps 1 and 2 are unordered, but drop(bolt, bin) denies at(bolt, table), which move(bolt, table, bin) needs or adds"
+    )
+
+
 def test_no_unordered_step_denies_what_a_link_gives_another() -> None:
     posed = problem("", ("lit",), workflow=("{for: {T: [bolt]}, stages: seen(T)}",))
     found = wrong(posed, (step(1, "look(bolt)"), step(2, "douse")), (link(0, "lit", 1),))
@@ -378,7 +391,7 @@ def test_a_conditional_effect_reads_what_it_depends_on() -> None:
 
 
 CONSEQUENCE = """domain: doors
-fluents: {shut: {}, dark: {}, oiled: {}, latched: {}}
+fluents: {shut: {}, dark: {}, oiled: {}, latched: {}, ajar: {}}
 operators:
   slam: {adds: latched, deletes: shut}
   oil: {adds: oiled}
@@ -386,17 +399,29 @@ operators:
 deductive_operators:
   - {when: not shut, implies: dark}
   - {when: latched, implies: shut}
+  - {when: latched, denies: ajar}
 """
 
 
-def test_a_denial_whose_consequences_depend_on_the_state_reads_the_state() -> None:
+@pytest.mark.parametrize("consequence", ["implies: dark", "denies: oiled"])
+def test_a_denial_whose_consequences_depend_on_the_state_reads_the_state(consequence: str) -> None:
     """Slamming lets a shut door swing open for a moment, which makes it dark; a door that stands open stays bright."""
-    posed = problem("latched", (), CONSEQUENCE)
+    posed = problem("latched", (), CONSEQUENCE.replace("implies: dark", consequence))
     assert wrong(posed, (step(1, "close"), step(2, "slam", 1))) == []
     assert wrong(posed, (step(1, "slam"), step(2, "oil"))) == []
     assert wrong(posed, (step(1, "close"), step(2, "slam"))) == [
         "K503: steps 1 and 2 are unordered, but close changes shut, which slam depends on"
     ]
+
+
+def test_two_unordered_steps_may_end_the_same() -> None:
+    assert wrong(problem("not lit", ("lit",)), (step(1, "douse"), step(2, "douse"))) == []
+
+
+def test_a_link_is_of_concern_to_its_consumer_alone() -> None:
+    posed = problem("clean", (), workflow=("{for: {T: [bolt]}, stages: seen(T)}",))
+    steps = (step(1, "light"), step(2, "look(bolt)", 1), step(3, "douse", 2), step(4, "wipe"))
+    assert wrong(posed, steps, (link(1, "lit", 2),)) == []
 
 
 def switches(count: int) -> tuple:
@@ -412,14 +437,24 @@ fluents:
   on: {{}}
 operators:
   try: {{preconditions: off(s0) | not off(s0), adds: tried}}
+  press: {{preconditions: off(s1) | off(s2), adds: tried}}
   turn(T): {{adds: off(T)}}
 """
     return problem("tried", tuple(f"off({name})" for name in names[1:]), domain)
 
 
-@pytest.mark.parametrize(("count", "accepted"), [(MAX_UNCERTAIN, True), (MAX_UNCERTAIN + 1, False)])
+@pytest.mark.parametrize(
+    ("count", "accepted"), [(3, True), (MAX_UNCERTAIN, True), (MAX_UNCERTAIN + 1, False)]
+)
 def test_all_states_of_a_few_open_atoms_are_tried_and_of_more_none(count: int, accepted: bool) -> None:
     """A tautology is proved by trying; with one atom more the steps count as disturbing each other."""
     found = wrong(switches(count), (step(1, "try"), step(2, "turn(s0)")))
     assert (found == []) == accepted
     assert all(each.startswith("K503") for each in found)
+
+
+def test_what_a_link_proves_is_proved_whatever_else_is_open() -> None:
+    posed = switches(MAX_UNCERTAIN + 3)
+    steps = (step(1, "press"), step(2, "turn(s0)"), step(3, "turn(s2)"))
+    assert wrong(posed, steps, (link(0, "off(s1)", 1),)) == []
+    assert [each[:4] for each in wrong(posed, steps)] == ["K503"]

@@ -195,3 +195,15 @@ def test_what_a_derived_condition_rests_on_is_watched() -> None:
     ]
     linked = (link(1, "first(a)", 3),)
     assert wrong(posed, begun, linked) == []
+
+
+def test_another_problem_shares_what_is_known_only_if_its_facts_are_the_same() -> None:
+    one = problem("sent(b1)", (), COUNTING, statics=("heavy(b2)",))
+    own = Semantics(one)
+    state = frozenset({Function("sent", (Function("b1"),))})
+    other = own.about(dataclasses.replace(one, initial=()), state)
+    assert other is not None
+    assert other.initial() == state
+    assert other.statics is own.statics
+    assert own.about(dataclasses.replace(one, statics=())) is None
+    assert own.about(dataclasses.replace(one, domain=dataclasses.replace(one.domain))) is None
