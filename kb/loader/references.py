@@ -29,7 +29,7 @@ def domain_file(reader: Reader) -> Path:
     for candidate in (*near, *own, *typed, *_moved(Path(name), here)):
         if is_file(candidate) and candidate.suffix in SUFFIXES:
             return candidate
-    beside = [own for each in (here.parent, here) if (own := _name_in(each / DOMAIN_FILE))]
+    beside = [called for each in (here.parent, here) if (called := _name_in(each / DOMAIN_FILE))]
     hint = nearest(name, [*beside, *known]) or _suggestion(beside, list(known))
     found = Diagnostic(node.where, "K401", f"unknown domain '{name[:60]}'", hint)
     raise InvalidInput([*reader.findings.diagnostics, found])
