@@ -7,10 +7,15 @@ from rich.text import Text
 from engine.model.explanation import Amendment, Explanation, Purpose, StepReason
 
 _SAID = {
-    "add static": "if it were a fact that {}",
-    "add initial": "if at the start {}",
-    "remove initial": "if it were not so at the start that {}",
-    "drop goal": "without the goal {}",
+    "add static": "if it were a fact that {0}",
+    "remove static": "if it were not a fact that {0}",
+    "change static": "if it were a fact that {0} instead of {1}",
+    "add initial": "if at the start {0}",
+    "remove initial": "if it were not so at the start that {0}",
+    "change initial": "if at the start {0} instead of {1}",
+    "add object": "if there were one more {0}",
+    "remove object": "if there were no {0}",
+    "change object": "if {0} instead of {1}",
 }
 
 
@@ -32,12 +37,18 @@ def explanation(found: Explanation) -> Text:
     for change in found.changes:
         lines.append(f"There is a plan of {change.proof} steps {said(change)}")
         lines += [f"    {line}" for line in change.missing]
+    if found.untried:
+        lines.append(f"{found.untried} other changes were not tried to the end: a limit was reached.")
     return Text("\n".join(lines))
 
 
 def said(change: Amendment) -> str:
     """A change in words."""
-    return _SAID[change.kind].format(change.goal or " and ".join(map(str, change.facts)))
+    if change.goal:
+        return f"without the goal {change.goal}"
+    return " and ".join(
+        _SAID[f"{edit.verb} {edit.layer}"].format(edit.fact, edit.removed) for edit in change.edits
+    )
 
 
 def explanation_entry(found: Explanation) -> dict[str, Any]:
@@ -46,10 +57,12 @@ def explanation_entry(found: Explanation) -> dict[str, Any]:
         "goals": list(found.goals),
         "exclusions": list(found.exclusions),
         "reason": found.reason,
+        "untried": found.untried,
         "changes": [
             {
                 "kind": change.kind,
                 "facts": list(map(str, change.facts)),
+                "instead_of": [str(edit.removed) for edit in change.edits if edit.verb == "change"],
                 "goal": change.goal,
                 "steps": change.proof,
                 "missing": list(change.missing),
