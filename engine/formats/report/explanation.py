@@ -6,16 +6,16 @@ from rich.text import Text
 
 from engine.model.explanation import Amendment, Explanation, Purpose, StepReason
 
-_SAID = {
-    "add static": "if it were a fact that {0}",
-    "remove static": "if it were not a fact that {0}",
-    "change static": "if it were a fact that {0} instead of {1}",
-    "add initial": "if at the start {0}",
-    "remove initial": "if it were not so at the start that {0}",
-    "change initial": "if at the start {0} instead of {1}",
-    "add object": "if there were one more {0}",
-    "remove object": "if there were no {0}",
-    "change object": "if {0} instead of {1}",
+_SAID = {  # what edits of one kind are said to be, and how each is said
+    "add static": ("if it were a fact that", "{0}"),
+    "remove static": ("if it were not a fact that", "{1}"),
+    "change static": ("if it were a fact that", "{0} instead of {1}"),
+    "add initial": ("if at the start", "{0}"),
+    "remove initial": ("if it were not so at the start that", "{1}"),
+    "change initial": ("if at the start", "{0} instead of {1}"),
+    "add object": ("if there were one more object:", "{0}"),
+    "remove object": ("without the object", "{1}"),
+    "change object": ("if the object were", "{0} instead of {1}"),
 }
 
 
@@ -33,12 +33,14 @@ def explanation(found: Explanation) -> Text:
         lines += [f"  {goal}" for goal in found.goals]
     lines += [f"  because {exclusion}" for exclusion in found.exclusions]
     if not found.changes:
-        lines.append("No change of up to three facts was found that would help.")
+        lines.append("No change of one fact would help, and none of two or three facts was found.")
     for change in found.changes:
         lines.append(f"There is a plan of {change.proof} steps {said(change)}")
         lines += [f"    {line}" for line in change.missing]
     if found.untried:
-        lines.append(f"{found.untried} other changes were not tried to the end: a limit was reached.")
+        lines.append(
+            f"{found.untried} more changes of one fact were not tried to the end: a limit was reached."
+        )
     return Text("\n".join(lines))
 
 
@@ -46,9 +48,11 @@ def said(change: Amendment) -> str:
     """A change in words."""
     if change.goal:
         return f"without the goal {change.goal}"
-    return " and ".join(
-        _SAID[f"{edit.verb} {edit.layer}"].format(edit.fact, edit.removed) for edit in change.edits
-    )
+    kinds: dict[str, list[str]] = {}
+    for edit in change.edits:
+        way = _SAID[f"{edit.verb} {edit.layer}"][1]
+        kinds.setdefault(f"{edit.verb} {edit.layer}", []).append(way.format(edit.added, edit.removed))
+    return " and ".join(f"{_SAID[kind][0]} {' and '.join(facts)}" for kind, facts in kinds.items())
 
 
 def explanation_entry(found: Explanation) -> dict[str, Any]:

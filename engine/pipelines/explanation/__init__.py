@@ -99,9 +99,7 @@ class _Inquiry:
             path.append(f"{link.condition} needs {operators[step]}")
             step = link.consumer
         yield from reversed(path)
-        needed = [str(edit.added) for edit in change.edits if edit.added is not None]
-        if needed:
-            yield f"{operators[first]} needs {', '.join(needed)}"
-        kept = [str(edit.removed) for edit in change.edits if edit.added is None]
-        if kept:
-            yield f"{operators[first]} is out of reach because of {', '.join(kept)}"
+        if len(change.edits) == 1:
+            edit = change.edits[0]
+            what = "is out of reach because of" if edit.added is None else "needs"
+            yield f"{operators[first]} {what} {edit.fact}"

@@ -80,7 +80,8 @@ class Advice:
                 useless.add(candidate.effect)
 
     def _joint(self, candidates: Iterable[Candidate]) -> None:
-        for number, candidate in enumerate(candidates):
+        serious = (each for each in candidates if not any(map(self.is_goal, each.edits)))
+        for number, candidate in enumerate(serious):
             if number >= MAX_JOINT_TRIALS or len(self.found) >= MAX_JOINT or self.interrupted():
                 return
             families = {family(each) for each in candidate.edits if each.added}

@@ -125,6 +125,8 @@ class _Choices:
         yield "#defined _gone/1. #defined _lost/1. #defined _assumed/1."
         yield "_gone(F) :- _assumed(remove(F)). _gone(F) :- _assumed(change(F, _))."
         yield f":- {MISSED}(_). :- {VIOLATED}(_)."
+        if opened.objects or any(name in self.space.denying for name, _ in opened.statics):
+            yield f"{LOOSENED} :- _assumed(_)."
         for signature in opened.statics:
             yield from self._facts(signature, self.problem.statics, self.space.rows(signature), "")
         for signature in opened.fluents:
@@ -196,8 +198,9 @@ class _Choices:
         ]
         yield "_lost(X) :- _lost_from(X, _). #defined _lost_from/2."
         for type_ in types:
-            new = Function(type_, (Function(new_name(self.space, type_)),))
-            yield f"{{ _assumed(add({new})) }}. {new} :- _assumed(add({new}))."
+            for name in (new_name(self.space, type_), *self.space.dangling):
+                new = Function(type_, (Function(name),))
+                yield f"{{ _assumed(add({new})) }}. {new} :- _assumed(add({new}))."
         for name, type_ in objects(self.space).items():
             if type_ not in types:
                 yield f"{type_}({name})."

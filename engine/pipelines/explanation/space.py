@@ -112,6 +112,39 @@ class Space:
         return tuple(sorted(each for each in wanted if each[0] in found - changing))
 
     @cached_property
+    def denying(self) -> frozenset[str]:
+        """The static predicates that decide whether a fact denies another one, such as a default."""
+        bodies = [
+            (*operator.body, *each.body, operator.parameters)
+            for operator in self.problem.domain.deductive_operators
+            for each in operator.consequences
+            if operator.trigger.positive and not each.implied
+        ]
+        found = {name for body in bodies for name in names(body)}
+        while True:
+            rules = [each for each in self.problem.domain.asp if each.defines and each.defines[0] in found]
+            more = found | {use.predicate[0] for each in rules for use in each.uses}
+            if more == found:
+                return frozenset(found)
+            found = more
+
+    @cached_property
+    def dangling(self) -> tuple[str, ...]:
+        """Names that facts, goals and stages mention and that no object has."""
+        atoms = (*self.problem.statics, *self.problem.initial)
+        terms = {
+            inner
+            for atom in (*atoms, *(stage for chain in self.problem.chains for stage in chain.stages))
+            for argument in atom.arguments
+            for inner in subterms(argument)
+        }
+        said = {str(each) for each in terms if isinstance(each, Function) and not each.arguments}
+        said |= set(names(self.problem.goal))
+        domain = self.problem.domain
+        known = {*domain.objects, *self.problem.objects, *domain.predicates, *domain.functions, *domain.types}
+        return tuple(sorted(said - known))
+
+    @cached_property
     def used(self) -> frozenset[str]:
         """The names that anything but a fact mentions."""
         domain = self.problem.domain
