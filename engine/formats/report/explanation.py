@@ -6,6 +6,7 @@ from rich.text import Text
 
 from engine.model.explanation import Amendment, Explanation, Purpose, StepReason
 
+IN_FULL = 6  # changes that are told with the way from the goal to what they give
 _SAID = {  # what edits of one kind are said to be, and how each is said
     "add static": ("if it were a fact that", "{0}"),
     "remove static": ("if it were not a fact that", "{1}"),
@@ -34,9 +35,11 @@ def explanation(found: Explanation) -> Text:
     lines += [f"  because {exclusion}" for exclusion in found.exclusions]
     if not found.changes:
         lines.append("No change of one fact would help, and none of two or three facts was found.")
-    for change in found.changes:
+    for number, change in enumerate(found.changes):
         lines.append(f"There is a plan of {change.proof} steps {said(change)}")
-        lines += [f"    {line}" for line in change.missing]
+        lines += [f"    {line}" for line in change.missing] if number < IN_FULL else []
+    if any(change.missing for change in found.changes[IN_FULL:]):
+        lines.append("`--format json` tells of every change how it leads to the goal.")
     if found.untried:
         lines.append(
             f"{found.untried} more changes of one fact were not tried to the end: a limit was reached."

@@ -108,10 +108,13 @@ class Advice:
             self._implied.append(frozenset(grounder.everything()))
 
     def _dominated(self, edit: Edit) -> bool:
-        """Whether what was found says as much: another number, less than a replacement, or what implies the fact."""
+        """Whether what was found says as much: another number, less than a replacement, or what implies the fact.
+
+        Another number in place of one that could also be removed is worth telling: it says how far to go.
+        """
         if edit.added is not None and family(edit) in self._families:
             return True
-        if edit.verb == "change" and edit.removed in self._removed:
+        if edit.verb == "change" and edit.removed in self._removed and not _renumbers(edit):
             return True
         return self._computed(edit) and any(edit.added in held for held in self._implied)
 
@@ -192,6 +195,11 @@ def family(edit: Edit) -> Family:
         edit.fact.name,
         tuple(None if isinstance(each, Number) else each for each in edit.fact.arguments),
     )
+
+
+def _renumbers(edit: Edit) -> bool:
+    """Whether a fact stands in place of the same one with another number."""
+    return edit.removed is not None and family(edit) == family(Edit(edit.layer, edit.removed))
 
 
 def _numbers(fact: Atom) -> list[int]:
