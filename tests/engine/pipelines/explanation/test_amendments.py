@@ -114,6 +114,7 @@ def test_a_program_for_the_time_of_a_stage_is_found(cell: Write) -> None:
     assert "add static program(1200)" in kinds(explain(problem))
 
 
+@pytest.mark.slow
 def test_capacity_is_one_piece_of_advice_with_the_least_number() -> None:
     found = kinds(explain(load_problem("themse/unsolvable")))
     assert found[0] == "add static capacity(freezer, 2)"
