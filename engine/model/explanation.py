@@ -7,21 +7,59 @@ from kb.terms import Atom
 
 
 @dataclass(frozen=True, slots=True)
-class Amendment:
-    """A change to a problem. `kind` is add static, remove static, add initial, remove initial, or drop goal.
+class Edit:
+    """One fact that is different: `added` is new, `removed` is gone. With both, one stands in place of the other.
 
-    `proof` is the number of steps of a checked plan for the changed problem.
+    `layer` is static, initial or object. A fact about an object is its type with its name: `laser(slra)`.
     """
 
-    kind: str
-    facts: tuple[Atom, ...] = ()
-    goal: str = ""
-    proof: int = 0
-    missing: tuple[str, ...] = ()  # from the goal down to the condition that is missing
+    layer: str
+    added: Atom | None = None
+    removed: Atom | None = None
+
+    @property
+    def verb(self) -> str:
+        """Add, remove or change."""
+        return "remove" if self.added is None else "add" if self.removed is None else "change"
+
+    @property
+    def fact(self) -> Atom:
+        """The new fact, or the one that is removed."""
+        fact = self.added or self.removed
+        assert fact is not None
+        return fact
 
     def __str__(self) -> str:
-        what = self.goal or ", ".join(map(str, self.facts))
-        return f"{self.kind} {what}"
+        instead = f" instead of {self.removed}" if self.verb == "change" else ""
+        return f"{self.verb} {self.layer} {self.fact}{instead}"
+
+
+@dataclass(frozen=True, slots=True)
+class Amendment:
+    """A change to a problem: edits of facts, or a goal that is dropped.
+
+    `proof` is the number of steps of a checked plan for the changed problem. `missing` leads from the goal
+    down to what the edits give.
+    """
+
+    edits: tuple[Edit, ...] = ()
+    goal: str = ""
+    proof: int = 0
+    missing: tuple[str, ...] = ()
+
+    @property
+    def kind(self) -> str:
+        """Such as `add static` or `change initial`; or `drop goal`."""
+        kinds = dict.fromkeys(f"{edit.verb} {edit.layer}" for edit in self.edits)
+        return " and ".join(kinds) if self.edits else "drop goal"
+
+    @property
+    def facts(self) -> tuple[Atom, ...]:
+        """The fact of each edit."""
+        return tuple(edit.fact for edit in self.edits)
+
+    def __str__(self) -> str:
+        return ", ".join(map(str, self.edits)) or f"drop goal {self.goal}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,7 +68,7 @@ class Explanation:
 
     `goals` is a minimal set of goals that cannot be reached (together, if there are several). `exclusions`
     are pairs of these that are never true at the same time. `changes` are the smallest ones; each is proved
-    by a plan.
+    by a plan. `untried` is how many changes that might help were left when a limit was reached.
     """
 
     status: str
@@ -38,6 +76,7 @@ class Explanation:
     exclusions: tuple[str, ...] = ()
     changes: tuple[Amendment, ...] = ()
     reason: str = ""
+    untried: int = 0
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,7 +2,7 @@
 
 from clingo import SymbolType, ast
 
-from kb.model.conditions import Body, BodyPart, Comparison, Literal
+from kb.model.conditions import Body, Comparison, Literal
 from kb.terms import Atom, Function, Number, Operation, Term, Text, Variable
 
 
@@ -12,10 +12,11 @@ class NotCompilable(Exception):
 
 def compiled(rule: ast.AST) -> tuple[Atom, Body]:
     """Head and body of a rule without pools whose head is an atom. Raises `NotCompilable`."""
-    return _atom(rule.head.atom), tuple(map(_part, rule.body))
+    return _atom(rule.head.atom), tuple(map(part, rule.body))
 
 
-def _part(node: ast.AST) -> BodyPart:
+def part(node: ast.AST) -> Literal | Comparison:
+    """A literal of a body. Raises `NotCompilable`."""
     if node.ast_type != ast.ASTType.Literal:
         raise NotCompilable(str(node))
     match node.atom.ast_type, node.sign:
@@ -23,30 +24,36 @@ def _part(node: ast.AST) -> BodyPart:
             return Literal(_atom(node.atom), node.sign == ast.Sign.NoSign)
         case ast.ASTType.Comparison, ast.Sign.NoSign if len(node.atom.guards) == 1:
             guard = node.atom.guards[0]
-            return Comparison(_term(node.atom.term), _RELATIONS[guard.comparison], _term(guard.term))
+            return Comparison(value(node.atom.term), relation(guard.comparison), value(guard.term))
         case _:
             raise NotCompilable(str(node))
 
 
 def _atom(node: ast.AST) -> Atom:
-    return Function(node.symbol.name, tuple(map(_term, node.symbol.arguments)))
+    return Function(node.symbol.name, tuple(map(value, node.symbol.arguments)))
 
 
-def _term(node: ast.AST) -> Term:
+def value(node: ast.AST) -> Term:
+    """A term. Raises `NotCompilable`."""
     match node.ast_type:
         case ast.ASTType.Variable:
             return Variable(node.name)
         case ast.ASTType.SymbolicTerm:
             return _symbol(node)
         case ast.ASTType.Function if node.name and not node.external:
-            return Function(node.name, tuple(map(_term, node.arguments)))
+            return Function(node.name, tuple(map(value, node.arguments)))
         case ast.ASTType.BinaryOperation if node.operator_type in _OPERATORS:
-            return Operation(_OPERATORS[node.operator_type], _term(node.left), _term(node.right))
+            return Operation(_OPERATORS[node.operator_type], value(node.left), value(node.right))
         case ast.ASTType.UnaryOperation if node.operator_type == ast.UnaryOperator.Minus:
-            inside = _term(node.argument)
+            inside = value(node.argument)
             if isinstance(inside, Number):
                 return Number(-inside.value)
     raise NotCompilable(str(node))
+
+
+def relation(comparison: int) -> str:
+    """The sign of a comparison."""
+    return _RELATIONS[ast.ComparisonOperator(comparison)]
 
 
 def _symbol(node: ast.AST) -> Term:

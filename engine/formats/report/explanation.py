@@ -6,11 +6,17 @@ from rich.text import Text
 
 from engine.model.explanation import Amendment, Explanation, Purpose, StepReason
 
-_SAID = {
-    "add static": "if it were a fact that {}",
-    "add initial": "if at the start {}",
-    "remove initial": "if it were not so at the start that {}",
-    "drop goal": "without the goal {}",
+IN_FULL = 6  # changes that are told with the way from the goal to what they give
+_SAID = {  # what edits of one kind are said to be, and how each is said
+    "add static": ("if it were a fact that", "{0}"),
+    "remove static": ("if it were not a fact that", "{1}"),
+    "change static": ("if it were a fact that", "{0} instead of {1}"),
+    "add initial": ("if at the start", "{0}"),
+    "remove initial": ("if it were not so at the start that", "{1}"),
+    "change initial": ("if at the start", "{0} instead of {1}"),
+    "add object": ("if there were one more object:", "{0}"),
+    "remove object": ("without the object", "{1}"),
+    "change object": ("if the object were", "{0} instead of {1}"),
 }
 
 
@@ -28,16 +34,28 @@ def explanation(found: Explanation) -> Text:
         lines += [f"  {goal}" for goal in found.goals]
     lines += [f"  because {exclusion}" for exclusion in found.exclusions]
     if not found.changes:
-        lines.append("No change of up to three facts was found that would help.")
-    for change in found.changes:
+        lines.append("No change of one fact would help, and none of two or three facts was found.")
+    for number, change in enumerate(found.changes):
         lines.append(f"There is a plan of {change.proof} steps {said(change)}")
-        lines += [f"    {line}" for line in change.missing]
+        lines += [f"    {line}" for line in change.missing] if number < IN_FULL else []
+    if any(change.missing for change in found.changes[IN_FULL:]):
+        lines.append("`--format json` tells of every change how it leads to the goal.")
+    if found.untried:
+        lines.append(
+            f"{found.untried} more changes of one fact were not tried to the end: a limit was reached."
+        )
     return Text("\n".join(lines))
 
 
 def said(change: Amendment) -> str:
     """A change in words."""
-    return _SAID[change.kind].format(change.goal or " and ".join(map(str, change.facts)))
+    if change.goal:
+        return f"without the goal {change.goal}"
+    kinds: dict[str, list[str]] = {}
+    for edit in change.edits:
+        way = _SAID[f"{edit.verb} {edit.layer}"][1]
+        kinds.setdefault(f"{edit.verb} {edit.layer}", []).append(way.format(edit.added, edit.removed))
+    return " and ".join(f"{_SAID[kind][0]} {' and '.join(facts)}" for kind, facts in kinds.items())
 
 
 def explanation_entry(found: Explanation) -> dict[str, Any]:
@@ -46,10 +64,12 @@ def explanation_entry(found: Explanation) -> dict[str, Any]:
         "goals": list(found.goals),
         "exclusions": list(found.exclusions),
         "reason": found.reason,
+        "untried": found.untried,
         "changes": [
             {
                 "kind": change.kind,
                 "facts": list(map(str, change.facts)),
+                "instead_of": [str(edit.removed) for edit in change.edits if edit.verb == "change"],
                 "goal": change.goal,
                 "steps": change.proof,
                 "missing": list(change.missing),

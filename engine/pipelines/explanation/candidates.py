@@ -1,0 +1,252 @@
+"""Which facts could be different so that every goal comes within reach: abduction over the relaxed task in ASP.
+
+Facts are added, removed and replaced; whether that really gives a plan is for the planner to say. The statics
+of one predicate are opened at a time, because clingo grounds every combination of what is open.
+"""
+
+from collections.abc import Collection, Iterator, Sequence
+from dataclasses import dataclass, replace
+from math import prod
+
+from engine.model.explanation import Edit
+from engine.pipelines.explanation.amendments import INITIAL, OBJECT, STATIC, subterms
+from engine.pipelines.explanation.relaxation import LOOSENED, MISSED, new_defaults, relaxed_rules
+from engine.pipelines.explanation.space import Space
+from engine.stages.grounding.program import reachable
+from kb.asp.models import models
+from kb.asp.trial import affordable
+from kb.asp.vocabulary import VIOLATED, static_program
+from kb.model.domain import Domain, Kind
+from kb.model.statement import Signature
+from kb.terms import Atom, Function, Term, Variable
+
+MAX_CHOICES = 30_000  # ways to fill the arguments of one predicate
+SUSPICIOUS = 1_000  # more than so many are first grounded on trial
+MAX_MODELS = 20_000
+
+
+@dataclass(frozen=True, slots=True)
+class Opened:
+    """What may be different: facts of these static predicates and fluents, and objects."""
+
+    statics: tuple[Signature, ...] = ()
+    fluents: tuple[Signature, ...] = ()
+    objects: bool = False
+    replaced: bool = True  # whether a fact may stand in place of another
+
+
+@dataclass(frozen=True, slots=True)
+class Candidate:
+    """Edits under which the relaxed task reaches all goals.
+
+    `effect` is what they change for the planner; candidates with the same effect have the same plans. It is
+    empty where facts of the initial state are edited.
+    """
+
+    edits: tuple[Edit, ...]
+    effect: frozenset[Function] = frozenset()
+
+
+def single_edits(space: Space) -> Iterator[Candidate]:
+    """Every single edit under which the relaxed task reaches all goals, and that changes something for it."""
+    for signature in space.statics:
+        yield from _found(space, Opened((signature,)), 1)
+    yield from _found(space, Opened(objects=True), 1)
+    for signature in fluents(space):
+        yield from _found(space, Opened(fluents=(signature,)), 1)
+
+
+def joint_edits(space: Space, size: int, limit: int) -> Iterator[Candidate]:
+    """Sets of `size` facts to add or remove, all of them needed for the relaxed task to reach all goals."""
+    if not space.reachable:
+        statics = tuple(each for each in space.statics if each[0] not in space.computed)
+        yield from _found(space, Opened(statics, fluents(space), replaced=False), size, limit)
+
+
+def fluents(space: Space) -> tuple[Signature, ...]:
+    """The fluents of the domain."""
+    declared = space.problem.domain.predicates.values()
+    return tuple((each.name, len(each.arguments)) for each in declared if each.kind is Kind.FLUENT)
+
+
+def _found(space: Space, opened: Opened, size: int, limit: int = MAX_MODELS) -> Iterator[Candidate]:
+    made = _Choices(space, opened)
+    text = "\n".join([*made.lines(), f":- #count {{ F : _assumed(F) }} != {size}."])
+    if made.count <= SUSPICIOUS or affordable(text):
+        for shown in models(text, "_shown", limit):
+            edits = tuple(
+                edit(each.arguments[0], space.problem.domain) for each in shown if each.name == "edit"
+            )
+            yield Candidate(edits, frozenset(each for each in shown if each.name != "edit"))
+
+
+def edit(assumed: Term, domain: Domain) -> Edit:
+    """An assumption of the program as an edit."""
+    assert isinstance(assumed, Function)
+    first, last = assumed.arguments[0], assumed.arguments[-1]
+    assert isinstance(first, Function)
+    assert isinstance(last, Function)
+    layer = OBJECT if first.name in domain.types else STATIC
+    if first.name in domain.predicates and domain.predicates[first.name].kind is Kind.FLUENT:
+        layer = INITIAL
+    match assumed.name:
+        case "add":
+            return Edit(layer, first)
+        case "remove":
+            return Edit(layer, None, first)
+        case _:
+            return Edit(layer, last, first)
+
+
+class _Choices:
+    """The program that chooses edits of what is opened, with the relaxed task below them."""
+
+    def __init__(self, space: Space, opened: Opened) -> None:
+        self.space, self.opened, self.problem = space, opened, space.problem
+        self.count = 0
+
+    def lines(self) -> Iterator[str]:
+        """The program; it has one model for each set of edits that will do."""
+        problem, opened = self.problem, self.opened
+        hidden = {name for name, _ in opened.statics}
+        if opened.objects:
+            domain = replace(problem.domain, objects={})
+            problem = replace(problem, domain=domain, objects={}, statics=())
+            hidden = {fact.name for fact in self.problem.statics}
+        else:
+            kept = tuple(fact for fact in problem.statics if fact.name not in hidden)
+            problem = replace(problem, statics=kept)
+        yield static_program(problem)
+        yield from (f"{reachable(atom)}." for atom in self.space.initial)
+        yield relaxed_rules(self.problem)
+        yield from new_defaults(self.problem, self._defaults())
+        yield from (self._given(fact) for fact in self.problem.statics if fact.name in hidden)
+        yield "_shown(edit(E)) :- _assumed(E)."
+        yield "#defined _gone/1. #defined _lost/1. #defined _assumed/1."
+        yield "_gone(F) :- _assumed(remove(F)). _gone(F) :- _assumed(change(F, _))."
+        yield f":- {MISSED}(_). :- {VIOLATED}(_)."
+        if opened.objects or any(name in self.space.denying for name, _ in opened.statics):
+            yield f"{LOOSENED} :- _assumed(_)."
+        for signature in opened.statics:
+            yield from self._facts(signature, self.problem.statics, self.space.rows(signature), "")
+        for signature in opened.fluents:
+            held = [fact.arguments for fact in self.space.initial if _signature(fact) == signature]
+            yield from self._facts(signature, self.problem.initial, held, "_r_")
+        if opened.objects:
+            yield from self._objects()
+        if not opened.fluents:
+            yield from self._differences()
+
+    def _defaults(self) -> dict[int, Sequence[Atom]]:
+        return {
+            number: [
+                Function("_", row)
+                for row in self.space.rows((f"_default_{number}", len(each.atom.arguments)))
+            ]
+            for number, each in enumerate(self.problem.domain.defaults)
+        }
+
+    def _given(self, fact: Atom) -> str:
+        """A static fact that may be gone, itself or with an object that it mentions."""
+        body = [f"not _gone({fact})"]
+        if self.opened.objects and fact in self.space.own:
+            mentioned = {str(each) for argument in fact.arguments for each in subterms(argument)}
+            body += [f"not _lost({name})" for name in sorted(mentioned & set(objects(self.space)))]
+        return f"{fact} :- {', '.join(body)}."
+
+    def _facts(
+        self, signature: Signature, facts: Collection[Atom], held: Collection[tuple[Term, ...]], prefix: str
+    ) -> Iterator[str]:
+        """The choices among facts of one predicate that may be added, removed or replaced."""
+        name, arity = signature
+        own = [fact for fact in facts if _signature(fact) == signature]
+        values = self.space.arguments(signature)
+        variables = tuple(Variable(f"X{place}") for place in range(arity))
+        atom, other = Function(name, variables), Variable("Y")
+        domain = f"_dom_{name}_{arity}"
+        for place, each in enumerate(values):
+            yield from (f"{domain}({place}, {value})." for value in each)
+        yield f"#defined {domain}/2. #defined _given_{arity}_{name}/1. #defined _held_{arity}_{name}/1."
+        given, known = f"_given_{arity}_{name}", f"_held_{arity}_{name}"
+        yield from (f"{given}({fact})." for fact in own)
+        yield from (f"{known}({Function(name, row)})." for row in held)
+        ways = prod(map(len, values))
+        if ways <= MAX_CHOICES:
+            self.count += ways
+            body = [
+                *(f"{domain}({place}, {each})" for place, each in enumerate(variables)),
+                f"not {known}({atom})",
+            ]
+            yield f"{{ _assumed(add({atom})) }} :- {', '.join(body)}."
+        yield f"{{ _assumed(remove({atom})) }} :- {given}({atom})."
+        for place in range(arity if self.opened.replaced else 0):
+            self.count += len(own) * len(values[place])
+            new = Function(name, (*variables[:place], other, *variables[place + 1 :]))
+            body = [f"{given}({atom})", f"{domain}({place}, {other})", f"not {known}({new})"]
+            yield f"{{ _assumed(change({atom}, {new})) }} :- {', '.join(body)}."
+        target = str(Function(f"{prefix}{name}", variables))
+        yield f"{target} :- _assumed(add({atom})). {target} :- _assumed(change(_, {atom}))."
+        if prefix:
+            yield f"{LOOSENED} :- _assumed(remove({atom})). {LOOSENED} :- _assumed(change({atom}, _))."
+
+    def _objects(self) -> Iterator[str]:
+        """The choices among objects: a new one of a type, one less, one of another type."""
+        types = [
+            name
+            for name, each in self.problem.domain.types.items()
+            if not each.constants and each.parent != "term" and name in self.space.used
+        ]
+        yield "_lost(X) :- _lost_from(X, _). #defined _lost_from/2."
+        for type_ in types:
+            for name in (new_name(self.space, type_), *self.space.dangling):
+                new = Function(type_, (Function(name),))
+                yield f"{{ _assumed(add({new})) }}. {new} :- _assumed(add({new}))."
+        for name, type_ in objects(self.space).items():
+            if type_ not in types:
+                yield f"{type_}({name})."
+                continue
+            fact = Function(type_, (Function(name),))
+            yield f"{fact} :- not _gone({fact}). {{ _assumed(remove({fact})) }}."
+            yield f"_lost_from({name}, {type_}) :- _assumed(remove({fact}))."
+            for other in types:
+                if other != type_:
+                    self.count += 1
+                    moved = Function(other, fact.arguments)
+                    yield f"{{ _assumed(change({fact}, {moved})) }}. {moved} :- _assumed(change({fact}, {moved}))."
+
+    def _differences(self) -> Iterator[str]:
+        """What edits change for the planner. Those that only take operators away, or change nothing, are no use."""
+        yield "_gain :- _new(_). _gain :- _other(_). :- not _gain. #defined _new/1. #defined _other/1."
+        yield "_shown(new(A)) :- _new(A). _shown(lost(A)) :- _less(A). _shown(other(A)) :- _other(A)."
+        for name, arity in self.space.instances:
+            yield from self._difference((name, arity), "_new", "_less")
+        for signature in self.space.shared:
+            yield from self._difference(signature, "_other", "_other")
+
+    def _difference(self, signature: Signature, more: str, less: str) -> Iterator[str]:
+        name, arity = signature
+        variables = tuple(Variable(f"X{place}") for place in range(arity))
+        now, before = Function(name, variables), Function(f"_before_{name}", variables)
+        yield f"#defined {before.name}/{arity}. #defined {name}/{arity}."
+        yield from (f"{Function(before.name, row)}." for row in self.space.rows(signature))
+        yield f"{more}({now}) :- {now}, not {before}. {less}(no({now})) :- {before}, not {now}."
+
+
+def objects(space: Space) -> dict[str, str]:
+    """Every object with its type."""
+    return {**space.problem.domain.objects, **space.problem.objects}
+
+
+def new_name(space: Space, type_: str) -> str:
+    """A name for a new object of a type."""
+    taken = {
+        str(each) for rows in space.atoms.values() for row in rows for term in row for each in subterms(term)
+    }
+    number = 1
+    while f"{type_}_{number}" in taken:
+        number += 1
+    return f"{type_}_{number}"
+
+
+def _signature(atom: Atom) -> Signature:
+    return atom.name, len(atom.arguments)
