@@ -9,7 +9,9 @@ class CollisionChecker(Protocol):
     """A scene made ready for questions.
 
     `where` is a batch of configurations (n, k) of the scene's joints or, for a free scene, of poses (n, 4, 4) of its
-    moving carrier in the world. Answers do not depend on how questions are batched.
+    moving carrier in the world. Answers do not depend on how questions are batched. Nothing is known about a configuration
+    or pose with an entry that is no finite number: it counts as a collision, with a clearance of minus infinity. `ValueError`
+    is raised for an array of another shape, and by `contacts` also for what is no number.
     """
 
     @property
