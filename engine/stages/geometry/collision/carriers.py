@@ -38,7 +38,7 @@ def split(scene: Scene, where: Floats) -> tuple[Floats, Truths]:
     Raises as `batch` does.
     """
     where = batch(scene, where)
-    endless: Truths = ~np.isfinite(where).all(axis=tuple(range(1, where.ndim)))
+    endless: Truths = np.asarray(~np.isfinite(where).all(axis=tuple(range(1, where.ndim))))
     if endless.any():
         where = where.copy()
         where[endless] = np.eye(4) if scene.free else 0.0

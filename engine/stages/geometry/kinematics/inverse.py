@@ -74,18 +74,18 @@ class InverseKinematics:
         elif self.redundant is None:
             found = self._solved(poses)
         else:
-            found = self._held(poses, self.redundant, self._values(redundancy))
+            found = self._held(poses, self.redundant, self._values(self.redundant, redundancy))
         return Branches(np.where(found.valid[..., None], found.q, 0.0), found.valid & rigid[:, None])
 
-    def _values(self, redundancy: Floats | None) -> Floats:
+    def _values(self, joint: int, redundancy: Floats | None) -> Floats:
         """The values of the joint that is held."""
         if redundancy is not None:
             values = np.atleast_1d(np.asarray(redundancy, dtype=float))
             if values.ndim != 1 or not np.isfinite(values).all():
                 raise ValueError(f"the values of a joint must be (m,), of finite numbers, not {values.shape}")
             return values
-        joints, joint = self.model.joints, self.redundant
-        low, high = max(joints.lower[joint], -np.pi), min(joints.upper[joint], np.pi)
+        joints = self.model.joints
+        low, high = max(float(joints.lower[joint]), -np.pi), min(float(joints.upper[joint]), np.pi)
         return np.asarray(low + (high - low) * (np.arange(HELD) + 0.5) / HELD)
 
     def _held(self, poses: Floats, joint: int, values: Floats) -> Branches:

@@ -33,7 +33,9 @@ def searched(model: ArmModel, poses: Floats, seed: int) -> tuple[Floats, Truths]
         valid = (missed(model, targets, found) < EXACT).reshape(-1, STARTS)
         found[:, revolute] = wrapped(found[:, revolute])
         for row, q, reached in zip(rows, found.reshape(-1, STARTS, k), valid, strict=True):
-            quiet[row] = 0 if _added(kept[row], q[reached], revolute) else quiet[row] + 1
+            quiet[row] += 1
+            if _added(kept[row], q[reached], revolute):
+                quiet[row] = 0
     most = max([1, *map(len, kept)])
     q, valid = np.zeros((n, most, k)), np.zeros((n, most), dtype=bool)
     for row, branches in enumerate(kept):
