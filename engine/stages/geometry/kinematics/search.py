@@ -38,9 +38,9 @@ def searched(model: ArmModel, poses: Floats, seed: int) -> tuple[Floats, Truths]
                 quiet[row] = 0
     most = max([1, *map(len, kept)])
     q, valid = np.zeros((n, most, k)), np.zeros((n, most), dtype=bool)
-    for row, branches in enumerate(kept):
-        q[row, : len(branches)] = np.array(branches).reshape(-1, k)
-        valid[row, : len(branches)] = True
+    for pose, branches in enumerate(kept):
+        q[pose, : len(branches)] = np.array(branches).reshape(-1, k)
+        valid[pose, : len(branches)] = True
     return q, valid
 
 
