@@ -58,20 +58,26 @@ def rate(ask: Callable[[], object], count: int) -> float:
     return count / best
 
 
+def row(bodies: int, spread: float) -> str:
+    """The rates of both for one scene, and what it costs to move one of its bodies."""
+    scene, q = scattered(bodies, spread)
+    by_pairs, by_tree = BuiltinChecker(scene), RegionChecker(scene)
+    pairs, tree = rate(lambda: by_pairs.collides(q), len(q)), rate(lambda: by_tree.collides(q), len(q))
+    few = rate(lambda: by_pairs.clearance(q[:100]), 100)
+    many = rate(lambda: by_tree.clearance(q[:100]), 100)
+    step = transforms.translation(0.01, 0, 0)
+    moved = 1e3 / rate(lambda: by_tree.tree.moved("block_7", step).hierarchy, 1)
+    return (
+        f"{bodies:6} {spread:6.1f} {pairs:18,.0f} {tree:9,.0f} {tree / pairs:5.2f}"
+        f" {few:19,.0f} {many:9,.0f} {many / few:5.2f} {moved:10.2f}"
+    )
+
+
 def main() -> None:
     """Print a row for each number of bodies and each spread."""
     print("bodies spread  collides: pairs/s    tree/s ratio  clearance: pairs/s    tree/s ratio  moved: ms")
     for bodies, spread in product([int(each) for each in sys.argv[1:]] or (1000, 3000, 10_000), (0.8, 4.0)):
-        scene, q = scattered(bodies, spread)
-        checkers = BuiltinChecker(scene), RegionChecker(scene)
-        pairs, tree = (rate(lambda each=each: each.collides(q), len(q)) for each in checkers)  # type: ignore[misc]
-        few, many = (rate(lambda each=each: each.clearance(q[:100]), 100) for each in checkers)  # type: ignore[misc]
-        step, regions = transforms.translation(0.01, 0, 0), checkers[1].tree
-        moved = 1e3 / rate(lambda regions=regions, step=step: regions.moved("block_7", step).hierarchy, 1)  # type: ignore[misc]
-        print(
-            f"{bodies:6} {spread:6.1f} {pairs:18,.0f} {tree:9,.0f} {tree / pairs:5.2f}"
-            f" {few:19,.0f} {many:9,.0f} {many / few:5.2f} {moved:10.2f}"
-        )
+        print(row(bodies, spread), flush=True)
 
 
 if __name__ == "__main__":

@@ -6,6 +6,8 @@ from engine.kernels.geometry.hierarchy cimport Hierarchy
 from engine.kernels.geometry.layout cimport Pieces
 from engine.kernels.geometry.room cimport Room
 
+cdef Py_ssize_t KEPT
+
 @cython.final
 cdef class Walk:
     cdef Pieces standing
@@ -31,7 +33,7 @@ cpdef Py_ssize_t near_pieces(
 
 @cython.locals(
     here=Room, w=Walk, told="unsigned char[::1]", may="const unsigned char[:, ::1]", both="const long long[:, ::1]",
-    hit="long long[::1]", n=Py_ssize_t
+    hit="long long[:, ::1]", n=Py_ssize_t
 )
 cpdef void first_hits(
     object poses, Pieces asking, Pieces standing, Hierarchy tree, object pairs, object skip, object out
@@ -42,11 +44,14 @@ cdef int _refuse_unless_fitting(
 ) except -1
 
 cdef bint _pairs_touch(Room here, const long long[:, ::1] pairs, Py_ssize_t n) noexcept nogil
-cdef bint _hits_again(Room here, Walk w, Py_ssize_t n, long long[::1] hit) noexcept nogil
+@cython.locals(k=Py_ssize_t, side=Py_ssize_t)
+cdef bint _hits_again(Room here, Walk w, Py_ssize_t n, long long[:, ::1] hit) noexcept nogil
 @cython.locals(asking=Py_ssize_t, r=Py_ssize_t)
 cdef bint _hits_one(
-    Room here, Walk w, const unsigned char[:, ::1] skip, Py_ssize_t n, long long[::1] hit
+    Room here, Walk w, const unsigned char[:, ::1] skip, Py_ssize_t n, long long[:, ::1] hit
 ) noexcept nogil
+@cython.locals(k=Py_ssize_t)
+cdef void _keep(long long[:, ::1] hit, Py_ssize_t asking, Py_ssize_t r) noexcept nogil
 
 @cython.locals(
     here=Room, w=Walk, s=Separations, least="double[::1]", may="const unsigned char[:, ::1]",

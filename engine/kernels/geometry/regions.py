@@ -16,6 +16,8 @@ from engine.kernels.geometry.hierarchy import Hierarchy
 from engine.kernels.geometry.layout import Pieces
 from engine.kernels.geometry.room import Room
 
+KEPT = 4  # hits that are tried first in the next pose
+
 
 class Walk:
     """Walks through a hierarchy over standing pieces, one after the other; made once for a batch.
@@ -154,14 +156,13 @@ def first_hits(
     `skip` (asking, standing) are those that may touch.
     """
     here, w = Room(asking, poses, standing), Walk(standing, tree)
-    told, may, both, last = out.view(np.uint8), skip.view(np.uint8), pairs, np.full(2, -1)
-    hit = last
+    told, may, both, hit = out.view(np.uint8), skip.view(np.uint8), pairs, np.full((KEPT, 2), -1)
     _refuse_unless_fitting(here, w, both, may, told.shape[0])
     with cython.nogil:
         for n in range(here.batch):
             room.move_bounds(here, n)
             told[n] = (
-                _hits_again(here, w, n, hit) or _pairs_touch(here, both, n) or _hits_one(here, w, may, n, hit)
+                _hits_again(here, w, n, hit) or _hits_one(here, w, may, n, hit) or _pairs_touch(here, both, n)
             )
 
 
@@ -189,10 +190,18 @@ def _pairs_touch(here: Room, pairs: Longs, n: int) -> bool:
 
 
 def _hits_again(here: Room, w: Walk, n: int, hit: Longs) -> bool:
-    """Whether the two pieces touch that did so last."""
-    if hit[0] < 0:
-        return False
-    return bool(_meets(w, here, hit[0], hit[1], 0.0, n))
+    """Whether two pieces touch that did so lately; those get one place nearer to the front."""
+    for k in range(KEPT):
+        if hit[k, 0] < 0:
+            return False
+        if _meets(w, here, hit[k, 0], hit[k, 1], 0.0, n):
+            if k > 0:
+                for side in range(2):
+                    kept = hit[k, side]
+                    hit[k, side] = hit[k - 1, side]
+                    hit[k - 1, side] = kept
+            return True
+    return False
 
 
 def _hits_one(here: Room, w: Walk, skip: Bytes, n: int, hit: Longs) -> bool:
@@ -202,10 +211,18 @@ def _hits_one(here: Room, w: Walk, skip: Bytes, n: int, hit: Longs) -> bool:
         r = _next(w, 0.0)
         while r >= 0:
             if not skip[asking, r] and _meets(w, here, asking, r, 0.0, n):
-                hit[0], hit[1] = asking, r
+                _keep(hit, asking, r)
                 return True
             r = _next(w, 0.0)
     return False
+
+
+def _keep(hit: Longs, asking: int, r: int) -> None:
+    """Note a hit in the last free place, or in the last of all."""
+    k = 0
+    while k < KEPT - 1 and hit[k, 0] >= 0:
+        k += 1
+    hit[k, 0], hit[k, 1] = asking, r
 
 
 def nearest_hits(
