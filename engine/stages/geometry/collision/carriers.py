@@ -1,5 +1,7 @@
 """Where the carriers of a scene are in many configurations at once."""
 
+import math
+
 import numpy as np
 
 from engine.model.geometry import Floats, Scene, Truths
@@ -38,6 +40,8 @@ def split(scene: Scene, where: Floats) -> tuple[Floats, Truths]:
     Raises as `batch` does.
     """
     where = batch(scene, where)
+    if math.isfinite(where.sum()):
+        return where, np.zeros(len(where), dtype=bool)
     endless: Truths = np.asarray(~np.isfinite(where).all(axis=tuple(range(1, where.ndim))))
     if endless.any():
         where = where.copy()

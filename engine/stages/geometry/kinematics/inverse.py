@@ -7,6 +7,7 @@ one point. An arm that has such a form when it is read from the hand to the base
 joints is solved with one of them held, if the other six have such a form: its value is a parameter of the solution.
 """
 
+import math
 from dataclasses import dataclass
 from itertools import product
 
@@ -22,6 +23,8 @@ from engine.stages.geometry.stretches import in_stretches
 __all__ = ["Branches", "InverseKinematics", "Solver", "polished", "pose_error", "turns"]
 
 HELD = 16  # values of a joint that is held, when none are given
+NEARLY = 1e-2  # metres and radians: what misses by more is no branch, and not polished
+HOMOGENEOUS = np.array([0.0, 0.0, 0.0, 1.0])  # the last row of every pose
 RIGID = 1e-6  # how far a matrix may be from a rotation
 
 
@@ -68,8 +71,9 @@ class InverseKinematics:
         then be missed. What is no rigid pose, or no number at all, has no branches. Raises `ValueError` for arrays of other
         shapes.
         """
-        poses, rigid = _rigid(T_base_flange)
+        poses, rigid = _finite(T_base_flange)
         if self.form is None:
+            poses, rigid = _rigid(poses, rigid)
             found = Branches(*searched(self.model, poses, seed))
         elif self.redundant is None:
             found = self._solved(poses)
@@ -103,7 +107,7 @@ class InverseKinematics:
 
     def _solved(self, poses: Floats) -> Branches:
         q, residual = self._closed(poses)
-        rows = np.nonzero((residual > EXACT / 10) & np.isfinite(residual))
+        rows = np.nonzero((residual > EXACT / 10) & (residual < NEARLY))
         if rows[0].size:
             q[rows] = polished(self.model, poses[rows[0]], q[rows])
             residual[rows] = missed(self.model, poses[rows[0]], q[rows])
@@ -115,18 +119,25 @@ class InverseKinematics:
         return _closed(self.form, np.ascontiguousarray(poses @ self._T_flange_zero))
 
 
-def _rigid(T_base_flange: Floats) -> tuple[Floats, Truths]:
-    """The poses (n, 4, 4), the identity in the place of what is no rigid pose, and which are (n,)."""
-    poses = np.array(T_base_flange, dtype=float)
+def _finite(T_base_flange: Floats) -> tuple[Floats, Truths]:
+    """The poses (n, 4, 4), the identity in the place of what is no number, and which are homogeneous matrices (n,)."""
+    poses = np.ascontiguousarray(T_base_flange, dtype=float)
     if poses.ndim != 3 or poses.shape[1:] != (4, 4):
         raise ValueError(f"poses must be (n, 4, 4), not {poses.shape}")
-    finite = np.isfinite(poses).all(axis=(1, 2))
-    poses[~finite] = np.eye(4)
+    if not math.isfinite(poses.sum()):
+        poses = poses.copy()
+        endless = ~np.isfinite(poses).all(axis=(1, 2))
+        poses[endless] = np.eye(4)
+        poses[endless, 3, 3] = 0.0
+    return poses, (poses[:, 3] == HOMOGENEOUS).all(axis=1)
+
+
+def _rigid(poses: Floats, known: Truths) -> tuple[Floats, Truths]:
+    """The same for a search; closed forms find by themselves that a matrix is no rotation."""
     R = poses[:, :3, :3]
     off = np.abs(R @ np.swapaxes(R, 1, 2) - np.eye(3)).max(axis=(1, 2))
-    rigid = finite & (off < RIGID) & (np.linalg.det(R) > 0) & (poses[:, 3] == [0, 0, 0, 1]).all(axis=1)
-    poses[~rigid] = np.eye(4)
-    return poses, rigid
+    rigid: Truths = known & (off < RIGID) & (np.linalg.det(R) > 0)
+    return np.where(rigid[:, None, None], poses, np.eye(4)), rigid
 
 
 def _closed(form: Form, displaced: Floats) -> tuple[Floats, Floats]:
