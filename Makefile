@@ -45,7 +45,7 @@ MEASURED := kinematics collision scheduling poses diagnosis macros reuse
 $(PEERS)/ready: $(VENV)/ready
 	$(PYTHON) -m venv $(PEERS)
 	$(PEERS)/bin/python -m pip install --quiet --disable-pip-version-check up-fast-downward pyperplan
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt mujoco coal eaik
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt mujoco coal eaik coacd
 	touch $@
 
 bench: $(PEERS)/ready

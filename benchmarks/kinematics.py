@@ -72,10 +72,11 @@ def eaik_robot(model: ArmModel) -> tuple[Any, Floats]:
     """EAIK's robot of the same axes, and what turns our flange into its tool, which does not turn at zero."""
     from eaik.IK_HP import HPRobot
 
-    screws = InverseKinematics(model).screws
-    points = np.vstack([np.zeros(3), screws.points, screws.T_zero[None, :3, 3]])
+    screws = InverseKinematics(model).form
+    assert screws is not None
+    points = np.vstack([np.zeros(3), screws.points, InverseKinematics(model).T_zero[None, :3, 3]])
     turned = np.eye(4)
-    turned[:3, :3] = screws.T_zero[:3, :3].T
+    turned[:3, :3] = InverseKinematics(model).T_zero[:3, :3].T
     return HPRobot(screws.directions, np.diff(points, axis=0)), turned
 
 

@@ -9,7 +9,10 @@ class CollisionChecker(Protocol):
     """Answers questions about collisions and distances in one scene.
 
     `where` is a batch of configurations (n, k) of the scene's joints. For a free scene it is a batch of poses
-    (n, 4, 4) of the moving carrier in the world. The batch size does not change the answers.
+    (n, 4, 4) of the moving carrier in the world. The batch size does not change the answers. A configuration or
+    pose with an entry that is not a finite number counts as a collision, with a clearance of minus infinity,
+    because nothing is known about it. Raises `ValueError` for an array of another shape; `contacts` also raises
+    it for entries that are not finite.
     """
 
     @property

@@ -17,15 +17,11 @@ Whole: TypeAlias = "memoryview[int]"
 Real: TypeAlias = "memoryview[float]"
 
 
-def refuse_unless(what: str, array: NDArray[Any], kind: type, shape: tuple[int | None, ...]) -> None:
-    """Raise `ValueError` unless an array has this kind of entries and this shape (None: any length), row after row."""
-    fits = len(array.shape) == len(shape) and all(
-        length in (None, there) for length, there in zip(shape, array.shape, strict=True)
-    )
-    if not fits:
-        wanted = ", ".join("n" if length is None else str(length) for length in shape)
-        raise ValueError(f"{what}: the array must have the shape ({wanted}), not {array.shape}")
-    if array.dtype != kind or not array.flags.c_contiguous:
+def refuse_unless(what: str, array: NDArray[Any], kind: type, shape: tuple[int, ...]) -> None:
+    """Raise `ValueError` unless an array has this kind of entries and this shape, row after row in memory."""
+    if array.shape != shape:
+        raise ValueError(f"{what}: the array must have the shape {shape}, not {array.shape}")
+    if array.dtype.type is not kind or not array.flags.c_contiguous:
         raise ValueError(f"{what}: the array must be of {kind.__name__}, row after row, not {array.dtype}")
 
 

@@ -8,6 +8,8 @@ from pathlib import Path
 from kb.loader.reader import Findings
 from kb.loader.tree import Node
 from kb.model.cell import (
+    LARGEST,
+    MESHES,
     Box,
     Cylinder,
     Edge,
@@ -27,7 +29,7 @@ from kb.schema.cell import QUANTITY
 
 LENGTHS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": 0.0254}
 ANGLES = {"rad": 1.0, "deg": math.pi / 180}
-LARGEST = 1e6  # metres or radians: no cell is larger, and sums are exact enough
+LEAST = 1e-9  # a scale nearer to zero leaves nothing
 LENGTH, ANGLE, FACTOR = "length", "angle", "factor"
 
 
@@ -170,12 +172,21 @@ def _mesh(read: Quantities, node: Node) -> Shape:
         read.findings.add(
             file.where, "K706", f"there is no file '{file.value}'", "name a file beside this one"
         )
+    elif path.suffix.lower() not in MESHES:
+        hint = f"convert it to one of: {', '.join(MESHES)}"
+        read.findings.add(file.where, "K702", f"'{path.suffix}' is not a supported mesh format", hint)
     if scale is None:
         return Mesh(str(path), where=file.where)
-    if isinstance(scale.value, list):
-        return Mesh(str(path), read.vector(scale, FACTOR), file.where)
-    factor = read.number(scale, FACTOR)
-    return Mesh(str(path), (factor, factor, factor), file.where)
+    x, y, z = (
+        [read.number(item, FACTOR) for item in scale.value]
+        if isinstance(scale.value, list)
+        else [read.number(scale, FACTOR)] * 3
+    )
+    if not all(abs(factor) >= LEAST for factor in (x, y, z)):
+        read.findings.add(
+            scale.where, "K702", "a scale of 0 leaves no volume", "write 1, or 0.001 for millimetres"
+        )
+    return Mesh(str(path), (x, y, z), file.where)
 
 
 def _height_field(read: Quantities, node: Node) -> Shape:
@@ -186,7 +197,7 @@ def _height_field(read: Quantities, node: Node) -> Shape:
         hint = "write at least two rows of at least two heights, all of the same length"
         read.findings.add(rows.where, "K702", "not a grid of heights", hint)
     floor = child(node, "floor")
-    return HeightField((dx, dy), heights, read.number(floor) if floor else 0.0)
+    return HeightField((dx, dy), heights, read.number(floor) if floor else 0.0, node.where)
 
 
 def _point_set(read: Quantities, node: Node) -> Shape:

@@ -14,7 +14,7 @@ from kb.loader.reader import Findings
 from kb.loader.tree import Node, read_file
 from kb.loader.urdf_elements import ElementReader
 from kb.loader.xml import Element, read_xml
-from kb.model.cell import Arm, Joint, JointKind, Link, Offsets, PlacedShape, Pose
+from kb.model.cell import Arm, Inertia, Joint, JointKind, Link, Mimic, Offsets, PlacedShape, Pose
 
 MOVING = {"revolute": JointKind.REVOLUTE, "continuous": JointKind.REVOLUTE, "prismatic": JointKind.PRISMATIC}
 
@@ -25,6 +25,7 @@ class Description:
 
     name: str
     links: dict[str, tuple[PlacedShape, ...]]
+    inertias: dict[str, Inertia | None]
     joints: dict[str, Element]  # child link: joint element
     where: Source
 
@@ -70,20 +71,21 @@ class _Robot:
     def description(self, root: Element) -> Description:
         if root.tag != "robot":
             raise self.read.broken(root, f"<{root.tag}> is not a robot", "a URDF begins with <robot>")
-        links = {}
+        links: dict[str, tuple[PlacedShape, ...]] = {}
+        inertias: dict[str, Inertia | None] = {}
         for link in root.all("link"):
             name = link.get("name")
             if not name or name in links:
                 self.read.note(
                     link, "a link without a name, or a second one of that name", "name each link once"
                 )
-            links[name] = self.read.shapes(link)
+            links[name], inertias[name] = self.read.shapes(link), self.read.inertia(link)
         joints: dict[str, Element] = {}
         for joint in root.all("joint"):
             self._joint(joint, links, joints)
         if not links:
             raise self.read.broken(root, "a robot without links", "is this the right file?")
-        return Description(root.get("name"), links, joints, root.where)
+        return Description(root.get("name"), links, inertias, joints, root.where)
 
     def _joint(
         self, joint: Element, links: dict[str, tuple[PlacedShape, ...]], joints: dict[str, Element]
@@ -152,7 +154,7 @@ class _Robot:
             frames[link] = (len(joints), tuple(rigid))
         self._hang(found, frames)
         links = tuple(
-            Link(name, frames[name][0], frames[name][1], shapes)
+            Link(name, frames[name][0], frames[name][1], shapes, found.inertias[name])
             for name, shapes in found.links.items()
             if name in frames
         )
@@ -180,9 +182,9 @@ class _Robot:
         limit, axis = joint.first("limit"), joint.first("axis")
         kind = MOVING[joint.get("type")]
         bounded = limit is not None and joint.get("type") != "continuous"
-        lower, upper, speed = -math.inf, math.inf, None
+        lower, upper, speed, effort = -math.inf, math.inf, None, None
         if limit is not None:
-            speed = self.read.numbers(limit, "velocity", 1)[0] if limit.get("velocity") else None
+            speed, effort = (self._given(limit, key) for key in ("velocity", "effort"))
             if bounded:
                 lower, upper = (self.read.numbers(limit, key, 1, "0")[0] for key in ("lower", "upper"))
         elif joint.get("type") != "continuous":
@@ -195,7 +197,28 @@ class _Robot:
             self.read.note(joint, f"joint '{joint.get('name')}' has no axis", "give <axis xyz/> a direction")
             direction, length = (1.0, 0.0, 0.0), 1.0
         x, y, z = (value / length for value in direction)
-        return Joint(joint.get("name"), origin, (x, y, z), kind, lower, upper, speed)
+        follows = self._mimic(joint)
+        return Joint(
+            joint.get("name"), origin, (x, y, z), kind, lower, upper, speed, effort=effort, mimic=follows
+        )
+
+    def _given(self, element: Element, key: str) -> float | None:
+        return self.read.numbers(element, key, 1)[0] if element.get(key) else None
+
+    def _mimic(self, joint: Element) -> Mimic | None:
+        """Which joint a joint follows, and how."""
+        mimic = joint.first("mimic")
+        if mimic is None:
+            return None
+        message = (
+            f"joint '{joint.get('name')}' follows '{mimic.get('joint')}', but is moved as if it were free"
+        )
+        self.read.findings.add(joint.where, "K703", message, "end the `chain` before it", warning=True)
+        (factor,), (offset,) = (
+            self.read.numbers(mimic, key, 1, default)
+            for key, default in (("multiplier", "1"), ("offset", "0"))
+        )
+        return Mimic(mimic.get("joint"), factor, offset)
 
 
 def _end(joint: Element, which: str) -> str:

@@ -7,9 +7,22 @@ from pathlib import Path
 from kb.diagnostics import InvalidInput
 from kb.loader.reader import Findings
 from kb.loader.xml import Element
-from kb.model.cell import Box, Cylinder, Mesh, PlacedShape, Pose, Shape, Sphere, Vector
+from kb.model.cell import (
+    LARGEST,
+    MESHES,
+    Box,
+    Cylinder,
+    Inertia,
+    Mesh,
+    PlacedShape,
+    Pose,
+    Shape,
+    Sphere,
+    Vector,
+)
 
-MESHES = (".stl", ".obj")
+LEAST = 1e-9  # a scale nearer to zero leaves nothing
+MOMENTS = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,7 +73,7 @@ class ElementReader:
 
     def _extent(self, element: Element, *sizes: float) -> bool:
         if min(sizes) > 0:
-            return True
+            return self._finite(element, *sizes)
         self.findings.add(
             element.where, "K702", f"a <{element.tag}> without a positive size", "give its size"
         )
@@ -68,17 +81,48 @@ class ElementReader:
 
     def _mesh(self, element: Element) -> Mesh | None:
         name = element.get("filename")
-        inside = name.removeprefix("package://").removeprefix("file://")
-        candidates = [folder / part for folder in self.folders for part in (inside, inside.partition("/")[2])]
-        path = next((each for each in candidates if each.is_file()), None)
+        if name.startswith("package://") and ".." in Path(name).parts:
+            hint = "name the folder with its packages under `packages`"
+            self.findings.add(element.where, "K706", f"'{name[:80]}' leaves its package", hint)
+            return None
+        path = self._found(name)
         if path is None:
             hint = "name the folder with its packages under `packages`"
             self.findings.add(element.where, "K706", f"there is no mesh '{name[:80]}'", hint)
             return None
         if path.suffix.lower() not in MESHES:
-            self.note(element, f"'{path.suffix}' is not a supported mesh format", "convert it to STL or OBJ")
+            hint = f"convert it to one of: {', '.join(MESHES)}"
+            self.note(element, f"'{path.suffix}' is not a supported mesh format", hint)
             return None
-        return Mesh(str(path), self.vector(element, "scale", "1 1 1"), element.where)
+        scale = self.vector(element, "scale", "1 1 1")
+        if min(map(abs, scale)) < LEAST:
+            hint = "write 1, or 0.001 for millimetres"
+            self.findings.add(element.where, "K702", "a scale of 0 leaves no volume", hint)
+            return None
+        return Mesh(str(path), scale, element.where)
+
+    def _found(self, name: str) -> Path | None:
+        """The file that a name leads to. A `package://` path is looked for within the folders of packages alone."""
+        inside = name.removeprefix("package://").removeprefix("file://")
+        if name.startswith("package://"):
+            inside = inside.lstrip("/")
+        candidates = (folder / part for folder in self.folders for part in (inside, inside.partition("/")[2]))
+        return next((path for path in candidates if path.is_file()), None)
+
+    def inertia(self, link: Element) -> Inertia | None:
+        """The mass and the moments of a link; None if it has none."""
+        element = link.first("inertial")
+        if element is None:
+            return None
+        mass, moments = element.first("mass"), element.first("inertia")
+        (weight,) = self.numbers(mass, "value", 1) if mass is not None else [0.0]
+        values = (
+            [self.numbers(moments, key, 1, "0")[0] for key in MOMENTS] if moments is not None else [0.0] * 6
+        )
+        if weight < 0:
+            self.note(element, f"link '{link.get('name')}' has a mass below zero", "give its mass in kg")
+        xx, xy, xz, yy, yz, zz = values
+        return Inertia(weight, self.origin(element), (xx, xy, xz, yy, yz, zz))
 
     def origin(self, element: Element) -> Pose:
         """The pose in its `<origin>`."""
@@ -90,7 +134,15 @@ class ElementReader:
     def vector(self, element: Element, key: str, default: str) -> Vector:
         """Three numbers of an attribute."""
         x, y, z = self.numbers(element, key, 3, default)
-        return (x, y, z)
+        return (x, y, z) if self._finite(element, x, y, z) else (0.0, 0.0, 0.0)
+
+    def _finite(self, element: Element, *values: float) -> bool:
+        """Whether numbers are not larger than those of any cell; reported if they are."""
+        if max(map(abs, values)) <= LARGEST:
+            return True
+        hint = "URDF has metres and radians"
+        self.findings.add(element.where, "K113", f"a <{element.tag}> larger than {LARGEST:g}", hint)
+        return False
 
     def numbers(self, element: Element, key: str, count: int, default: str = "") -> list[float]:
         """`count` finite numbers in an attribute. Another number of values is reported, and the result is zeros."""

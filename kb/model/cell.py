@@ -13,6 +13,8 @@ from kb.terms import Atom, Term
 
 Vector = tuple[float, float, float]
 WORLD = "world"
+MESHES = (".stl", ".obj", ".dae")  # kinds of mesh files, by the ends of their names
+LARGEST = 1e6  # metres, radians or factors: no cell is larger, and sums are exact enough
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,7 +98,7 @@ class Polyhedron:
 
 @dataclass(frozen=True, slots=True)
 class Mesh:
-    """An STL or OBJ file, scaled. Collision uses the convex hull of each of its connected components."""
+    """An STL, OBJ or DAE file, scaled. Collision uses convex pieces that fill it."""
 
     path: str
     scale: Vector = (1.0, 1.0, 1.0)
@@ -110,6 +112,7 @@ class HeightField:
     spacing_m: tuple[float, float]
     heights_m: tuple[tuple[float, ...], ...]
     floor_m: float = 0.0
+    where: Source = field(default=NOWHERE, compare=False)
 
 
 @dataclass(frozen=True, slots=True)
@@ -139,10 +142,29 @@ class JointKind(Enum):
 
 
 @dataclass(frozen=True, slots=True)
+class Mimic:
+    """The value of a joint is `multiplier` times that of another one, and `offset` more."""
+
+    joint: str
+    multiplier: float = 1.0
+    offset: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Inertia:
+    """Mass in kg, the pose of the centre of mass, and the moments xx, xy, xz, yy, yz, zz in kg m^2 about its axes."""
+
+    mass_kg: float
+    centre: Pose = HERE
+    moments: tuple[float, float, float, float, float, float] = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True, slots=True)
 class Joint:
     """A moving joint: first the fixed `origin` in the frame of the joint before, then the motion about or along `axis`.
 
-    Limits are in rad or m, speed is per second, acceleration per second squared. None means unknown.
+    Limits are in rad or m, speed is per second, acceleration per second squared, effort in N m or N. None means unknown.
+    A joint with `mimic` follows another one.
     """
 
     name: str
@@ -153,6 +175,8 @@ class Joint:
     upper: float = float("inf")
     speed: float | None = None
     acceleration: float | None = None
+    effort: float | None = None
+    mimic: "Mimic | None" = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -167,6 +191,7 @@ class Link:
     carrier: int
     offset: Offsets = ()
     shapes: tuple[PlacedShape, ...] = ()
+    inertia: Inertia | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -71,7 +71,9 @@ class PolyhedronEntry(Strict):
 class MeshEntry(Strict):
     """A file of triangles."""
 
-    file: str = Field(description="an STL or OBJ file beside this one; its numbers are metres times `scale`")
+    file: str = Field(
+        description="an STL, OBJ or DAE file beside this one; its numbers are metres times `scale`"
+    )
     scale: Quantity | Triple = Field("1", description="one factor, or one for each axis")
 
 

@@ -173,6 +173,42 @@ def test_a_batch_answers_as_single_configurations_do(backend: GeometryBackend, s
     assert np.allclose(checker.clearance(q), [checker.clearance(each[None])[0] for each in q], atol=AGREE_M)
 
 
+@pytest.mark.parametrize("entry", [np.nan, np.inf, -np.inf])
+def test_what_is_no_number_counts_as_a_collision(
+    backend: GeometryBackend, scene: Scene, entry: float
+) -> None:
+    checker, q = backend.checker(scene), configurations(scene, 6)
+    before = checker.collides(q), checker.clearance(q)
+    q[2, 3] = entry
+    after = checker.collides(q), checker.clearance(q)
+    others = np.arange(6) != 2
+    assert after[0][2]
+    assert after[1][2] == -np.inf
+    assert np.array_equal(before[0][others], after[0][others])
+    assert np.array_equal(before[1][others], after[1][others])
+    with pytest.raises(ValueError, match="not a finite number"):
+        checker.contacts(q[2])
+    free = free_scene_of(World.of(cell()), "tool")
+    pose = np.eye(4)[None].copy()
+    pose[0, 1, 3] = entry
+    assert backend.checker(free).collides(pose).tolist() == [True]
+
+
+def test_arrays_of_another_width_are_refused(backend: GeometryBackend, scene: Scene) -> None:
+    for checked, shape in (
+        (scene, (2, 5)),
+        (scene, (2, 7)),
+        (scene, (6,)),
+        (free_scene_of(World.of(cell()), "tool"), (2, 3, 4)),
+    ):
+        checker = backend.checker(checked)
+        for ask in (checker.collides, checker.clearance):
+            with pytest.raises(ValueError, match="must be"):
+                ask(np.zeros(shape))
+        with pytest.raises(ValueError, match="must be"):
+            checker.contacts(np.zeros(shape[1:]))
+
+
 def test_an_empty_batch_has_an_empty_answer(backend: GeometryBackend, scene: Scene) -> None:
     checker = backend.checker(scene)
     assert checker.collides(np.zeros((0, 6))).shape == (0,)

@@ -17,7 +17,6 @@ cpdef void first_contacts(object poses, Pieces p, Pairs q, object out) except *
 cdef long long _first_contact(Room here, Pairs q, Py_ssize_t n) noexcept nogil
 cdef long long _first_of_group(Room here, Pairs q, Py_ssize_t g, Py_ssize_t n) noexcept nogil
 cdef bint _decided(Room here, Py_ssize_t i, Py_ssize_t j, Py_ssize_t n) noexcept nogil
-cdef void _place_once(Room here, Py_ssize_t i, Py_ssize_t n) noexcept nogil
 
 @cython.locals(here=Room, count="long long[::1]", n=Py_ssize_t, g=Py_ssize_t)
 cpdef void count_hits(object poses, Pieces p, Pairs q, object hits) except *

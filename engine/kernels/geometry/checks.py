@@ -26,9 +26,9 @@ def touches(here: Room, i: int, j: int, by: float) -> bool:
     na, nb, reach = here.stretch[i, 1], here.stretch[j, 1], here.radius[i] + here.radius[j] + by
     if na <= 2 and nb <= 2:
         return bool(segments.segment_gap(here, i, j) <= reach * reach)
-    if na <= 2 and here.own[j, layout.KIND] == layout.BLOCK_ITSELF:
+    if na <= 2 and here.bounds[j, layout.KIND] == layout.BLOCK_ITSELF:
         return bool(segments.segment_block_gap(here, i, j) <= reach * reach)
-    if nb <= 2 and here.own[i, layout.KIND] == layout.BLOCK_ITSELF:
+    if nb <= 2 and here.bounds[i, layout.KIND] == layout.BLOCK_ITSELF:
         return bool(segments.segment_block_gap(here, j, i) <= reach * reach)
     a, b = here.stretch[i, 0], here.stretch[j, 0]
     return bool(gjk.core_distance(here.cores, a, na, b, nb, reach) <= reach)
@@ -87,15 +87,9 @@ def _first_of_group(here: Room, q: Pairs, g: int, n: int) -> int:
 
 def _decided(here: Room, i: int, j: int, n: int) -> bool:
     """Whether two pieces touch; their vertices are placed first."""
-    _place_once(here, i, n)
-    _place_once(here, j, n)
+    room.place_once(here, i, n)
+    room.place_once(here, j, n)
     return touches(here, i, j, 0.0)
-
-
-def _place_once(here: Room, i: int, n: int) -> None:
-    if here.placed[i] < n:
-        room.place(here, n, i)
-        here.placed[i] = n
 
 
 def count_hits(poses: Floats, p: Pieces, q: Pairs, hits: Longs) -> None:

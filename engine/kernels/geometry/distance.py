@@ -22,7 +22,7 @@ class Separations:
     """
 
     def __init__(self, vertices: Floats, most: int) -> None:
-        refuse_unless("vertices", vertices, np.float64, (None, 3))
+        refuse_unless("vertices", vertices, np.float64, (len(vertices), 3))
         self.cores, self.polytope = Cores(vertices), Polytope(most)
         self.found = self._found = np.empty(9)
 

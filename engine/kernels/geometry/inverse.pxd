@@ -1,10 +1,10 @@
 # Types with which Cython compiles inverse.py. Its meaning is written there.
 import cython
 from libc cimport math
-from engine.kernels.geometry cimport vectors
+from engine.kernels.geometry cimport subproblems, vectors
 from engine.kernels.geometry.vectors cimport Triple
 
-cdef double INFINITE, SLACK
+cdef double INFINITE
 
 @cython.final
 cdef class Batch:
@@ -18,8 +18,6 @@ cdef class Batch:
 @cython.locals(arm=bint, poses=bint, q=bint)
 cdef bint _fits(Batch e) noexcept
 
-cdef double angle_onto(Triple axis, Triple start, Triple end) noexcept nogil
-cdef Triple angles_to_plane(Triple normal, Triple axis, Triple start, double offset) noexcept nogil
 cdef Triple axis(Batch e, int joint) noexcept nogil
 cdef Triple point(Batch e, int joint) noexcept nogil
 cdef Triple centre_of(Batch e) noexcept nogil
@@ -28,6 +26,8 @@ cdef Triple rotate_back(Batch e, Py_ssize_t n, Triple v) noexcept nogil
 cdef Triple moved(Batch e, Py_ssize_t n, Triple v) noexcept nogil
 cpdef void spherical_wrist(Batch e) except *
 cdef void _spherical_wrist(Batch e, Py_ssize_t n) noexcept nogil
+cpdef void intersecting_axes(Batch e) except *
+cdef void _intersecting_axes(Batch e, Py_ssize_t n) noexcept nogil
 cdef double _wrist(Batch e, Py_ssize_t n, Py_ssize_t b) noexcept nogil
 cdef Triple _back(Batch e, Py_ssize_t n, Py_ssize_t b, Triple v) noexcept nogil
 cdef Triple _across(Triple axis) noexcept nogil

@@ -4,8 +4,7 @@
 
 The arm is given at its zero configuration: unit axes h (6, 3) and a point o (6, 3) on each. The target is
 E = T(q) T(0)^-1, so E = exp(h1, o1, q1) ... exp(h6, o6, q6). The angles fall out of two canonical problems in turn:
-turning a vector onto another (Paden 1986, subproblem 1) and turning it until it meets a plane (Elias & Wen 2022,
-subproblem 4; the distance problem, 3, is the same equation). No axis needs to meet the base axis, and the three wrist
+turning a vector onto another and turning it until it meets a plane. No axis needs to meet the base axis, and the three wrist
 axes may stand at any angles, so that orthogonal and three-roll wrists are one case.
 """
 
@@ -14,11 +13,10 @@ import math
 import cython
 
 from engine.kernels.arrays import Floats
-from engine.kernels.geometry import vectors
+from engine.kernels.geometry import subproblems, vectors
 from engine.kernels.geometry.vectors import V
 
 INFINITE = math.inf
-SLACK = 1e-7  # how far beyond a limit a cosine may lie; Newton's method repairs or the residual rejects it
 
 
 class Batch:
@@ -43,32 +41,6 @@ def _fits(e: Batch) -> bool:
     q = e.q.shape[0] == e.count and e.q.shape[1] == 8 and e.q.shape[2] == 6
     fits: bool = arm and poses and q and e.valid.shape[0] == e.count and e.valid.shape[1] == 8
     return fits
-
-
-def angle_onto(axis: V, start: V, end: V) -> float:
-    """The angle that turns `start` onto `end` about `axis`, as nearly as it can; 0 when either lies along the axis."""
-    p = vectors.minus(start, vectors.times(vectors.dot(axis, start), axis))
-    q = vectors.minus(end, vectors.times(vectors.dot(axis, end), axis))
-    scale = vectors.dot(p, p) * vectors.dot(q, q)
-    if scale < 1e-32:
-        return 0.0
-    return math.atan2(vectors.dot(axis, vectors.cross(p, q)), vectors.dot(p, q))
-
-
-def angles_to_plane(normal: V, axis: V, start: V, offset: float) -> V:
-    """Both angles at which `start`, turned about `axis`, has `normal . start == offset`, then 1 if there are any, or 0."""
-    along = vectors.dot(normal, axis) * vectors.dot(axis, start)
-    a = vectors.dot(normal, start) - along
-    b = vectors.dot(normal, vectors.cross(axis, start))
-    amplitude = math.hypot(a, b)
-    if amplitude < 1e-14:
-        return (0.0, 0.0, 1.0 if abs(offset - along) < 1e-9 else 0.0)
-    cosine = (offset - along) / amplitude
-    if abs(cosine) > 1.0 + SLACK:
-        return (0.0, 0.0, 0.0)
-    spread = math.acos(min(1.0, max(-1.0, cosine)))
-    middle = math.atan2(b, a)
-    return (middle + spread, middle - spread, 1.0)
 
 
 def axis(e: Batch, joint: int) -> V:
@@ -122,11 +94,13 @@ def _spherical_wrist(e: Batch, n: int) -> None:
     centre = centre_of(e)
     upper, fore = vectors.minus(o3, o2), vectors.minus(centre, o3)
     target = vectors.minus(moved(e, n, centre), o1)
-    first = angles_to_plane(h2, vectors.times(-1.0, h1), target, vectors.dot(h2, vectors.minus(centre, o1)))
+    first = subproblems.angles_to_plane(
+        h2, vectors.times(-1.0, h1), target, vectors.dot(h2, vectors.minus(centre, o1))
+    )
     for i in range(2):
         base = first[0] if i == 0 else first[1]
         end = vectors.minus(vectors.turn(h1, -base, target), vectors.minus(o2, o1))
-        third = angles_to_plane(
+        third = subproblems.angles_to_plane(
             upper,
             h3,
             fore,
@@ -134,7 +108,7 @@ def _spherical_wrist(e: Batch, n: int) -> None:
         )
         for j in range(2):
             elbow = third[0] if j == 0 else third[1]
-            second = angle_onto(h2, vectors.plus(upper, vectors.turn(h3, elbow, fore)), end)
+            second = subproblems.angle_onto(h2, vectors.plus(upper, vectors.turn(h3, elbow, fore)), end)
             b = 4 * i + 2 * j
             for k in range(2):
                 e.q[n, b + k, 0], e.q[n, b + k, 1], e.q[n, b + k, 2] = base, second, elbow
@@ -143,17 +117,53 @@ def _spherical_wrist(e: Batch, n: int) -> None:
             e.valid[n, b + 1] = solved
 
 
+def intersecting_axes(e: Batch) -> None:
+    """Axes 1 and 2 through `o1`, axes 4 to 6 through the centre: fill all branches (Elias & Wen 2022, section 4)."""
+    with cython.nogil:
+        for n in range(e.count):
+            _intersecting_axes(e, n)
+
+
+def _intersecting_axes(e: Batch, n: int) -> None:
+    h1, h2, h3, o1, o3 = axis(e, 1), axis(e, 2), axis(e, 3), point(e, 1), point(e, 3)
+    centre = centre_of(e)
+    upper, fore, target = (
+        vectors.minus(o3, o1),
+        vectors.minus(centre, o3),
+        vectors.minus(moved(e, n, centre), o1),
+    )
+    third = subproblems.angles_to_plane(
+        upper,
+        h3,
+        fore,
+        (vectors.dot(target, target) - vectors.dot(upper, upper) - vectors.dot(fore, fore)) / 2.0,
+    )
+    for i in range(2):
+        elbow = third[0] if i == 0 else third[1]
+        reached = vectors.plus(upper, vectors.turn(h3, elbow, fore))
+        second = subproblems.angles_to_plane(h1, h2, reached, vectors.dot(h1, target))
+        for j in range(2):
+            bend = second[0] if j == 0 else second[1]
+            base = subproblems.angle_onto(h1, vectors.turn(h2, bend, reached), target)
+            b = 4 * i + 2 * j
+            for k in range(2):
+                e.q[n, b + k, 0], e.q[n, b + k, 1], e.q[n, b + k, 2] = base, bend, elbow
+            solved = third[2] * second[2] * _wrist(e, n, b)
+            e.valid[n, b] = solved
+            e.valid[n, b + 1] = solved
+
+
 def _wrist(e: Batch, n: int, b: int) -> float:
     """Fill the last three joints of two branches whose first three are known; whether the wrist can turn so far."""
     h4, h5, h6 = axis(e, 4), axis(e, 5), axis(e, 6)
     tool = _back(e, n, b, rotate(e, n, h6))  # R36 h6
-    fifth = angles_to_plane(h4, h5, h6, vectors.dot(h4, tool))
+    fifth = subproblems.angles_to_angle(h4, h5, h6, tool)
     aside = _across(h6)
     turned = _back(e, n, b, rotate(e, n, aside))  # R36 aside
     for k in range(2):
         bend = fifth[0] if k == 0 else fifth[1]
-        fourth = angle_onto(h4, vectors.turn(h5, bend, h6), tool)
-        sixth = angle_onto(h6, aside, vectors.turn(h5, -bend, vectors.turn(h4, -fourth, turned)))
+        fourth = subproblems.angle_onto(h4, vectors.turn(h5, bend, h6), tool)
+        sixth = subproblems.angle_onto(h6, aside, vectors.turn(h5, -bend, vectors.turn(h4, -fourth, turned)))
         e.q[n, b + k, 3], e.q[n, b + k, 4], e.q[n, b + k, 5] = fourth, bend, sixth
     return fifth[2]
 
@@ -181,12 +191,14 @@ def parallel_axes(e: Batch) -> None:
 def _parallel_axes(e: Batch, n: int) -> None:
     h1, h2, h5, h6, o1, centre = axis(e, 1), axis(e, 2), axis(e, 5), axis(e, 6), point(e, 1), centre_of(e)
     target = vectors.minus(moved(e, n, centre), o1)
-    first = angles_to_plane(h2, vectors.times(-1.0, h1), target, vectors.dot(h2, vectors.minus(centre, o1)))
+    first = subproblems.angles_to_plane(
+        h2, vectors.times(-1.0, h1), target, vectors.dot(h2, vectors.minus(centre, o1))
+    )
     for i in range(2):
         base = first[0] if i == 0 else first[1]
         wrist = vectors.turn(h1, -base, target)
         tool = vectors.turn(h1, -base, rotate(e, n, h6))
-        fifth = angles_to_plane(h2, h5, h6, vectors.dot(h2, tool))
+        fifth = subproblems.angles_to_angle(h2, h5, h6, tool)
         for k in range(2):
             b, bend = 4 * i + 2 * k, fifth[0] if k == 0 else fifth[1]
             for j in range(2):
@@ -203,12 +215,12 @@ def _elbow(e: Batch, n: int, b: int, wrist: V) -> float:
     total, sixth = _hand(e, n, b, whole, palm)
     end = vectors.minus(whole, vectors.turn(h2, total, palm))
     upper, fore = vectors.minus(o3, o2), vectors.minus(o4, o3)
-    third = angles_to_plane(
+    third = subproblems.angles_to_plane(
         upper, h3, fore, (vectors.dot(end, end) - vectors.dot(upper, upper) - vectors.dot(fore, fore)) / 2.0
     )
     for j in range(2):
         bend = third[0] if j == 0 else third[1]
-        second = angle_onto(h2, vectors.plus(upper, vectors.turn(h3, bend, fore)), end)
+        second = subproblems.angle_onto(h2, vectors.plus(upper, vectors.turn(h3, bend, fore)), end)
         rest = total - second - vectors.dot(h2, h3) * bend
         e.q[n, b + j, 1], e.q[n, b + j, 2] = second, bend
         e.q[n, b + j, 3], e.q[n, b + j, 5] = vectors.dot(h2, axis(e, 4)) * rest, sixth
@@ -220,17 +232,17 @@ def _hand(e: Batch, n: int, b: int, whole: V, palm: V) -> tuple[float, float]:
     h1, h2, h5, h6, q1, q5 = axis(e, 1), axis(e, 2), axis(e, 5), axis(e, 6), e.q[n, b, 0], e.q[n, b, 4]
     parallel = vectors.turn(h5, -q5, h2)
     beside = vectors.cross(parallel, h6)
-    if vectors.dot(beside, beside) > 1e-13:
+    if vectors.dot(beside, beside) > subproblems.ALONG:
         # h2^T R1^T R06 = h2^T R5 R6, so that R6 turns R06^T R1 h2 onto R5^T h2
-        sixth = angle_onto(h6, rotate_back(e, n, vectors.turn(h1, q1, h2)), parallel)
+        sixth = subproblems.angle_onto(h6, rotate_back(e, n, vectors.turn(h1, q1, h2)), parallel)
         aside = _across(h2)
         seen = vectors.turn(h6, -sixth, vectors.turn(h5, -q5, aside))
-        return (angle_onto(h2, aside, vectors.turn(h1, -q1, rotate(e, n, seen))), sixth)
+        return (subproblems.angle_onto(h2, aside, vectors.turn(h1, -q1, rotate(e, n, seen))), sixth)
     # axis 6 is parallel to axis 4: of the continuum the hand that reaches farthest
-    total = angle_onto(h2, palm, whole)
+    total = subproblems.angle_onto(h2, palm, whole)
     aside = _across(h6)
     seen = vectors.turn(h2, -total, vectors.turn(h1, -q1, rotate(e, n, aside)))
-    return (total, angle_onto(h6, aside, vectors.turn(h5, -q5, seen)))
+    return (total, subproblems.angle_onto(h6, aside, vectors.turn(h5, -q5, seen)))
 
 
 def residuals(e: Batch, out: Floats) -> None:

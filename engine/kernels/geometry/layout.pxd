@@ -23,17 +23,12 @@ cdef class Pieces:
     cdef const double[::1] _radius
     cdef const long long[::1] _carrier
 
+@cython.locals(i=Py_ssize_t)
+cdef bint _within(Pieces p) noexcept
+
 @cython.final
 cdef class Pairs:
     cdef readonly object pairs, groups, after, order
     cdef readonly Py_ssize_t numbers
     cdef const long long[:, ::1] _pairs, _groups
     cdef const long long[::1] _after, _order
-
-@cython.final
-cdef class Tree:
-    cdef readonly object first, children, roots, solid, grow
-    cdef readonly Py_ssize_t count
-    cdef const long long[::1] _first, _children, _roots
-    cdef const unsigned char[::1] _solid
-    cdef const double[::1] _grow

@@ -1,134 +1,252 @@
 # cython: language_level=3, annotation_typing=False, infer_types=True, boundscheck=False, wraparound=False
 # cython: initializedcheck=False, cdivision=True
-"""Questions that go down a region tree. Its regions are the first of the pieces; the others ask.
+"""Questions to many pieces that stand in the world, put by a few that move or stand.
 
-A region is looked into when its bounding volumes come near enough: as near as is asked, and as much more as its
-descendants may reach out of it (`tree.grow`). To compare the region itself would cost more than it saves.
+A question goes down a hierarchy of boxes. A standing piece that it finds is brought into the room of those that ask, where
+both are compared as any two pieces are. So a question costs nothing for the pieces that are far away.
 """
 
 import cython
 import numpy as np
 
 from engine.kernels.arrays import Bytes, Floats, Longs, Truths
-from engine.kernels.geometry import checks, room, volumes
+from engine.kernels.geometry import checks, hierarchy, layout, room, volumes
 from engine.kernels.geometry.distance import Separations
-from engine.kernels.geometry.layout import Pieces, Tree
+from engine.kernels.geometry.hierarchy import Hierarchy
+from engine.kernels.geometry.layout import Pieces
 from engine.kernels.geometry.room import Room
+
+KEPT = 4  # hits that are tried first in the next pose
 
 
 class Walk:
-    """What is written while walking down a tree; made once for a batch."""
+    """Walks through a hierarchy over standing pieces, one after the other; made once for a batch.
 
-    def __init__(self, tree: Tree) -> None:
-        self.tree, self.size = tree, 0
-        self.stack = np.empty(tree.count + len(tree.children), np.int64)  # regions to be looked at
-        self.seen = np.full(tree.count, -1)  # the number of the walk that saw each last
+    `low` and `high` (3,) are the corners of the box around the piece that asks. Raises `ValueError` for a hierarchy over
+    pieces that are not there, and for pieces that do not stand.
+    """
+
+    def __init__(self, standing: Pieces, tree: Hierarchy) -> None:
+        if tree.numbers > standing.count or standing.carriers > 1:
+            raise ValueError(f"a hierarchy over {tree.numbers} pieces, but {standing.count} stand")
+        self.standing, self.tree = standing, tree
+        self.open, self.gaps = np.empty(tree.depth + 2, np.int64), np.empty(tree.depth + 2)
+        self.size = 0
+        self.box = np.empty(6)
 
 
-def _begin(w: Walk) -> None:
-    """Put the roots on the stack."""
-    w.size = w.tree._roots.shape[0]
-    for i in range(w.size):
-        w.stack[i] = w.tree._roots[i]
+def _begin(w: Walk, here: Room, asking: int, by: float) -> None:
+    """Ask for all that is within `by` of a piece."""
+    _surround(w, here, asking)
+    w.size = 0
+    if w.tree.root >= 0:
+        _open(w, w.tree.root, by * by)
 
 
-def _next_solid(w: Walk, here: Room, asking: int, by: float, number: int) -> int:
-    """The next solid region whose bounding volume is within `by` of a piece, or -1; each is told once in walk `number`."""
+def _surround(w: Walk, here: Room, asking: int) -> None:
+    """Lay the box around a placed piece: around its block, and within the box around its ball."""
+    ball, radius = here.bounds[asking, layout.BALL], here.bounds[asking, layout.RADIUS]
+    for x in range(3):
+        reach = radius
+        for axis in range(3):
+            along = here.bounds[asking, layout.AXES + 3 * axis + x]
+            reach += abs(along) * here.bounds[asking, layout.HALF + axis]
+        reach = min(reach, ball)
+        w.box[x], w.box[3 + x] = here.bounds[asking, x] - reach, here.bounds[asking, x] + reach
+
+
+def _open(w: Walk, node: int, square: float) -> None:
+    """Put a node on the stack if its box is within a distance, given squared."""
+    gap = _gap(w, node, square)
+    if gap <= square:
+        w.open[w.size], w.gaps[w.size] = node, gap
+        w.size += 1
+
+
+def _gap(w: Walk, node: int, square: float) -> float:
+    """How far the box of a node is from the box that asks, squared; beyond `square` some lower bound of it."""
+    total = 0.0
+    for x in range(3):
+        above = w.tree._boxes[node, x] - w.box[3 + x]
+        below = w.box[x] - w.tree._boxes[node, 3 + x]
+        beyond = max(above, below)
+        if beyond > 0.0:
+            total += beyond * beyond
+            if total > square:
+                break
+    return float(total)
+
+
+def _next(w: Walk, by: float) -> int:
+    """The next standing piece whose box is within `by` of the piece that asks, or -1. What is nearer comes first."""
+    square = by * by
     while w.size > 0:
         w.size -= 1
-        r = w.stack[w.size]
-        if w.seen[r] == number:
+        node = w.open[w.size]
+        if w.gaps[w.size] > square:
             continue
-        w.seen[r] = number
-        if volumes.verdict(here, asking, r, by + w.tree._grow[r]) == volumes.APART:
-            continue
-        for c in range(w.tree._first[r], w.tree._first[r + 1]):
-            w.stack[w.size] = w.tree._children[c]
-            w.size += 1
-        if w.tree._solid[r]:
-            return int(r)
+        one, other = w.tree._children[node, 0], w.tree._children[node, 1]
+        if one == hierarchy.LEAF:
+            return int(other)
+        before = w.size
+        _open(w, one, square)
+        _open(w, other, square)
+        if w.size == before + 2 and w.gaps[before + 1] > w.gaps[before]:
+            gap = w.gaps[before]
+            w.open[before], w.open[before + 1] = other, one
+            w.gaps[before], w.gaps[before + 1] = w.gaps[before + 1], gap
     return -1
 
 
-def near_solids(p: Pieces, tree: Tree, within: float, near: Truths) -> None:
-    """Which solid regions are within a distance of each asking piece: near (n, regions). All stand in the world.
+def _compared(w: Walk, here: Room, asking: int, r: int, by: float) -> int:
+    """What the bounds of a standing piece tell; if not that it is apart by more than `by`, it is in the room from now on."""
+    room.bring_bounds(here, w.standing, r)
+    said = volumes.verdict(here, asking, here.count, by)
+    if said != volumes.APART:
+        room.bring(here, w.standing, r)
+    return said
 
-    Raises `ValueError` for arrays that do not fit together, as all of these do.
+
+def _meets(w: Walk, here: Room, asking: int, r: int, by: float, n: int) -> bool:
+    """Whether a standing piece is within `by` of a piece that asks, in pose `n` of the batch."""
+    said = _compared(w, here, asking, r, by)
+    if said != volumes.UNDECIDED:
+        return said == volumes.TOUCHING
+    room.place_once(here, asking, n)
+    return checks.touches(here, asking, here.count, by)
+
+
+def near_pieces(asking: Pieces, standing: Pieces, tree: Hierarchy, within: float, found: Longs) -> int:
+    """How many pairs there are of an asking piece and a standing one within a distance of it; nothing is moved.
+
+    The first of the pairs that fit are written to `found` (m, 2). Raises `ValueError` for arrays that do not fit together,
+    as all of these do.
     """
-    regions = tree.count
-    here, w, told = Room(p, np.empty((0, p.carriers, 3, 4))), Walk(tree), near.view(np.uint8)
-    if told.shape[0] + regions != here.count or told.shape[1] != regions:
-        raise ValueError(f"regions that are near must be (pieces that ask, {regions}), not {near.shape}")
+    still = np.empty((0, max(1, asking.carriers), 3, 4))
+    here, w, told = Room(asking, still, standing), Walk(standing, tree), found
+    if told.shape[1] != 2:
+        raise ValueError(f"pairs must be (m, 2), not {found.shape}")
+    if not within >= 0.0:
+        raise ValueError(f"a distance must be 0 or more, not {within}")
+    count = 0
     with cython.nogil:
-        for n in range(told.shape[0]):
-            _begin(w)
-            r = _next_solid(w, here, regions + n, within, n)
+        for n in range(here.count):
+            _begin(w, here, n, within)
+            r = _next(w, within)
             while r >= 0:
-                told[n, r] = checks.touches(here, regions + n, r, within)
-                r = _next_solid(w, here, regions + n, within, n)
+                if _meets(w, here, n, r, within, -1):
+                    if count < told.shape[0]:
+                        told[count, 0], told[count, 1] = n, r
+                    count += 1
+                r = _next(w, within)
+    return count
 
 
-def first_hits(poses: Floats, p: Pieces, tree: Tree, pairs: Longs, skip: Truths, out: Truths) -> None:
-    """For each of the carrier poses (n, k + 1, 3, 4) whether an asking piece touches a solid region or one of `pairs`.
+def first_hits(
+    poses: Floats,
+    asking: Pieces,
+    standing: Pieces,
+    tree: Hierarchy,
+    pairs: Longs,
+    skip: Truths,
+    out: Truths,
+) -> None:
+    """For each of the carrier poses (n, k + 1, 3, 4) whether an asking piece touches a standing one or one of `pairs`.
 
-    `skip` (asking, regions) are those that may touch.
+    `skip` (asking, standing) are those that may touch.
     """
-    here, w, told, may, both = Room(p, poses), Walk(tree), out.view(np.uint8), skip.view(np.uint8), pairs
+    here, w = Room(asking, poses, standing), Walk(standing, tree)
+    told, may, both, hit = out.view(np.uint8), skip.view(np.uint8), pairs, np.full((KEPT, 2), -1)
     _refuse_unless_fitting(here, w, both, may, told.shape[0])
     with cython.nogil:
         for n in range(here.batch):
             room.move_bounds(here, n)
-            room.move_vertices(here, n)
-            told[n] = _pairs_touch(here, both)
-            asking = 0
-            while asking < may.shape[0] and not told[n]:
-                told[n] = _hits(here, w, may, asking, n * may.shape[0] + asking)
-                asking += 1
+            told[n] = (
+                _hits_again(here, w, n, hit) or _hits_one(here, w, may, n, hit) or _pairs_touch(here, both, n)
+            )
 
 
 def _refuse_unless_fitting(here: Room, w: Walk, pairs: Longs, skip: Bytes, results: int) -> None:
     if not checks.fit(here, pairs):
         raise ValueError(f"pairs must be (m, 2), of {here.count} pieces")
-    if skip.shape[0] + w.tree.count != here.count or skip.shape[1] != w.tree.count:
-        raise ValueError(f"regions that may touch must be (pieces that ask, {w.tree.count})")
+    if skip.shape[0] != here.count or skip.shape[1] != w.standing.count:
+        raise ValueError(f"pieces that may touch must be ({here.count}, {w.standing.count})")
     if results != here.batch:
         raise ValueError(f"{here.batch} carrier poses have as many results, not {results}")
 
 
-def _pairs_touch(here: Room, pairs: Longs) -> bool:
+def _pairs_touch(here: Room, pairs: Longs, n: int) -> bool:
     for m in range(pairs.shape[0]):
         i, j = pairs[m, 0], pairs[m, 1]
-        if volumes.verdict(here, i, j, 0.0) != volumes.APART and checks.touches(here, i, j, 0.0):
+        said = volumes.verdict(here, i, j, 0.0)
+        if said == volumes.TOUCHING:
+            return True
+        if said == volumes.UNDECIDED:
+            room.place_once(here, i, n)
+            room.place_once(here, j, n)
+            if checks.touches(here, i, j, 0.0):
+                return True
+    return False
+
+
+def _hits_again(here: Room, w: Walk, n: int, hit: Longs) -> bool:
+    """Whether two pieces touch that did so lately; those get one place nearer to the front."""
+    for k in range(KEPT):
+        if hit[k, 0] < 0:
+            return False
+        if _meets(w, here, hit[k, 0], hit[k, 1], 0.0, n):
+            if k > 0:
+                for side in range(2):
+                    kept = hit[k, side]
+                    hit[k, side] = hit[k - 1, side]
+                    hit[k - 1, side] = kept
             return True
     return False
 
 
-def _hits(here: Room, w: Walk, skip: Bytes, asking: int, number: int) -> bool:
-    """Whether one asking piece touches a solid region."""
-    piece = w.tree.count + asking
-    _begin(w)
-    r = _next_solid(w, here, piece, 0.0, number)
-    while r >= 0:
-        if not skip[asking, r] and checks.touches(here, piece, r, 0.0):
-            return True
-        r = _next_solid(w, here, piece, 0.0, number)
+def _hits_one(here: Room, w: Walk, skip: Bytes, n: int, hit: Longs) -> bool:
+    """Whether one asking piece touches a standing one; notes which. The last pieces of an arm ask first."""
+    for asking in range(here.count - 1, -1, -1):
+        _begin(w, here, asking, 0.0)
+        r = _next(w, 0.0)
+        while r >= 0:
+            if not skip[asking, r] and _meets(w, here, asking, r, 0.0, n):
+                _keep(hit, asking, r)
+                return True
+            r = _next(w, 0.0)
     return False
+
+
+def _keep(hit: Longs, asking: int, r: int) -> None:
+    """Note a hit in the last free place, or in the last of all."""
+    k = 0
+    while k < KEPT - 1 and hit[k, 0] >= 0:
+        k += 1
+    hit[k, 0], hit[k, 1] = asking, r
 
 
 def nearest_hits(
-    poses: Floats, p: Pieces, tree: Tree, pairs: Longs, skip: Truths, beyond: float, distance: Floats
+    poses: Floats,
+    asking: Pieces,
+    standing: Pieces,
+    tree: Hierarchy,
+    pairs: Longs,
+    skip: Truths,
+    beyond: float,
+    distance: Floats,
 ) -> None:
-    """The least signed distance (n,) below `beyond` between asking pieces and solid regions, and in `pairs`."""
-    here, w, least, may, both = Room(p, poses), Walk(tree), distance, skip.view(np.uint8), pairs
+    """The least signed distance (n,) below `beyond` between asking and standing pieces, and in `pairs`."""
+    here, w = Room(asking, poses, standing), Walk(standing, tree)
+    least, may, both = distance, skip.view(np.uint8), pairs
     _refuse_unless_fitting(here, w, both, may, least.shape[0])
-    s = Separations(np.asarray(here.world), here.most)
+    s = Separations(np.asarray(here.world), max(here.most, standing.most))
     with cython.nogil:
         for n in range(here.batch):
             room.move_bounds(here, n)
             room.move_vertices(here, n)
             best = _nearest_of_pairs(here, s, both, beyond)
-            for asking in range(may.shape[0]):
-                best = _nearest(here, s, w, may, asking, n * may.shape[0] + asking, best)
+            for i in range(here.count):
+                best = _nearest(here, s, w, may, i, best)
             least[n] = best
 
 
@@ -141,15 +259,12 @@ def _nearest_of_pairs(here: Room, s: Separations, pairs: Longs, best: float) -> 
     return best
 
 
-def _nearest(
-    here: Room, s: Separations, w: Walk, skip: Bytes, asking: int, number: int, best: float
-) -> float:
-    """The least signed distance of one asking piece from a solid region, if below `best`."""
-    piece = w.tree.count + asking
-    _begin(w)
-    r = _next_solid(w, here, piece, max(best, 0.0), number)
+def _nearest(here: Room, s: Separations, w: Walk, skip: Bytes, asking: int, best: float) -> float:
+    """The least signed distance of one asking piece from a standing one, if below `best`."""
+    _begin(w, here, asking, max(best, 0.0))
+    r = _next(w, max(best, 0.0))
     while r >= 0:
-        if not skip[asking, r]:
-            best = min(best, checks.separation(here, s, piece, r))
-        r = _next_solid(w, here, piece, max(best, 0.0), number)
+        if not skip[asking, r] and _compared(w, here, asking, r, max(best, 0.0)) != volumes.APART:
+            best = min(best, checks.separation(here, s, asking, here.count))
+        r = _next(w, max(best, 0.0))
     return best

@@ -13,20 +13,27 @@ from engine.kernels.geometry.layout import Pieces
 class Room:
     """Pieces and the carrier poses (n, k + 1, 3, 4) of a batch; made once for it. What stands has its place already.
 
-    `world` (v, 3) are vertices and `bounds` (n, 18) bounds in the world. Raises `ValueError` for poses that do not fit.
+    `world` (v, 3) are vertices and `bounds` (n, 18) bounds in the world. After the pieces, as number `count`, comes the one
+    of `visitors`, others that stand, that was brought in last. Raises `ValueError` for poses that do not fit.
     """
 
-    def __init__(self, p: Pieces, poses: Floats) -> None:
+    def __init__(self, p: Pieces, poses: Floats, visitors: Pieces | None = None) -> None:
         self.poses = poses
         if self.poses.shape[1] < p.carriers or self.poses.shape[2] != 3 or self.poses.shape[3] != 4:
             raise ValueError(f"carrier poses must be (n, {p.carriers} or more, 3, 4), not {poses.shape}")
         self.count, self.batch, self.most = p.count, len(poses), p.most
         self.pieces = p
-        self.vertices, self.stretch = self.pieces._vertices, self.pieces._stretch
-        self.radius = self.pieces._radius
-        self.carrier, self.own = self.pieces._carrier, self.pieces._bounds
-        world = p.vertices.copy()
-        self.world, self.cores, self.bounds = world, Cores(world), p.bounds.copy()
+        self.vertices, self.carrier = self.pieces._vertices, self.pieces._carrier
+        self.own = self.pieces._bounds
+        self.first = len(p.vertices)  # row of a visitor's vertices
+        world, bounds, stretch, radius = p.vertices.copy(), p.bounds.copy(), p.stretch, p.radius
+        if visitors is not None:
+            world = np.concatenate([world, np.empty((visitors.most, 3))])
+            bounds = np.concatenate([bounds, np.empty((1, layout.KIND + 1))])
+            stretch = np.concatenate([stretch, np.zeros((1, 2), np.int64)])
+            radius = np.concatenate([radius, np.zeros(1)])
+        self.world, self.cores, self.bounds = world, Cores(world), bounds
+        self.stretch, self.radius = stretch, radius
         self.placed = np.empty(self.count, np.int64)  # the last of the batch that each was placed for
         for i in range(self.count):
             self.placed[i] = self.batch if self.carrier[i] == 0 else -1
@@ -77,3 +84,26 @@ def move_vertices(room: Room, n: int) -> None:
     for i in range(room.count):
         if room.carrier[i] != 0:
             place(room, n, i)
+
+
+def place_once(room: Room, i: int, n: int) -> None:
+    """The same for one piece, unless it is there already."""
+    if room.placed[i] < n:
+        place(room, n, i)
+        room.placed[i] = n
+
+
+def bring_bounds(room: Room, visitors: Pieces, r: int) -> None:
+    """Bring in the bounds of visitor `r`."""
+    for x in range(layout.KIND + 1):
+        room.bounds[room.count, x] = visitors._bounds[r, x]
+
+
+def bring(room: Room, visitors: Pieces, r: int) -> None:
+    """Bring in the vertices of visitor `r`."""
+    start, rows = visitors._stretch[r, 0], visitors._stretch[r, 1]
+    room.stretch[room.count, 0], room.stretch[room.count, 1] = room.first, rows
+    room.radius[room.count] = visitors._radius[r]
+    for v in range(rows):
+        for x in range(3):
+            room.world[room.first + v, x] = visitors._vertices[start + v, x]

@@ -7,7 +7,7 @@ import numpy as np
 from engine.kernels.geometry.layout import Pairs
 from engine.model.geometry import Contact, Floats, Longs, Scene, Truths
 from engine.ports import CollisionChecker
-from engine.stages.geometry.collision.carriers import pose_batch
+from engine.stages.geometry.collision.carriers import only, pose_batch, split
 from engine.stages.geometry.collision.likelihood import SAMPLES, likeliest_first, sampled, touchable
 from engine.stages.geometry.collision.region_checker import RegionChecker
 from engine.stages.geometry.shapes.contacts import nearest_of_bodies
@@ -41,12 +41,20 @@ class BuiltinChecker:
 
     def collides(self, where: Floats) -> Truths:
         """Whether any pair touches (n,)."""
-        return self.first_contacts(where) >= 0
+        where, endless = split(self._scene, where)
+        hits: Truths = (self.first_contacts(where) >= 0) | endless
+        return hits
 
     def first_contacts(self, where: Floats) -> Longs:
-        """A pair that touches for each of the batch, as an index into the scene's pairs (n,); -1 for none."""
+        """A pair that touches for each of the batch, as an index into the scene's pairs (n,); -1 for none.
+
+        Raises `ValueError` for what is no number.
+        """
         from engine.kernels.geometry.checks import first_contacts
 
+        where, endless = split(self._scene, where)
+        if endless.any():
+            raise ValueError("a configuration or pose has an entry that is not a finite number")
         found = np.full(len(where), -1, dtype=np.int64)
         pairs = self._likeliest if len(where) > SAMPLES else self._touchable
 
@@ -61,6 +69,7 @@ class BuiltinChecker:
         """The least signed distance (n,), at most `beyond_m`."""
         from engine.kernels.geometry.checks import nearest_pairs
 
+        where, endless = split(self._scene, where)
         n = len(where)
         distance, pair, witness = np.empty(n), np.empty(n, dtype=np.int64), np.empty((n, 9))
 
@@ -70,6 +79,7 @@ class BuiltinChecker:
             nearest_pairs(poses, self._pieces, self._pairs, float(beyond_m), *out)
 
         in_stretches(n, look)
+        distance[endless] = -np.inf
         return distance
 
     def contacts(self, where: Floats, within_m: float = 0.0) -> tuple[Contact, ...]:
@@ -78,7 +88,7 @@ class BuiltinChecker:
 
         pairs = self._pairs.pairs
         distance, witness = np.empty(len(pairs)), np.empty((len(pairs), 9))
-        poses = pose_batch(self._scene, np.asarray(where, dtype=float)[None])
+        poses = pose_batch(self._scene, only(self._scene, where))
         near_pairs(poses, self._pieces, pairs, float(within_m), distance, witness)
         near = np.nonzero(distance <= within_m)[0]
         return nearest_of_bodies(

@@ -1,8 +1,10 @@
 """Where the carriers of a scene are in many configurations at once."""
 
+import math
+
 import numpy as np
 
-from engine.model.geometry import Floats, Scene
+from engine.model.geometry import Floats, Scene, Truths
 
 
 def pose_batch(scene: Scene, where: Floats) -> Floats:
@@ -12,12 +14,7 @@ def pose_batch(scene: Scene, where: Floats) -> Floats:
     """
     from engine.kernels.geometry.forward import carriers
 
-    where, joints = np.ascontiguousarray(where, dtype=float), scene.joints
-    wanted = (4, 4) if scene.free else (joints.count,)
-    if where.shape[1:] != wanted:
-        kind = "poses" if scene.free else "configurations"
-        said = "(n, 4, 4)" if scene.free else f"(n, {joints.count}), a value for each joint"
-        raise ValueError(f"{kind} must be {said}, not {where.shape}")
+    where, joints = batch(scene, where), scene.joints
     poses = np.empty((len(where), scene.carriers, 3, 4))
     if scene.free:
         poses[:, 0] = np.eye(4)[:3]
@@ -25,3 +22,36 @@ def pose_batch(scene: Scene, where: Floats) -> Floats:
     else:
         carriers(joints.parent, joints.T_parent_origin, joints.axis, joints.prismatic, where, poses)
     return poses
+
+
+def batch(scene: Scene, where: Floats) -> Floats:
+    """The configurations (n, k) or poses (n, 4, 4) as an array. Raises `ValueError` for another shape."""
+    where, count = np.ascontiguousarray(where, dtype=float), scene.joints.count
+    if where.shape[1:] != ((4, 4) if scene.free else (count,)):
+        kind = "poses" if scene.free else "configurations"
+        said = "(n, 4, 4)" if scene.free else f"(n, {count}), a value for each joint"
+        raise ValueError(f"{kind} must be {said}, not {where.shape}")
+    return where
+
+
+def split(scene: Scene, where: Floats) -> tuple[Floats, Truths]:
+    """The batch with zeros for what is no number, and which of it (n,) has such entries: nothing is known about these.
+
+    Raises as `batch` does.
+    """
+    where = batch(scene, where)
+    if math.isfinite(where.sum()):
+        return where, np.zeros(len(where), dtype=bool)
+    endless: Truths = np.asarray(~np.isfinite(where).all(axis=tuple(range(1, where.ndim))))
+    if endless.any():
+        where = where.copy()
+        where[endless] = np.eye(4) if scene.free else 0.0
+    return where, endless
+
+
+def only(scene: Scene, one: Floats) -> Floats:
+    """A batch of one configuration (k,) or pose (4, 4). Raises `ValueError` if it is no number, or of another shape."""
+    where, endless = split(scene, np.asarray(one, dtype=float)[None])
+    if endless.any():
+        raise ValueError("a configuration or pose has an entry that is not a finite number")
+    return where

@@ -4,6 +4,7 @@ import coal
 import numpy as np
 
 from engine.model.geometry import Contact, Floats, Piece, Scene, Truths
+from engine.stages.geometry.collision.carriers import only, split
 from engine.stages.geometry.kinematics.arms import carrier_poses
 from engine.stages.geometry.shapes.contacts import nearest_of_bodies
 from engine.stages.geometry.shapes.primitives import length_of, primitive_frame, refuse_rounded
@@ -53,20 +54,21 @@ class CoalChecker:
 
     def collides(self, where: Floats) -> Truths:
         """Whether any pair touches (n,)."""
-        return np.array([self._touches(poses) for poses in self._poses(where)], dtype=bool)
+        where, endless = split(self._scene, where)
+        return np.array([self._touches(poses) for poses in self._poses(where)], dtype=bool) | endless
 
     def clearance(self, where: Floats, beyond_m: float = 1.0) -> Floats:
         """The least signed distance (n,), in metres; `beyond_m` where it would be larger."""
-        return np.array(
-            [
-                min([beyond_m, *(c.distance_m for c in self._near(poses, beyond_m))])
-                for poses in self._poses(where)
-            ]
-        )
+        where, endless = split(self._scene, where)
+        found = [
+            min([beyond_m, *(c.distance_m for c in self._near(poses, beyond_m))])
+            for poses in self._poses(where)
+        ]
+        return np.where(endless, -np.inf, np.array(found))
 
     def contacts(self, where: Floats, within_m: float = 0.0) -> tuple[Contact, ...]:
         """Every pair of bodies nearer than `within_m`, nearest first."""
-        (poses,) = self._poses(np.asarray(where, dtype=float)[None])
+        (poses,) = self._poses(only(self._scene, where))
         return nearest_of_bodies(iter(self._near(poses, within_m)))
 
     def _poses(self, where: Floats) -> Floats:

@@ -30,6 +30,19 @@ def touchable(scene: Scene, pieces: Pieces) -> Truths:
     return kept
 
 
+def reachable(scene: Scene, moving: Pieces, standing: Pieces) -> Truths:
+    """Which of the standing pieces (m,) come within the reach of some moving piece."""
+    if scene.free:
+        return np.ones(standing.count, dtype=bool)
+    anchors, reach = _reaches(scene.joints)
+    far = reach[moving.carrier] + np.linalg.norm(moving.bounds[:, :3], axis=1) + moving.bounds[:, BALL]
+    found = np.zeros(standing.count, dtype=bool)
+    for carrier in np.unique(moving.carrier):
+        around = np.broadcast_to(anchors[carrier], (standing.count, 3))
+        found |= _block_gap(standing.bounds, around) <= far[moving.carrier == carrier].max()
+    return found
+
+
 def _reaches(joints: Joints) -> tuple[Floats, Floats]:
     """For each carrier (k + 1,) the point about which the first of its joints turns, and how far its origin gets from it."""
     anchors, reach = np.zeros((joints.count + 1, 3)), np.zeros(joints.count + 1)

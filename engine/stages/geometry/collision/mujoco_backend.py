@@ -9,6 +9,7 @@ import mujoco
 import numpy as np
 
 from engine.model.geometry import Contact, Floats, Piece, Scene, Truths
+from engine.stages.geometry.collision.carriers import only, split
 from engine.stages.geometry.shapes.contacts import nearest_of_bodies
 from engine.stages.geometry.shapes.primitives import length_of, primitive_frame, refuse_rounded
 
@@ -31,22 +32,22 @@ class MujocoChecker:
 
     def collides(self, where: Floats) -> Truths:
         """Whether any pair touches (n,)."""
-        found = np.zeros(len(where), dtype=bool)
+        where, found = split(self._scene, where)
         for n, one in enumerate(where):
             self._place(one)
             mujoco.mj_collision(self._model, self._state)
-            found[n] = self._state.ncon > 0
+            found[n] |= self._state.ncon > 0
         return found
 
     def clearance(self, where: Floats, beyond_m: float = 1.0) -> Floats:
         """The least signed distance (n,), in metres; `beyond_m` where it would be larger."""
-        return np.array(
-            [min([beyond_m, *(contact.distance_m for contact in self._near(one, beyond_m))]) for one in where]
-        )
+        where, endless = split(self._scene, where)
+        least = [min([beyond_m, *(each.distance_m for each in self._near(one, beyond_m))]) for one in where]
+        return np.where(endless, -np.inf, np.array(least))
 
     def contacts(self, where: Floats, within_m: float = 0.0) -> tuple[Contact, ...]:
         """Every pair of bodies nearer than `within_m`, nearest first."""
-        return nearest_of_bodies(iter(self._near(np.asarray(where, dtype=float), within_m)))
+        return nearest_of_bodies(iter(self._near(only(self._scene, where)[0], within_m)))
 
     def _place(self, one: Floats) -> None:
         if self._scene.free:

@@ -3,16 +3,21 @@
 What stands in the world becomes the tree; what moves asks it; pairs that move both are compared one by one.
 """
 
+from functools import cached_property
 from itertools import groupby
 
 import numpy as np
 
-from engine.model.geometry import Contact, Floats, Longs, Piece, Scene, Truths
-from engine.stages.geometry.collision.carriers import pose_batch
+from engine.kernels.geometry.hierarchy import Hierarchy
+from engine.kernels.geometry.layout import Pieces
+from engine.model.geometry import Contact, Floats, Longs, Scene, Truths
+from engine.stages.geometry.collision.carriers import only, pose_batch, split
+from engine.stages.geometry.collision.likelihood import reachable
 from engine.stages.geometry.regions.hierarchies import nested_boxes
+from engine.stages.geometry.regions.index import hierarchy_over
 from engine.stages.geometry.regions.tree import RegionTree
 from engine.stages.geometry.shapes.contacts import nearest_of_bodies
-from engine.stages.geometry.shapes.packing import joined, pack
+from engine.stages.geometry.shapes.packing import chosen, pack
 from engine.stages.geometry.stretches import in_stretches
 
 
@@ -32,9 +37,19 @@ class RegionChecker:
         self._scene = scene
         self.tree = tree or tree_of(scene)
         self._asking = [piece for piece in scene.pieces if piece.carrier != 0]
-        self._pieces = joined(self.tree.pieces, pack(self._asking))
+        self._pieces = pack(self._asking)
         self._pairs = self._moving_pairs()
         self._skip = self._skipped()
+        self._near = self._reachable()
+
+    def _reachable(self) -> tuple[Pieces, Hierarchy, Truths]:
+        """The standing pieces that something can touch, the boxes over them, and which each asking piece may touch."""
+        use = np.zeros(self.tree.pieces.count, dtype=bool)
+        use[list(self.tree.index.numbers.values())] = True
+        use &= reachable(self._scene, self._pieces, self.tree.pieces) & ~self._skip.all(axis=0)
+        numbers = np.nonzero(use)[0]
+        near = chosen(self.tree.pieces, numbers)
+        return near, hierarchy_over(near), np.ascontiguousarray(self._skip[:, numbers])
 
     @property
     def scene(self) -> Scene:
@@ -45,32 +60,38 @@ class RegionChecker:
         """Whether any pair touches (n,)."""
         from engine.kernels.geometry.regions import first_hits
 
+        where, endless = split(self._scene, where)
+        standing, hierarchy, skip = self._near
         found = np.zeros(len(where), dtype=bool)
 
         def look(first: int, after: int) -> None:
             poses, out = pose_batch(self._scene, where[first:after]), found[first:after]
-            first_hits(poses, self._pieces, self.tree.arrays, self._pairs, self._skip, out)
+            first_hits(poses, self._pieces, standing, hierarchy, self._pairs, skip, out)
 
         in_stretches(len(where), look)
+        found |= endless
         return found
 
     def clearance(self, where: Floats, beyond_m: float = 1.0) -> Floats:
         """The least signed distance (n,), at most `beyond_m`."""
         from engine.kernels.geometry.regions import nearest_hits
 
+        where, endless = split(self._scene, where)
+        pieces, hierarchy = self.tree.pieces, self.tree.hierarchy
         found, beyond = np.empty(len(where)), float(beyond_m)
 
         def look(first: int, after: int) -> None:
             poses, out = pose_batch(self._scene, where[first:after]), found[first:after]
-            nearest_hits(poses, self._pieces, self.tree.arrays, self._pairs, self._skip, beyond, out)
+            nearest_hits(poses, self._pieces, pieces, hierarchy, self._pairs, self._skip, beyond, out)
 
         in_stretches(len(where), look)
+        found[endless] = -np.inf
         return found
 
     def contacts(self, where: Floats, within_m: float = 0.0) -> tuple[Contact, ...]:
         """Every pair of bodies nearer than `within_m`, nearest first."""
-        poses = pose_batch(self._scene, np.asarray(where, dtype=float)[None])
-        found, checked = self._among_moving(poses, within_m), self._checked()
+        poses = pose_batch(self._scene, only(self._scene, where))
+        found, checked = self._among_moving(poses, within_m), self._checked
         for piece in self._asking:
             T = np.vstack([poses[0, piece.carrier], [0.0, 0.0, 0.0, 1.0]])
             near = self.tree.contacts([piece], T, within_m)
@@ -84,30 +105,40 @@ class RegionChecker:
         near_pairs(poses, self._pieces, self._pairs, float(within_m), distance, witness)
         found = []
         for m in np.nonzero(distance <= within_m)[0]:
-            first, second = (self._asking[each - len(self.tree.regions)].body for each in self._pairs[m])
+            first, second = (self._asking[each].body for each in self._pairs[m])
             parts = (part.copy() for part in np.split(witness[m], 3))
             found.append(Contact(first, second, float(distance[m]), *parts))
         return found
 
     def _moving_pairs(self) -> Longs:
-        """The scene's pairs that move both, as they are numbered here."""
-        number = {id(piece): len(self.tree.regions) + n for n, piece in enumerate(self._asking)}
-        pieces = self._scene.pieces
-        found = [
-            (number[id(pieces[i])], number[id(pieces[j])])
-            for i, j in self._scene.pairs
-            if pieces[i].carrier and pieces[j].carrier
-        ]
-        return np.array(found, dtype=np.int64).reshape(-1, 2)
+        """The scene's pairs that move both, as the asking pieces are numbered."""
+        moves = np.array([piece.carrier != 0 for piece in self._scene.pieces], dtype=bool)
+        number, pairs = np.cumsum(moves) - 1, self._scene.pairs.reshape(-1, 2)
+        found: Longs = number[pairs[moves[pairs].all(axis=1)]]
+        return found.astype(np.int64)
 
+    @cached_property
     def _checked(self) -> frozenset[frozenset[str]]:
         """The pairs of bodies that must not touch."""
-        pieces: tuple[Piece, ...] = self._scene.pieces
-        return frozenset(frozenset((pieces[i].body, pieces[j].body)) for i, j in self._scene.pairs)
+        pieces = self._scene.pieces
+        names, number = np.unique(
+            np.array([piece.body for piece in pieces], dtype=object), return_inverse=True
+        )
+        pairs = np.unique(np.sort(number[self._scene.pairs.reshape(-1, 2)], axis=1), axis=0)
+        return frozenset(frozenset((names[i], names[j])) for i, j in pairs.tolist())
 
     def _skipped(self) -> Truths:
-        """Which regions each asking piece may touch (asking, regions)."""
-        checked = self._checked()
-        bodies = [region.piece.body for region in self.tree.regions.values()]
-        rows = [[frozenset((piece.body, body)) not in checked for body in bodies] for piece in self._asking]
-        return np.array(rows, dtype=bool).reshape(len(self._asking), len(bodies))
+        """Which standing pieces each asking piece may touch (asking, standing)."""
+        column = {body: n for n, body in enumerate(dict.fromkeys(piece.body for piece in self._scene.pieces))}
+        body = np.array([column[piece.body] for piece in self._scene.pieces], dtype=np.int64)
+        asking, rows = np.unique([column[piece.body] for piece in self._asking], return_inverse=True)
+        row = np.full(len(column), -1)
+        row[asking.astype(np.int64)] = np.arange(len(asking))
+        may = np.ones((len(asking), len(column) + 1), dtype=bool)  # last: bodies that the scene does not have
+        i, j = body[self._scene.pairs.reshape(-1, 2)].T
+        for one, other in ((i, j), (j, i)):
+            may[row[one[row[one] >= 0]], other[row[one] >= 0]] = False
+        at = np.full(self.tree.pieces.count, len(column), dtype=np.int64)
+        for name, number in self.tree.index.numbers.items():
+            at[number] = column.get(self.tree.regions[name].piece.body, len(column))
+        return np.ascontiguousarray(may[rows][:, at])

@@ -38,7 +38,12 @@ def joint_motion(joints: Joints, index: int, values: Floats) -> Floats:
 
 
 def carrier_poses(joints: Joints, q: Floats) -> Floats:
-    """The poses of all carriers, the world first: q (..., k) gives (..., k + 1, 4, 4)."""
+    """The poses of all carriers, the world first: q (..., k) gives (..., k + 1, 4, 4).
+
+    Raises `ValueError` for another number of joint values.
+    """
+    if q.shape[-1:] != (joints.count,):
+        raise ValueError(f"{joints.count} joints need as many values, not {q.shape}")
     poses = [np.broadcast_to(np.eye(4), (*q.shape[:-1], 4, 4))]
     for index in range(joints.count):
         moved = joint_motion(joints, index, q[..., index])
@@ -87,7 +92,12 @@ class ArmModel:
         return np.stack(columns, axis=-1)
 
     def within_limits(self, q: Floats, tolerance: float = 1e-9) -> Truths:
-        """Whether each configuration (..., k) is within the joint limits."""
+        """Whether each configuration (..., k) is within the joint limits; one that is no number is not.
+
+        Raises `ValueError` for another number of joint values.
+        """
+        if q.shape[-1:] != (self.joints.count,):
+            raise ValueError(f"{self.joints.count} joints need as many values, not {q.shape}")
         inside = (q >= self.joints.lower - tolerance) & (q <= self.joints.upper + tolerance)
         return np.asarray(inside.all(axis=-1))
 

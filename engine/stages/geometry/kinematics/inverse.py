@@ -1,12 +1,14 @@
 """Inverse kinematics: closed form where the geometry allows it, damped least squares otherwise.
 
 `solve` answers with every branch for a batch of poses. What fits which solver is read off the axes at the zero
-configuration, not off a table of robots: axes 2 and 3 parallel and axes 4 to 6 through one point, or axes 2 to 4
-parallel and axes 5 and 6 through one point.
+configuration, not off a table of robots. Three forms of six axes have a solution of their own: axes 2 and 3 parallel, or
+axes 1 and 2 through one point, each with axes 4 to 6 through one point; and axes 2 to 4 parallel with axes 5 and 6 through
+one point. An arm that has such a form when it is read from the hand to the base is solved that way round. An arm of seven
+joints is solved with one of them held, if the other six have such a form: its value is a parameter of the solution.
 """
 
+import math
 from dataclasses import dataclass
-from enum import Enum
 from itertools import product
 
 import numpy as np
@@ -14,29 +16,16 @@ import numpy as np
 from engine.model.geometry import Floats, Truths
 from engine.stages.geometry import transforms
 from engine.stages.geometry.kinematics.arms import ArmModel, carrier_poses, wrapped
+from engine.stages.geometry.kinematics.forms import PROBED, Form, Solver, form_of, held, holdable
+from engine.stages.geometry.kinematics.search import EXACT, missed, polished, pose_error, searched
 from engine.stages.geometry.stretches import in_stretches
 
-EXACT = 1e-10  # metres and radians: a branch that misses by more is polished, and dropped if that fails
-SEEDS = 24
+__all__ = ["Branches", "InverseKinematics", "Solver", "polished", "pose_error", "turns"]
 
-
-class Solver(Enum):
-    """How an arm's inverse kinematics is computed."""
-
-    SPHERICAL_WRIST = "spherical wrist"
-    PARALLEL_AXES = "three parallel axes"
-    ITERATIVE = "damped least squares"
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Screws:
-    """The axes at the zero configuration: directions (k, 3), a point on each (k, 3), and the point the last ones share."""
-
-    directions: Floats
-    points: Floats
-    centre: Floats
-    solver: Solver
-    T_zero: Floats  # the flange at the zero configuration
+HELD = 16  # values of a joint that is held, when none are given
+NEARLY = 1e-2  # metres and radians: what misses by more is no branch, and not polished
+HOMOGENEOUS = np.array([0.0, 0.0, 0.0, 1.0])  # the last row of every pose
+RIGID = 1e-6  # how far a matrix may be from a rotation
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -52,152 +41,128 @@ class Branches:
         return found
 
 
-def screws_of(model: ArmModel) -> Screws:
-    """The axes of an arm, and which solver suits them."""
-    poses = carrier_poses(model.joints, np.zeros(model.joints.count))
-    directions = np.einsum("kij,kj->ki", poses[1:, :3, :3], model.joints.axis)
-    points = np.ascontiguousarray(poses[1:, :3, 3])
-    solver, centre = _suited(directions, points, bool(model.joints.prismatic.any()))
-    return Screws(directions, points, centre, solver, poses[-1] @ model.T_last_flange)
-
-
-def _suited(h: Floats, o: Floats, prismatic: bool) -> tuple[Solver, Floats]:
-    if h.shape[0] == 6 and not prismatic:
-        wrist = _common_point(h[3:], o[3:])
-        if wrist is not None and _parallel(h[1], h[2]):
-            return Solver.SPHERICAL_WRIST, wrist
-        hand = _common_point(h[4:], o[4:])
-        if hand is not None and _parallel(h[1], h[2]) and _parallel(h[2], h[3]):
-            return Solver.PARALLEL_AXES, hand
-    return Solver.ITERATIVE, np.zeros(3)
-
-
-def _parallel(a: Floats, b: Floats) -> bool:
-    return bool(np.linalg.norm(np.cross(a, b)) < 1e-9)
-
-
-def _common_point(h: Floats, o: Floats) -> Floats | None:
-    """The point on all lines, if there is exactly one: least squares over their planes."""
-    across = np.eye(3) - h[:, :, None] * h[:, None, :]
-    system = across.sum(axis=0)
-    if np.linalg.eigvalsh(system)[0] < 1e-9:
-        return None
-    point: Floats = np.linalg.solve(system, np.einsum("kij,kj->i", across, o))
-    missed = np.linalg.norm(np.einsum("kij,kj->ki", across, point - o), axis=1)
-    return point if missed.max() < 1e-9 else None
-
-
 class InverseKinematics:
     """The inverse kinematics of one arm; what depends on the arm alone is computed once."""
 
     def __init__(self, model: ArmModel) -> None:
         self.model = model
-        self.screws = screws_of(model)
-        self._T_flange_zero = transforms.inverse(self.screws.T_zero)
+        poses = carrier_poses(model.joints, np.zeros(model.joints.count))
+        self._h = np.einsum("kij,kj->ki", poses[1:, :3, :3], model.joints.axis)
+        self._o = np.ascontiguousarray(poses[1:, :3, 3])
+        self.T_zero = poses[-1] @ model.T_last_flange  # the flange at the zero configuration
+        self._T_flange_zero = transforms.inverse(self.T_zero)
+        turning = not model.joints.prismatic.any()
+        self.redundant = holdable(self._h, self._o) if turning and len(self._h) == 7 else None
+        self.form = form_of(self._h, self._o) if turning and len(self._h) == 6 else None
+        if self.redundant is not None:
+            self.form = held(self._h, self._o, self.redundant, PROBED)[0]
 
     @property
     def solver(self) -> Solver:
         """How it is computed."""
-        return self.screws.solver
+        return self.form.solver if self.form else Solver.ITERATIVE
 
-    def solve(self, T_base_flange: Floats, seed: int = 0) -> Branches:
+    def solve(self, T_base_flange: Floats, seed: int = 0, redundancy: Floats | None = None) -> Branches:
         """All branches that reach each pose (n, 4, 4), within the joint limits or not (`within_limits` tells).
 
-        At a singularity one member of the continuum is returned. Without a closed form the search starts from
-        `SEEDS` random configurations; a branch may then be missed.
+        At a singularity one member of the continuum is returned. An arm with a joint that can be held (`redundant`: its
+        number) has branches for each of the values `redundancy` (m,) of that joint, in rad: 16 between its limits when none
+        are given. Without a closed form the search starts from random configurations until it finds no more; a branch may
+        then be missed. What is no rigid pose, or no number at all, has no branches. Raises `ValueError` for arrays of other
+        shapes.
         """
-        poses = np.ascontiguousarray(T_base_flange, dtype=float)
-        if self.solver is Solver.ITERATIVE:
-            return self._search(poses, seed)
+        poses, rigid = _finite(T_base_flange)
+        if self.form is None:
+            poses, rigid = _rigid(poses, rigid)
+            found = Branches(*searched(self.model, poses, seed))
+        elif self.redundant is None:
+            found = self._solved(poses)
+        else:
+            found = self._held(poses, self.redundant, self._values(self.redundant, redundancy))
+        return Branches(np.where(found.valid[..., None], found.q, 0.0), found.valid & rigid[:, None])
+
+    def _values(self, joint: int, redundancy: Floats | None) -> Floats:
+        """The values of the joint that is held."""
+        if redundancy is not None:
+            values = np.atleast_1d(np.asarray(redundancy, dtype=float))
+            if values.ndim != 1 or not np.isfinite(values).all():
+                raise ValueError(f"the values of a joint must be (m,), of finite numbers, not {values.shape}")
+            return values
+        joints = self.model.joints
+        low, high = max(float(joints.lower[joint]), -np.pi), min(float(joints.upper[joint]), np.pi)
+        return np.asarray(low + (high - low) * (np.arange(HELD) + 0.5) / HELD)
+
+    def _held(self, poses: Floats, joint: int, values: Floats) -> Branches:
+        found = []
+        for value in values:
+            form, M = held(self._h, self._o, joint, float(value))
+            if form is None:  # two axes have become parallel, or meet
+                continue
+            q, residual = _closed(form, np.ascontiguousarray(poses @ self._T_flange_zero @ M))
+            found.append((np.insert(q, joint, value, axis=-1), residual))
+        if not found:
+            return Branches(np.zeros((len(poses), 0, 7)), np.zeros((len(poses), 0), dtype=bool))
+        q, residual = (np.concatenate(part, axis=1) for part in zip(*found, strict=True))
+        return Branches(wrapped(q), residual < EXACT)
+
+    def _solved(self, poses: Floats) -> Branches:
         q, residual = self._closed(poses)
-        rows = np.nonzero((residual > EXACT / 10) & np.isfinite(residual))
+        rows = np.nonzero((residual > EXACT / 10) & (residual < NEARLY))
         if rows[0].size:
             q[rows] = polished(self.model, poses[rows[0]], q[rows])
-            residual[rows] = _missed(self.model, poses[rows[0]], q[rows])
+            residual[rows] = missed(self.model, poses[rows[0]], q[rows])
         return Branches(wrapped(q), residual < EXACT)
 
     def _closed(self, poses: Floats) -> tuple[Floats, Floats]:
         """Configurations (n, 8, 6) and their residuals (n, 8), infinite where there is no solution."""
-        from engine.kernels.geometry import inverse
-
-        screws = self.screws
-        displaced = np.ascontiguousarray(poses @ self._T_flange_zero)
-        q, valid = np.zeros((len(poses), 8, 6)), np.zeros((len(poses), 8))
-        residual = np.empty(valid.shape)
-        solve = {
-            Solver.SPHERICAL_WRIST: inverse.spherical_wrist,
-            Solver.PARALLEL_AXES: inverse.parallel_axes,
-        }[self.solver]
-        axes, points = screws.directions, screws.points
-        centre = (float(screws.centre[0]), float(screws.centre[1]), float(screws.centre[2]))
-
-        def look(first: int, after: int) -> None:
-            rows = slice(first, after)
-            batch = inverse.Batch(axes, points, centre, displaced[rows], q[rows], valid[rows])
-            solve(batch)
-            inverse.residuals(batch, residual[rows])
-
-        in_stretches(len(poses), look)
-        return q, residual
-
-    def _search(self, poses: Floats, seed: int) -> Branches:
-        rng = np.random.default_rng(seed)
-        n, k = len(poses), self.model.joints.count
-        starts = self.model.random(n * SEEDS, rng)
-        targets = np.repeat(poses, SEEDS, axis=0)
-        found = polished(self.model, targets, starts, iterations=100)
-        valid = (_missed(self.model, targets, found) < EXACT).reshape(n, SEEDS)
-        revolute = ~self.model.joints.prismatic
-        found[:, revolute] = wrapped(found[:, revolute])
-        q = found.reshape(n, SEEDS, k)
-        return Branches(q, valid & _first_of_its_kind(q, valid))
+        assert self.form is not None
+        return _closed(self.form, np.ascontiguousarray(poses @ self._T_flange_zero))
 
 
-def _first_of_its_kind(q: Floats, valid: Truths) -> Truths:
-    """Which branches (n, b) do not repeat an earlier valid one of the same pose."""
-    first = np.ones(valid.shape, dtype=bool)
-    for b in range(1, q.shape[1]):
-        apart = np.abs(wrapped(q[:, :b] - q[:, b : b + 1])).max(axis=-1)
-        first[:, b] = ~((apart < 1e-6) & valid[:, :b]).any(axis=1)
-    return first
+def _finite(T_base_flange: Floats) -> tuple[Floats, Truths]:
+    """The poses (n, 4, 4), the identity in the place of what is no number, and which are homogeneous matrices (n,)."""
+    poses = np.ascontiguousarray(T_base_flange, dtype=float)
+    if poses.ndim != 3 or poses.shape[1:] != (4, 4):
+        raise ValueError(f"poses must be (n, 4, 4), not {poses.shape}")
+    if not math.isfinite(poses.sum()):
+        poses = poses.copy()
+        endless = ~np.isfinite(poses).all(axis=(1, 2))
+        poses[endless] = np.eye(4)
+        poses[endless, 3, 3] = 0.0
+    return poses, (poses[:, 3] == HOMOGENEOUS).all(axis=1)
 
 
-def pose_error(model: ArmModel, T_base_flange: Floats, q: Floats) -> Floats:
-    """What is missing from q (n, k) to the poses (n, 4, 4): metres, then a rotation vector in the base frame (n, 6)."""
-    reached = model.flange_pose(q)
-    turn = T_base_flange[..., :3, :3] @ np.swapaxes(reached[..., :3, :3], -1, -2)
-    step = T_base_flange[..., :3, 3] - reached[..., :3, 3]
-    return np.concatenate([step, transforms.rotation_vector(turn)], axis=-1)
+def _rigid(poses: Floats, known: Truths) -> tuple[Floats, Truths]:
+    """The same for a search; closed forms find by themselves that a matrix is no rotation."""
+    R = poses[:, :3, :3]
+    off = np.abs(R @ np.swapaxes(R, 1, 2) - np.eye(3)).max(axis=(1, 2))
+    rigid: Truths = known & (off < RIGID) & (np.linalg.det(R) > 0)
+    return np.where(rigid[:, None, None], poses, np.eye(4)), rigid
 
 
-def _missed(model: ArmModel, poses: Floats, q: Floats) -> Floats:
-    worst: Floats = np.abs(pose_error(model, poses, q)).max(axis=-1)
-    return worst
+def _closed(form: Form, displaced: Floats) -> tuple[Floats, Floats]:
+    """Configurations (n, 8, 6) that displace the flange by E (n, 4, 4), and their residuals (n, 8)."""
+    from engine.kernels.geometry import inverse
 
+    if form.backwards:
+        displaced = transforms.inverse(displaced)
+    q, valid = np.zeros((len(displaced), 8, 6)), np.zeros((len(displaced), 8))
+    residual = np.empty(valid.shape)
+    solve = {
+        Solver.SPHERICAL_WRIST: inverse.spherical_wrist,
+        Solver.INTERSECTING_AXES: inverse.intersecting_axes,
+        Solver.PARALLEL_AXES: inverse.parallel_axes,
+    }[form.solver]
+    centre = (float(form.centre[0]), float(form.centre[1]), float(form.centre[2]))
 
-def polished(model: ArmModel, poses: Floats, q: Floats, iterations: int = 8) -> Floats:
-    """Configurations (n, k) nearer to their poses, by damped least squares.
+    def look(first: int, after: int) -> None:
+        rows = slice(first, after)
+        batch = inverse.Batch(form.directions, form.points, centre, displaced[rows], q[rows], valid[rows])
+        solve(batch)
+        inverse.residuals(batch, residual[rows])
 
-    The damping shrinks with the error, so that the last steps are Newton's (Levenberg 1944, Marquardt 1963;
-    Nakamura & Hanafusa 1986 for arms); a step that makes things worse is taken back and damped more.
-    """
-    q, damping = q.copy(), np.full(len(q), 1e-4)
-    error = pose_error(model, poses, q)
-    for _ in range(iterations):
-        open_ = np.nonzero(np.abs(error).max(axis=-1) > 1e-14)[0]
-        if not open_.size:
-            break
-        J = model.jacobian(q[open_])
-        size = np.linalg.norm(error[open_], axis=-1)
-        system = np.swapaxes(J, -1, -2) @ J + (damping[open_] * size**2)[:, None, None] * np.eye(J.shape[-1])
-        system += 1e-13 * np.eye(J.shape[-1])  # at a singularity nothing else keeps it regular
-        step = np.linalg.solve(system, np.swapaxes(J, -1, -2) @ error[open_][..., None])[..., 0]
-        tried = q[open_] + np.clip(step, -0.5, 0.5)
-        after = pose_error(model, poses[open_], tried)
-        better = np.linalg.norm(after, axis=-1) < size
-        damping[open_] = np.where(better, np.maximum(damping[open_] / 5, 1e-8), damping[open_] * 10 + 1e-3)
-        q[open_[better]], error[open_[better]] = tried[better], after[better]
-    return q
+    in_stretches(len(displaced), look)
+    return (np.ascontiguousarray(q[..., ::-1]) if form.backwards else q), residual
 
 
 def turns(model: ArmModel, q: Floats) -> Floats:

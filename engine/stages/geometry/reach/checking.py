@@ -6,12 +6,13 @@ from pathlib import Path
 from engine.ports import GeometryBackend
 from engine.stages.geometry.reach.reach import unreached
 from engine.stages.geometry.regions.hierarchies import declared_tree
+from engine.stages.geometry.shapes.meshes import surface_only
 from engine.stages.geometry.shapes.parts import check_polyhedron, cores
 from engine.stages.geometry.world.model import World
 from kb.diagnostics import Diagnostic, InvalidInput, errors, nearest, unknown_name
 from kb.loader.cell import read_cell
 from kb.loader.reader import Findings
-from kb.model.cell import Cell, PlacedShape, Polyhedron
+from kb.model.cell import Cell, Mesh, PlacedShape, Polyhedron
 from kb.model.domain import Domain
 from kb.terms import Atom, Function, Term
 
@@ -107,6 +108,9 @@ def _shape_problems(placed: PlacedShape) -> list[Diagnostic]:
         cores(placed.shape)
     except InvalidInput as error:
         return list(error.diagnostics)
+    if isinstance(placed.shape, Mesh) and surface_only(Path(placed.shape.path)):
+        message, hint = "the mesh is not convex: its surface alone counts", "pip install 'cellwright[meshes]'"
+        return [Diagnostic(placed.shape.where, "K702", message, hint, warning=True)]
     return check_polyhedron(placed.shape) if isinstance(placed.shape, Polyhedron) else []
 
 

@@ -7,43 +7,24 @@ from itertools import islice
 import networkx
 import numpy as np
 
-from engine.model.geometry import Longs, Piece
+from engine.model.geometry import Piece
 from engine.stages.geometry.regions.tree import OutsideError, RegionTree, TreeRegion
 from engine.stages.geometry.shapes.coverage import Covered, covering
-from engine.stages.geometry.shapes.packing import block_between, extent
+from engine.stages.geometry.shapes.packing import bound
 from engine.stages.geometry.world.model import World
 from engine.stages.geometry.world.scenes import pieces_of_region, scene_of
 
-LEAVES = 8  # a box with no more pieces than this is not divided
-
 
 def nested_boxes(name: str, pieces: Sequence[Piece], parents: tuple[str, ...] = ()) -> list[TreeRegion]:
-    """Pieces that stand in the world as solid regions, below boxes along the axes of the first piece.
+    """Pieces that stand in the world as solid regions.
 
-    A single piece is a region with the given name. With several pieces the outermost box has this name, and
-    the regions in it are called `NAME#1.0`, ...
+    A single piece is a region with the given name. Of several pieces the box around them, along the axes of the first, has
+    this name; the pieces are its children `NAME#0`, `NAME#1`, ...
     """
     if len(pieces) == 1:
         return [TreeRegion(name, pieces[0], parents, solid=True)]
-    axes = pieces[0].T_carrier_piece[:3, :3]
-    extents = np.array([extent(piece, axes) for piece in pieces])
-    found: list[TreeRegion] = []
-    open_: list[tuple[str, Longs, tuple[str, ...]]] = [(name, np.arange(len(pieces)), parents)]
-    while open_:
-        box, members, above = open_.pop()
-        low, high = extents[members, 0].min(axis=0), extents[members, 1].max(axis=0)
-        found.append(TreeRegion(box, block_between(pieces[0], axes, low, high), above))
-        stem = box if "#" in box else f"{box}#"
-        if len(members) <= LEAVES:
-            found += [
-                TreeRegion(f"{stem}.{n}", pieces[int(m)], (box,), solid=True) for n, m in enumerate(members)
-            ]
-            continue
-        along = extents[members].sum(axis=1)[:, int(np.argmax(high - low))]
-        order = members[np.argsort(along, kind="stable")]
-        half = len(order) // 2
-        open_ += [(f"{stem}{side}", part, (box,)) for side, part in ((0, order[:half]), (1, order[half:]))]
-    return found
+    inside = [TreeRegion(f"{name}#{n}", piece, (name,), solid=True) for n, piece in enumerate(pieces)]
+    return [TreeRegion(name, bound(pieces), parents), *inside]
 
 
 def declared_tree(world: World) -> tuple[RegionTree, tuple[OutsideError, ...]]:

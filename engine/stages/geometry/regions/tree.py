@@ -1,25 +1,25 @@
 """The region tree of ITA (Becker & Garrett 1987): a hierarchy of regions of space with solid ones at its leaves.
 
 It is a directed graph. A region is a sphere, a tube, a block in any orientation or a convex polyhedron. It need not
-contain its children; but every region that is no root lies within the union of its parents, or of all its ancestors. So
-whatever meets a region meets one of those that cover it, and a question goes down from the roots through regions that it
-meets. A tree is a value: attaching, detaching and moving make a new one.
+contain its children; but every region that is no root lies within the union of its parents, or of all its ancestors.
+The solid regions are found through an index of boxes: regions are often scattered, and then no region that people declare
+tells which of thousands are near. A tree is a value: attaching, detaching and moving make a new one, which shares nearly
+all arrays with the old one.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
-from functools import cached_property
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from graphlib import CycleError, TopologicalSorter
 
-import networkx
 import numpy as np
 
-from engine.kernels.geometry.layout import Pieces, Tree
-from engine.model.geometry import Contact, Floats, Piece, Truths
+from engine.kernels.geometry.hierarchy import Hierarchy
+from engine.kernels.geometry.layout import Pieces
+from engine.model.geometry import Contact, Floats, Longs, Piece
+from engine.stages.geometry.regions.index import EMPTY, Index
 from engine.stages.geometry.shapes.contacts import nearest_of_bodies
 from engine.stages.geometry.shapes.coverage import CLOSE, Hole, covering
-from engine.stages.geometry.shapes.packing import joined, pack
-
-POINTS = 256  # queries answered at a time
+from engine.stages.geometry.shapes.packing import chosen, joined, pack
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -49,12 +49,14 @@ class Cover:
     slack_m: float
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False)
 class RegionTree:
-    """Regions by name, and what covers each."""
+    """Regions by name, what covers each, the children of those that have any, and where the solid ones are found."""
 
     regions: Mapping[str, TreeRegion]
     covers: Mapping[str, Cover]
+    children: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    index: Index = EMPTY
 
     @classmethod
     def of(cls, regions: Iterable[TreeRegion]) -> "RegionTree":
@@ -65,79 +67,82 @@ class RegionTree:
         """The tree with more regions; `nested` ones are known to lie within their parents.
 
         Raises `OutsideError` when one reaches out of its ancestors, `ValueError` for a name that is there already, an
-        unknown parent, a circle, or a region that is not in the world.
+        unknown parent, a circle, or a region that is not in the world, or not of finite size.
         """
-        added = {region.name: region for region in regions}
-        everything = {**self.regions, **added}
-        _refuse_twice(self.regions, added)
-        covers = dict(self.covers)
-        for region in _in_order(added, everything):
-            covers[region.name] = _trusted(region) if nested else _cover(region, everything)
-        return RegionTree(everything, covers)
+        return self._changed({}, list(regions), nested)
 
     def detached(self, name: str) -> "tuple[RegionTree, tuple[TreeRegion, ...]]":
         """The tree without a region and all that lies below it, and what was taken off; attaching that restores it.
 
         Raises `KeyError` for an unknown name.
         """
-        gone = {name, *self.below(name)}
-        kept = {each: region for each, region in self.regions.items() if each not in gone}
-        taken = tuple(region for each, region in self.regions.items() if each in gone)
-        return RegionTree(kept, {each: self.covers[each] for each in kept}), taken
+        taken = self._taken(name)
+        return self._changed(taken, [], False), tuple(taken.values())
 
     def moved(self, name: str, T: Floats, parents: tuple[str, ...] | None = None) -> "RegionTree":
         """The tree after a region, with all that lies below it, was displaced by T (4, 4) in the world.
 
         It may get other parents. Raises as `attached` and `detached` do.
         """
-        rest, taken = self.detached(name)
-        displaced = [_displaced(region, T) for region in taken]
+        taken = self._taken(name)
+        displaced = [_displaced(region, T) for region in taken.values()]
         if parents is not None:
             displaced = [
                 replace(region, parents=parents) if region.name == name else region for region in displaced
             ]
-        return rest.attached(displaced)
+        return self._changed(taken, displaced, False)
 
     def below(self, name: str) -> frozenset[str]:
         """The names of all regions that a region is an ancestor of. Raises `KeyError` for an unknown name."""
         if name not in self.regions:
             raise KeyError(f"no region '{name}'")
-        return frozenset(networkx.descendants(self._graph, name))
+        found: set[str] = set()
+        open_ = list(self.children.get(name, ()))
+        while open_:
+            below = open_.pop()
+            if below not in found:
+                found.add(below)
+                open_ += self.children.get(below, ())
+        return frozenset(found)
 
-    @cached_property
-    def _graph(self) -> "networkx.DiGraph[str]":
-        graph: networkx.DiGraph[str] = networkx.DiGraph()
-        graph.add_nodes_from(self.regions)
-        graph.add_edges_from((parent, each.name) for each in self.regions.values() for parent in each.parents)
-        return graph
+    def _taken(self, name: str) -> dict[str, TreeRegion]:
+        """A region and all below it, in the order of the tree."""
+        gone = {name, *self.below(name)}
+        if len(gone) == 1:
+            return {name: self.regions[name]}
+        return {each: region for each, region in self.regions.items() if each in gone}
 
-    @cached_property
+    def _changed(
+        self, gone: Mapping[str, TreeRegion], regions: Sequence[TreeRegion], nested: bool
+    ) -> "RegionTree":
+        everything, covers, added = dict(self.regions), dict(self.covers), _by_name(regions)
+        for name in gone:
+            del everything[name], covers[name]
+        _refuse_misfits(everything, added)
+        everything |= added
+        for region in _in_order(added, everything):
+            covers[region.name] = _trusted(region) if nested else _cover(region, everything)
+        solid = {name: region.piece for name, region in added.items() if region.solid}
+        index = self.index.changed([name for name, region in gone.items() if region.solid], solid)
+        return RegionTree(everything, covers, _lineage(self.children, gone, added), index)
+
+    @property
     def pieces(self) -> Pieces:
-        """Its regions as arrays, in their order."""
-        return pack([region.piece for region in self.regions.values()])
+        """The pieces of its solid regions as arrays, each at the number that the index tells."""
+        return self.index.pieces
 
-    @cached_property
-    def arrays(self) -> Tree:
-        """How its regions hang together, as arrays."""
-        names = list(self.regions)
-        number = {name: n for n, name in enumerate(names)}
-        children: list[list[int]] = [[] for _ in names]
-        grow = np.zeros(len(names))
-        for name in reversed(_order(self.covers)):
-            cover = self.covers[name]
-            for above in cover.names:
-                children[number[above]].append(number[name])
-                grow[number[above]] = max(grow[number[above]], grow[number[name]] + cover.slack_m)
-        return Tree(
-            np.cumsum([0, *map(len, children)]),
-            np.array([child for each in children for child in each], dtype=np.int64),
-            np.array([number[name] for name in names if not self.covers[name].names], dtype=np.int64),
-            np.array([self.regions[name].solid for name in names], dtype=bool),
-            grow,
-        )
+    @property
+    def hierarchy(self) -> Hierarchy:
+        """The boxes over them."""
+        return self.index.hierarchy
 
     def at_points(self, points: Floats, radius_m: float = 0.0) -> list[tuple[str, ...]]:
-        """For each of the points (n, 3) what is hit by a ball around it (0: the point itself), in order of name."""
+        """For each of the points (n, 3) what is hit by a ball around it (0: the point itself), in order of name.
+
+        Raises `ValueError`, as all questions do, for what is not a finite number.
+        """
+        if points.ndim != 2 or points.shape[1] != 3:
+            raise ValueError(f"points must be (n, 3), not {points.shape}")
         return self._hits([Piece("", 0, np.eye(4), point[None], radius_m) for point in points])
 
     def at_segment(self, start: Floats, end: Floats, radius_m: float = 0.0) -> tuple[str, ...]:
@@ -156,66 +161,84 @@ class RegionTree:
         from engine.kernels.geometry.distance import Separations
 
         placed = [_placed(piece, T_world_body) for piece in pieces]
-        queries = pack(placed)
-        everything, regions, found = joined(self.pieces, queries), list(self.regions.values()), []
+        queries, names, found = pack(placed), self.index.names.rows, []
+        near = self._near(queries, max(within_m, 0.0))
+        numbers = np.unique(near[:, 1])
+        everything = joined(queries, chosen(self.pieces, numbers))
         separations = Separations(everything.vertices, everything.most)
-        for n, r in zip(*np.nonzero(self._near(queries, within_m)), strict=True):
-            one, other = len(regions) + n, r
-            (a, na), (b, nb) = everything.stretch[one], everything.stretch[other]
-            radii = everything.radius[one], everything.radius[other]
+        for n, r in near:
+            other = len(placed) + int(np.searchsorted(numbers, r))
+            (a, na), (b, nb) = everything.stretch[n], everything.stretch[other]
+            radii = everything.radius[n], everything.radius[other]
             distance = separations.separation(a, na, radii[0], b, nb, radii[1])
             if distance <= within_m:
                 parts = [part.copy() for part in np.split(separations.found, 3)]
-                found.append(Contact(placed[n].body, regions[r].piece.body, float(distance), *parts))
+                body = self.regions[names[r]].piece.body
+                found.append(Contact(placed[n].body, body, float(distance), *parts))
         return nearest_of_bodies(found)
 
     def _hits(self, queries: Sequence[Piece]) -> list[tuple[str, ...]]:
-        bodies = [region.piece.body for region in self.regions.values()]
-        found: list[tuple[str, ...]] = []
-        for first in range(0, len(queries), POINTS):
-            near = self._near(pack(queries[first : first + POINTS]), 0.0)
-            found += [tuple(sorted({bodies[r] for r in np.nonzero(row)[0]})) for row in near]
-        return found
+        found: list[set[str]] = [set() for _ in queries]
+        names = self.index.names.rows
+        for n, r in self._near(pack(queries), 0.0).tolist():
+            found[n].add(self.regions[names[r]].piece.body)
+        return [tuple(sorted(each)) for each in found]
 
-    def _near(self, queries: Pieces, within_m: float) -> Truths:
-        """Which solid regions are within a distance of each query (n, regions)."""
-        from engine.kernels.geometry.regions import near_solids
+    def _near(self, queries: Pieces, within_m: float) -> Longs:
+        """The pairs (m, 2) of a query and the number of a solid region within a distance of it."""
+        from engine.kernels.geometry.regions import near_pieces
 
-        near = np.zeros((len(queries.radius), len(self.regions)), dtype=bool)
-        near_solids(joined(self.pieces, queries), self.arrays, float(within_m), near)
-        return near
+        if not np.isfinite(queries.bounds).all():
+            raise ValueError("what is asked for has a size or a pose that is not a finite number")
+        found = np.empty((8 * queries.count, 2), dtype=np.int64)
+        count = near_pieces(queries, self.pieces, self.hierarchy, within_m, found)
+        if count > len(found):
+            found = np.empty((count, 2), dtype=np.int64)
+            near_pieces(queries, self.pieces, self.hierarchy, within_m, found)
+        return found[:count]
 
 
-def _refuse_twice(there: Mapping[str, TreeRegion], added: Mapping[str, TreeRegion]) -> None:
+def _by_name(regions: Iterable[TreeRegion]) -> dict[str, TreeRegion]:
+    return {region.name: region for region in regions}
+
+
+def _lineage(
+    children: Mapping[str, tuple[str, ...]], gone: Collection[str], added: Mapping[str, TreeRegion]
+) -> dict[str, tuple[str, ...]]:
+    """The children of each region that has any, after some are gone and some are added."""
+    found = {name: below for name, below in children.items() if name not in gone}
+    if gone:
+        found = {name: tuple(each for each in below if each not in gone) for name, below in found.items()}
+    more: dict[str, list[str]] = {}
+    for name, region in added.items():
+        for parent in region.parents:
+            more.setdefault(parent, []).append(name)
+    return found | {name: (*found.get(name, ()), *below) for name, below in more.items()}
+
+
+def _refuse_misfits(there: Mapping[str, TreeRegion], added: Mapping[str, TreeRegion]) -> None:
     for name, region in added.items():
         if name in there:
             raise ValueError(f"there is a region '{name}' already")
         if region.piece.carrier != 0:
             raise ValueError(f"region '{name}' does not stand in the world")
+        numbers = region.piece.T_carrier_piece, region.piece.vertices, region.piece.radius_m
+        if not all(np.isfinite(each).all() for each in numbers):
+            raise ValueError(f"region '{name}' has a size or a pose that is not a finite number")
 
 
 def _in_order(added: Mapping[str, TreeRegion], known: Mapping[str, TreeRegion]) -> list[TreeRegion]:
     """The added regions, parents first."""
-    graph: networkx.DiGraph[str] = networkx.DiGraph()
-    graph.add_nodes_from(added)
-    for region in added.values():
-        for parent in region.parents:
-            if parent not in known:
-                raise ValueError(f"region '{region.name}' has no parent '{parent}' in the tree")
-            if parent in added:
-                graph.add_edge(parent, region.name)
+    above: dict[str, set[str]] = {}
+    for name, region in added.items():
+        unknown = [parent for parent in region.parents if parent not in known]
+        if unknown:
+            raise ValueError(f"region '{name}' has no parent '{unknown[0]}' in the tree")
+        above[name] = {parent for parent in region.parents if parent in added}
     try:
-        return [added[name] for name in networkx.topological_sort(graph)]
-    except networkx.NetworkXUnfeasible:
+        return [added[name] for name in TopologicalSorter(above).static_order()]
+    except CycleError:
         raise ValueError("a region is its own ancestor") from None
-
-
-def _order(covers: Mapping[str, Cover]) -> list[str]:
-    """All names, what covers before what is covered."""
-    graph: networkx.DiGraph[str] = networkx.DiGraph()
-    graph.add_nodes_from(covers)
-    graph.add_edges_from((above, name) for name, cover in covers.items() for above in cover.names)
-    return list(networkx.topological_sort(graph))
 
 
 def _cover(region: TreeRegion, known: Mapping[str, TreeRegion]) -> Cover:

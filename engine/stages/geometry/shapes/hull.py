@@ -1,4 +1,4 @@
-"""The convex hull of points in space, as triangles; for small sets (some hundreds of points)."""
+"""The convex hull of points in space, as triangles, by Qhull (Barber, Dobkin & Huhdanpaa 1996)."""
 
 import numpy as np
 
@@ -12,23 +12,19 @@ class FlatError(ValueError):
 def hull_triangles(points: Floats) -> Longs:
     """The hull of points (n, 3) as triangles (m, 3) of indices, counter-clockwise seen from outside.
 
-    The hull grows point by point, the farthest first. Each new point replaces the triangles that it sees (the
-    idea of Barber, Dobkin & Huhdanpaa 1996). Raises `FlatError` when all points lie within 1e-9 of their
-    extent of one plane.
+    Raises `FlatError` when all points lie within 1e-9 of their extent of one plane.
     """
-    scale = float(np.ptp(points, axis=0).max()) if len(points) else 0.0
-    tolerance = 1e-9 * scale
-    triangles = _tetrahedron(points, tolerance)
-    for _ in range(4 * len(points)):  # each round adds a corner; only rounding errors could make more rounds
-        normals, offsets = planes(points, triangles)
-        above = points @ normals.T - offsets
-        highest = above.max(axis=0)
-        face = int(np.argmax(highest))
-        if highest[face] <= tolerance:
-            return triangles
-        point = int(np.argmax(above[:, face]))
-        seen = above[point] > tolerance * 0.5
-        triangles = np.concatenate([triangles[~seen], _cone(triangles[seen], point)])
+    from scipy.spatial import ConvexHull, QhullError
+
+    _refuse_flat(points)
+    try:
+        hull = ConvexHull(points - points.mean(axis=0))
+    except QhullError:
+        raise FlatError("the points are too near to one plane") from None
+    triangles: Longs = hull.simplices.astype(np.int64)
+    normals, _ = planes(points, triangles)
+    inwards = np.einsum("ij,ij->i", normals, hull.equations[:, :3]) < 0
+    triangles[inwards] = triangles[inwards][:, ::-1]
     return triangles
 
 
@@ -44,32 +40,20 @@ def planes(points: Floats, triangles: Longs) -> tuple[Floats, Floats]:
     return unit, np.einsum("ij,ij->i", unit, a)
 
 
-def _tetrahedron(points: Floats, tolerance: float) -> Longs:
-    """Four of the points that span a volume, as triangles that face outwards."""
-    if len(points) < 4 or tolerance <= 0:
+def _refuse_flat(points: Floats) -> None:
+    """Raise `FlatError` unless some four of the points span a volume."""
+    scale = float(np.ptp(points, axis=0).max()) if len(points) else 0.0
+    if len(points) < 4 or scale <= 0:
         raise FlatError("fewer than four different points")
-    first = int(np.argmin(points[:, int(np.argmax(np.ptp(points, axis=0)))]))
-    second = int(np.argmax(np.linalg.norm(points - points[first], axis=1)))
-    line = points[second] - points[first]
-    third = int(np.argmax(np.linalg.norm(np.cross(points - points[first], line), axis=1)))
-    normal = np.cross(line, points[third] - points[first])
+    first = points[int(np.argmin(points[:, int(np.argmax(np.ptp(points, axis=0)))]))]
+    line = points[int(np.argmax(np.linalg.norm(points - first, axis=1)))] - first
+    across = np.cross(points - first, line)
+    normal = np.cross(line, points[int(np.argmax(np.linalg.norm(across, axis=1)))] - first)
     length = float(np.linalg.norm(normal))
-    if length <= tolerance * float(np.linalg.norm(line)):
+    if length <= 1e-9 * scale * float(np.linalg.norm(line)):
         raise FlatError("the points lie on one line")
-    height = (points - points[first]) @ normal / length
-    fourth = int(np.argmax(np.abs(height)))
-    if abs(height[fourth]) <= tolerance:
+    if np.abs((points - first) @ normal).max() <= 1e-9 * scale * length:
         raise FlatError("the points lie in one plane")
-    if height[fourth] > 0:
-        second, third = third, second
-    a, b, c, d = first, second, third, fourth
-    return np.array([[a, b, c], [a, d, b], [b, d, c], [c, d, a]])
-
-
-def _cone(seen: Longs, point: int) -> Longs:
-    """Triangles from the new point to the rim of the triangles that it sees."""
-    edges = {(int(t[i]), int(t[(i + 1) % 3])) for t in seen for i in range(3)}
-    return np.array([(a, b, point) for a, b in sorted(edges) if (b, a) not in edges]).reshape(-1, 3)
 
 
 def hull_vertices(points: Floats) -> Floats:

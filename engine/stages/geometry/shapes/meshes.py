@@ -1,21 +1,30 @@
-"""Reads STL and OBJ files as triangles, with diagnostics for meshes that cannot be solid, and finds their
-connected components.
+"""Reads mesh files as triangles, with diagnostics for meshes that cannot be solid, and fills them with convex pieces.
+
+Files are read by trimesh: STL, OBJ, and Collada (DAE) in its own unit. A component that is not convex is divided by CoACD
+(Wei et al. 2022), whose pieces hold all of it. Without CoACD its triangles are the pieces: what is near the surface is right,
+but a body wholly inside is not noticed; `check` says so.
 """
 
-import struct
+import contextlib
+import importlib.util
+import io
+import re
 from dataclasses import dataclass
-from itertools import pairwise
+from functools import lru_cache
 from pathlib import Path
 
 import networkx
 import numpy as np
 
 from engine.model.geometry import Floats, Longs
-from engine.stages.geometry.shapes.hull import FlatError, hull_vertices
+from engine.stages.geometry.shapes.hull import FlatError, hull_triangles, hull_vertices, planes
 from kb.diagnostics import Diagnostic, InvalidInput, Source
 
 MAX_BYTES = 256 * 2**20
 MAX_TRIANGLES = 2_000_000
+CONVEX = 1e-3  # parts of its size by which a component may be hollow and still be taken for its hull
+CONCAVITY = 0.03  # by CoACD's measure, of each piece
+UNIT = re.compile(rb"<unit\b[^>]*\bmeter\s*=\s*[\"']([^\"']+)[\"']")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -32,10 +41,16 @@ def read_mesh(path: Path) -> TriangleMesh:
     Raises `InvalidInput`.
     """
     try:
-        data = _bytes(path)
-        vertices, triangles = _obj(data) if path.suffix.lower() == ".obj" else _stl(data)
-    except (ValueError, IndexError, OSError, struct.error) as error:
-        raise _refused(path, f"the mesh cannot be read: {error}", "export it again as STL or OBJ") from None
+        vertices, triangles = _triangles(_bytes(path), path.suffix.lower().removeprefix("."))
+    except OSError as error:
+        raise _refused(
+            path, f"the mesh cannot be read: {error.strerror}", "is it a file that can be read?"
+        ) from None
+    except Exception as error:  # what a garbled file makes trimesh raise is not laid down
+        said = str(error).splitlines()[0][:80] if str(error) else type(error).__name__
+        raise _refused(
+            path, f"the mesh cannot be read: {said}", "export it again as STL, OBJ or DAE"
+        ) from None
     if not len(triangles) or not np.isfinite(vertices).all():
         raise _refused(path, "a mesh without triangles, or with endless ones", "export it again")
     return _cleaned(vertices, triangles)
@@ -51,48 +66,23 @@ def _refused(path: Path, message: str, hint: str) -> InvalidInput:
     return InvalidInput([Diagnostic(Source(str(path)), "K702", message, hint)])
 
 
-def _stl(data: bytes) -> tuple[Floats, Longs]:
-    """The triangles of an STL file: it is binary if its length fits the binary format, else text."""
-    if len(data) >= 84:
-        (count,) = struct.unpack_from("<I", data, 80)
-        if len(data) == 84 + 50 * count:
-            rows = np.frombuffer(data, dtype=np.uint8, offset=84).reshape(count, 50)[:, 12:48]
-            return _soup(np.ascontiguousarray(rows).view("<f4").astype(float))
-    lines = data.decode("ascii", "strict").split("\n")
-    if not lines[0].lstrip().startswith("solid"):
-        raise ValueError("neither binary nor text STL")
-    corners = [line.split()[1:4] for line in lines if line.lstrip().startswith("vertex")]
-    return _soup(np.array(corners, dtype=float))
+def _triangles(data: bytes, kind: str) -> tuple[Floats, Longs]:
+    """Vertices and triangles of a file of one kind, in metres if it tells its unit. No other file is opened."""
+    import trimesh
 
-
-def _soup(corners: Floats) -> tuple[Floats, Longs]:
-    vertices = corners.reshape(-1, 3)
-    return vertices, np.arange(len(vertices)).reshape(-1, 3)
-
-
-def _obj(data: bytes) -> tuple[Floats, Longs]:
-    """The vertices and faces of an OBJ file; all else is skipped. A polygon becomes a fan of triangles.
-
-    Indices count from 1, or, if negative, back from the last vertex.
-    """
-    vertices: list[list[float]] = []
-    triangles: list[tuple[int, int, int]] = []
-    for line in data.decode("utf-8", "replace").split("\n"):
-        parts = line.split()
-        if parts[:1] == ["v"]:
-            vertices.append([float(part) for part in parts[1:4]])
-        elif parts[:1] == ["f"]:
-            corners = [_index(part, len(vertices)) for part in parts[1:]]
-            triangles += [(corners[0], b, c) for b, c in pairwise(corners[1:])]
-    return np.array(vertices, dtype=float).reshape(-1, 3), np.array(triangles, dtype=np.int64).reshape(-1, 3)
-
-
-def _index(part: str, count: int) -> int:
-    number = int(part.partition("/")[0])
-    index = number - 1 if number > 0 else count + number
-    if not 0 <= index < count:
-        raise ValueError(f"a face names vertex {number} of {count}")
-    return index
+    if kind == "dae" and (b"<!DOCTYPE" in data or b"<!ENTITY" in data):
+        raise ValueError("entities are refused")
+    with contextlib.redirect_stderr(io.StringIO()), np.errstate(all="ignore"):
+        mesh = trimesh.load_scene(
+            io.BytesIO(data), file_type=kind, process=False, skip_materials=True
+        ).to_mesh()
+    vertices, triangles = np.asarray(mesh.vertices, dtype=float), np.asarray(mesh.faces, dtype=np.int64)
+    if len(triangles) > MAX_TRIANGLES:
+        raise ValueError(f"more than {MAX_TRIANGLES} triangles")
+    if triangles.size and not 0 <= triangles.min() <= triangles.max() < len(vertices):
+        raise ValueError("a triangle names a vertex that is not there")
+    unit = UNIT.search(data) if kind == "dae" else None
+    return vertices * (float(unit[1]) if unit else 1.0), triangles
 
 
 def _cleaned(vertices: Floats, triangles: Longs) -> TriangleMesh:
@@ -105,21 +95,40 @@ def _cleaned(vertices: Floats, triangles: Longs) -> TriangleMesh:
     return TriangleMesh(vertices[kept], triangles[distinct])
 
 
-def components(mesh: TriangleMesh) -> list[Floats]:
-    """The vertices of each connected component. Components are in the order of their first vertex."""
+def components(mesh: TriangleMesh) -> list[TriangleMesh]:
+    """The connected components, in the order of their first vertex."""
     graph: networkx.Graph[int] = networkx.Graph()
-    graph.add_edges_from(map(tuple, mesh.triangles[:, :2]))
-    graph.add_edges_from(map(tuple, mesh.triangles[:, 1:]))
-    parts = sorted(networkx.connected_components(graph), key=min)
-    return [mesh.vertices[sorted(part)] for part in parts]
+    graph.add_edges_from(map(tuple, mesh.triangles[:, :2].tolist()))
+    graph.add_edges_from(map(tuple, mesh.triangles[:, 1:].tolist()))
+    part = np.full(len(mesh.vertices), -1)
+    found = sorted(networkx.connected_components(graph), key=min)
+    for number, members in enumerate(found):
+        part[list(members)] = number
+    parts = []
+    for number in range(len(found)):
+        own, renumbered = np.nonzero(part == number)[0], np.cumsum(part == number) - 1
+        triangles = mesh.triangles[part[mesh.triangles[:, 0]] == number]
+        parts.append(TriangleMesh(mesh.vertices[own], renumbered[triangles]))
+    return parts
 
 
-def convex_pieces(mesh: TriangleMesh, where: Source) -> list[Floats]:
-    """The corners of the hull of each component. Raises `InvalidInput` when one spans no volume."""
-    pieces = []
-    for part in components(mesh):
+def convex_pieces(path: Path, where: Source) -> tuple[Floats, ...]:
+    """The corners of the convex pieces that fill the mesh in a file. Raises `InvalidInput`, also for a part without volume."""
+    try:
+        found = path.stat()
+        return _pieces_of(path, found.st_mtime_ns, found.st_size, where)
+    except OSError as error:
+        raise _refused(
+            path, f"the mesh cannot be read: {error.strerror}", "is it a file that can be read?"
+        ) from None
+
+
+@lru_cache(maxsize=256)
+def _pieces_of(path: Path, _changed_ns: int, _size: int, where: Source) -> tuple[Floats, ...]:
+    pieces: list[Floats] = []
+    for part in components(read_mesh(path)):
         try:
-            pieces.append(hull_vertices(part))
+            pieces += [hull_vertices(part.vertices)] if is_convex(part) else _divided(part)
         except FlatError as error:
             message = f"a part of the mesh has no volume: {error}"
             raise InvalidInput(
@@ -127,7 +136,42 @@ def convex_pieces(mesh: TriangleMesh, where: Source) -> list[Floats]:
             ) from None
     if not pieces:
         raise InvalidInput([Diagnostic(where, "K702", "a mesh without area", "export it again")])
-    return pieces
+    return tuple(pieces)
+
+
+def is_convex(mesh: TriangleMesh) -> bool:
+    """Whether the middle and the corners of every triangle are at the hull of all, but for a thousandth of the size.
+
+    Raises `FlatError` for a mesh without volume.
+    """
+    normals, offsets = planes(mesh.vertices, hull_triangles(mesh.vertices))
+    corners = mesh.vertices[mesh.triangles]
+    points = np.concatenate([mesh.vertices, corners.mean(axis=1)])
+    size = float(np.linalg.norm(np.ptp(mesh.vertices, axis=0)))
+    chunks = np.array_split(points, 1 + len(points) * len(offsets) // 2**24)
+    depth = max(float((offsets - chunk @ normals.T).min(axis=1).max()) for chunk in chunks)
+    return depth <= CONVEX * size
+
+
+def decomposer() -> bool:
+    """Whether CoACD is there."""
+    return importlib.util.find_spec("coacd") is not None
+
+
+def _divided(mesh: TriangleMesh) -> list[Floats]:
+    """The corners of convex pieces that hold a component which is not convex; its triangles, without CoACD."""
+    if not decomposer():
+        return list(mesh.vertices[mesh.triangles])
+    import coacd
+
+    coacd.set_log_level("error")
+    parts = coacd.run_coacd(coacd.Mesh(mesh.vertices, mesh.triangles), threshold=CONCAVITY, seed=0)
+    return [hull_vertices(np.asarray(vertices, dtype=float)) for vertices, _ in parts]
+
+
+def surface_only(path: Path) -> bool:
+    """Whether some component of the mesh in a file stands for its surface alone. Raises as `convex_pieces` does."""
+    return not decomposer() and any(not is_convex(part) for part in components(read_mesh(path)))
 
 
 def is_closed(mesh: TriangleMesh) -> bool:

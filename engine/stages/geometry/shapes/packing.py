@@ -6,10 +6,14 @@ from itertools import product
 import numpy as np
 
 from engine.kernels.geometry.layout import (
+    AXES,
+    BALL,
     BALL_ITSELF,
     BLOCK_ITSELF,
+    HALF,
     KIND,
     NEITHER,
+    RADIUS,
     Pairs,
     Pieces,
 )
@@ -21,15 +25,22 @@ CORNERS = np.array(list(product((-0.5, 0.5), repeat=3)))  # corners of a block o
 
 def pack(pieces: Sequence[Piece]) -> Pieces:
     """The arrays of pieces, in the order given."""
-    placed = [transforms.apply(piece.T_carrier_piece, piece.vertices) for piece in pieces]
-    counts = np.array([len(vertices) for vertices in placed], dtype=np.int64)
-    starts = np.concatenate([[0], np.cumsum(counts)[:-1]]) if len(counts) else counts
+    counts = np.array([len(piece.vertices) for piece in pieces], dtype=np.int64)
+    starts = np.cumsum(counts) - counts
+    vertices, bounds = np.empty((int(counts.sum()), 3)), np.empty((len(pieces), KIND + 1))
+    for count in np.unique(counts):
+        numbers = np.nonzero(counts == count)[0]
+        alike = [pieces[int(n)] for n in numbers]
+        T = np.array([piece.T_carrier_piece for piece in alike])
+        corners = np.array([piece.vertices for piece in alike])
+        vertices[starts[numbers, None] + np.arange(count)] = transforms.apply(T, corners)
+        bounds[numbers] = _bounds(alike, T, corners)
     return Pieces(
-        np.ascontiguousarray(np.concatenate([np.zeros((0, 3)), *placed])),
-        np.stack([starts, counts], axis=1).astype(np.int64).reshape(-1, 2),
+        vertices,
+        np.stack([starts, counts], axis=1),
         np.array([piece.radius_m for piece in pieces], dtype=float),
         np.array([piece.carrier for piece in pieces], dtype=np.int64),
-        np.array([_bounds(piece) for piece in pieces]).reshape(-1, KIND + 1),
+        bounds,
     )
 
 
@@ -41,6 +52,21 @@ def joined(first: Pieces, second: Pieces) -> Pieces:
         np.concatenate([first.radius, second.radius]),
         np.concatenate([first.carrier, second.carrier]),
         np.concatenate([first.bounds, second.bounds]),
+    )
+
+
+def chosen(pieces: Pieces, numbers: Longs) -> Pieces:
+    """The arrays of some of the pieces, in the order of `numbers` (m,)."""
+    stretch = pieces.stretch[numbers]
+    counts = stretch[:, 1]
+    starts = np.cumsum(counts) - counts
+    rows = np.repeat(stretch[:, 0] - starts, counts) + np.arange(int(counts.sum()))
+    return Pieces(
+        pieces.vertices[rows],
+        np.stack([starts, counts], axis=1),
+        pieces.radius[numbers],
+        pieces.carrier[numbers],
+        pieces.bounds[numbers],
     )
 
 
@@ -101,13 +127,19 @@ def block_between(like: Piece, axes: Floats, low: Floats, high: Floats) -> Piece
     return Piece(like.body, like.carrier, T, CORNERS * (high - low), 0.0, box=True)
 
 
-def _bounds(piece: Piece) -> Floats:
-    """The ball around a piece, and the block around its vertices along the axes of its own frame."""
-    low, high = piece.vertices.min(axis=0), piece.vertices.max(axis=0)
+def _bounds(pieces: Sequence[Piece], T: Floats, corners: Floats) -> Floats:
+    """Bounds (n, 18) of pieces with T_carrier_piece (n, 4, 4) and as many corners each (n, m, 3): the ball around a piece,
+    and the block around its vertices along the axes of its own frame.
+    """
+    low, high = corners.min(axis=1), corners.max(axis=1)
     middle = (low + high) / 2
-    reach = float(np.linalg.norm(piece.vertices - middle, axis=1).max()) + piece.radius_m
-    centre = transforms.apply(piece.T_carrier_piece, middle[None])[0]
-    axes = piece.T_carrier_piece[:3, :3].T
-    kind = BALL_ITSELF if len(piece.vertices) == 1 else NEITHER
-    kind = BLOCK_ITSELF if piece.box and not piece.radius_m else kind
-    return np.concatenate([centre, [reach], axes.ravel(), (high - low) / 2, [piece.radius_m, kind]])
+    radius = np.array([piece.radius_m for piece in pieces], dtype=float)
+    reach = np.linalg.norm(corners - middle[:, None], axis=2).max(axis=1) + radius
+    blocks = np.array([piece.box for piece in pieces], dtype=bool) & (radius == 0.0)
+    kind = BALL_ITSELF if corners.shape[1] == 1 else np.where(blocks, BLOCK_ITSELF, NEITHER)
+    found = np.empty((len(pieces), KIND + 1))
+    found[:, :BALL] = transforms.apply(T, middle[:, None])[:, 0]
+    found[:, AXES:HALF] = np.swapaxes(T[:, :3, :3], 1, 2).reshape(-1, 9)
+    found[:, HALF:RADIUS] = (high - low) / 2
+    found[:, BALL], found[:, RADIUS], found[:, KIND] = reach, radius, kind
+    return found

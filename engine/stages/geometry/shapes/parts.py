@@ -14,9 +14,10 @@ import numpy as np
 from engine.model.geometry import Floats
 from engine.stages.geometry import transforms
 from engine.stages.geometry.shapes.hull import FlatError, hull_triangles, planes
-from engine.stages.geometry.shapes.meshes import convex_pieces, read_mesh
+from engine.stages.geometry.shapes.meshes import convex_pieces
 from kb.diagnostics import Diagnostic, InvalidInput
 from kb.model.cell import (
+    LARGEST,
     Box,
     Cylinder,
     HeightField,
@@ -29,6 +30,8 @@ from kb.model.cell import (
     Tube,
 )
 
+TINY = 1e-9  # metres: what is thinner is nothing
+THIN = 1e-6  # of a grid's width: what is thinner has no volume
 SIDES = 16  # sides of the prism around a cylinder: its corners lie at most 2 % outside
 
 
@@ -83,12 +86,24 @@ def _several(shape: Polyhedron | Mesh | HeightField | PointSet) -> list[Core]:
         case Polyhedron():
             return _polyhedron(shape)
         case Mesh():
-            mesh = read_mesh(Path(shape.path))
-            return [Core(piece * shape.scale) for piece in convex_pieces(mesh, shape.where)]
+            return [Core(piece) for piece in _scaled(shape)]
         case HeightField():
             return _columns(shape)
         case PointSet():
             return [Core(np.array([point]), shape.radius_m) for point in shape.points_m]
+
+
+def _scaled(mesh: Mesh) -> list[Floats]:
+    """The corners of a mesh's pieces. Raises `InvalidInput` also for one that is larger than any cell, or nothing at all."""
+    pieces = [piece * mesh.scale for piece in convex_pieces(Path(mesh.path), mesh.where)]
+    corners = np.concatenate(pieces)
+    if not np.abs(corners).max() <= LARGEST:
+        message, hint = f"the mesh is larger than {LARGEST:g} m", "check its unit, and `scale`"
+        raise InvalidInput([Diagnostic(mesh.where, "K702", message, hint)])
+    if np.ptp(corners, axis=0).min() < TINY:
+        message, hint = "the scaled mesh has no volume", "check its unit, and `scale`"
+        raise InvalidInput([Diagnostic(mesh.where, "K702", message, hint)])
+    return pieces
 
 
 def _corners(box: Box) -> Floats:
@@ -121,7 +136,10 @@ def _polyhedron(shape: Polyhedron) -> list[Core]:
 
 
 def _columns(field: HeightField) -> list[Core]:
-    """Two prisms under each grid square, one for each triangle of the surface."""
+    """Two prisms under each grid square, one for each triangle of the surface.
+
+    Raises `InvalidInput` where the surface is flat and not above the floor.
+    """
     heights = np.array(field.heights_m)
     dx, dy = field.spacing_m
     found = []
@@ -131,6 +149,9 @@ def _columns(field: HeightField) -> list[Core]:
             top = np.array([(c * dx, r * dy, heights[r, c]) for r, c in corners])
             bottom = top.copy()
             bottom[:, 2] = np.minimum(field.floor_m, top[:, 2].min())
+            if top[:, 2].max() - bottom[0, 2] < THIN * max(dx, dy):
+                message = f"the height field has no volume at row {row + 1}, column {column + 1}"
+                raise InvalidInput([Diagnostic(field.where, "K702", message, "give it a lower `floor`")])
             found.append(Core(np.unique(np.concatenate([top, bottom]), axis=0)))
     return found
 

@@ -160,8 +160,14 @@ class World:
         return pose
 
     def moved(self, arm: str, q: Floats) -> "World":
-        """The world with one arm at a configuration (k,). What is affixed to the arm moves with it."""
-        return replace(self, configurations={**self.configurations, arm: np.asarray(q, dtype=float)})
+        """The world with one arm at a configuration (k,). What is affixed to the arm moves with it.
+
+        Raises `KeyError` for an unknown arm, `ValueError` unless there is a finite number for each joint.
+        """
+        values, count = np.asarray(q, dtype=float), self.models[arm].joints.count
+        if values.shape != (count,) or not np.isfinite(values).all():
+            raise ValueError(f"{arm} has {count} joints, and needs a finite number for each")
+        return replace(self, configurations={**self.configurations, arm: values})
 
     def affix(self, body: str, to: str) -> "World":
         """The world in which a body, wherever it is now, moves with a frame from now on.
@@ -175,13 +181,16 @@ class World:
         return self.affix(body, WORLD)
 
     def put(self, body: str, on: str, T_on_body: Floats) -> "World":
-        """The world with a body at a pose (4, 4) on a frame. Raises as `affix` does."""
+        """The world with a body at a pose (4, 4) on a frame. Raises as `affix` does, and `ValueError` for what is no pose."""
         if body not in self.cell.bodies:
             raise KeyError(f"no body '{body}'")
         self.locate(on)
         if body in self.supports(on):
             raise ValueError(f"'{on}' stands on '{body}'")
-        return replace(self, placed={**self.placed, body: Fixed(on, np.array(T_on_body, dtype=float))})
+        T = np.array(T_on_body, dtype=float)
+        if T.shape != (4, 4) or not np.isfinite(T).all():
+            raise ValueError(f"the pose of '{body}' must be (4, 4), of finite numbers")
+        return replace(self, placed={**self.placed, body: Fixed(on, T)})
 
     def grip(self, body: str) -> Floats:
         """T_body_grip (4, 4): where a hand takes a body.

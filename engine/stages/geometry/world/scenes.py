@@ -1,7 +1,6 @@
 """Makes a collision scene from a world: convex pieces on carriers, and the pairs that must not touch."""
 
 from collections.abc import Collection, Iterator
-from itertools import combinations
 
 import numpy as np
 
@@ -43,12 +42,21 @@ def _scene(joints: Joints, pieces: tuple[Piece, ...], allowed: Names, free: bool
 
 
 def _pairs(pieces: tuple[Piece, ...], allowed: Names) -> Longs:
-    found = [
-        (i, j)
-        for (i, a), (j, b) in combinations(enumerate(pieces), 2)
-        if a.carrier != b.carrier and frozenset((a.body, b.body)) not in allowed
-    ]
-    return np.array(found, dtype=np.int64).reshape(-1, 2)
+    """All pairs of pieces on two carriers, in order, but for those of bodies that may touch."""
+    names = {name: n for n, name in enumerate(dict.fromkeys(piece.body for piece in pieces))}
+    body = np.array([names[piece.body] for piece in pieces], dtype=np.int64)
+    carrier = np.array([piece.carrier for piece in pieces], dtype=np.int64)
+    may: dict[int, list[int]] = {}
+    for pair in (sorted(names[name] for name in pair) for pair in allowed if pair <= names.keys()):
+        may.setdefault(pair[0], []).append(pair[-1])
+        may.setdefault(pair[-1], []).append(pair[0])
+    pairs = [np.zeros((0, 2), dtype=np.int64)]
+    for i in range(len(pieces)):
+        free = carrier[i + 1 :] != carrier[i]
+        for other in may.get(int(body[i]), ()):
+            free &= body[i + 1 :] != other
+        pairs.append(np.stack([np.full(int(free.sum()), i), i + 1 + np.nonzero(free)[0]], axis=1))
+    return np.concatenate(pairs)
 
 
 def _allowed(world: World) -> Names:

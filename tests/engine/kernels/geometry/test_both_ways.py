@@ -4,6 +4,7 @@ import importlib
 import math
 from itertools import combinations, product
 from types import ModuleType, SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ from engine.model.geometry import Piece
 from engine.stages.geometry import transforms
 from engine.stages.geometry.kinematics.arms import ArmModel
 from engine.stages.geometry.kinematics.inverse import InverseKinematics, Solver
+from engine.stages.geometry.regions.index import boxes_around
 from engine.stages.geometry.shapes.packing import grouped, pack
 from kb.loader.arm import bundled_arms, load_arm
 from tests.engine.interpreted import interpreted_package
@@ -69,12 +71,18 @@ def copied(modules: Modules, scene: SimpleNamespace) -> SimpleNamespace:
     )
 
 
-def a_tree(modules: Modules, count: int, rng: np.random.Generator) -> object:
-    """A chain of regions that hold each other."""
-    first = np.minimum(np.arange(count + 1), count - 1)
-    children, solid = np.arange(1, count), rng.random(count) < 0.8
-    grow = rng.uniform(0, 0.2, count)
-    return modules["layout"].Tree(first, children, np.zeros(1, np.int64), solid, grow)
+def a_tree(modules: Modules, boxes: Floats) -> Any:
+    """A hierarchy over boxes (n, 6), from which one piece was taken and put back."""
+    n, hierarchy = len(boxes), modules["hierarchy"]
+    nodes, children = np.empty((2 * n - 1, 6)), np.empty((2 * n - 1, 2), np.int64)
+    hierarchy.build(boxes, np.arange(n), nodes, children)
+    tree = hierarchy.Hierarchy(nodes, children, 2 * n - 2)
+    for change in (hierarchy.removed, hierarchy.inserted):
+        more, below, root = change(tree, boxes[1], 1)
+        tree = hierarchy.Hierarchy(
+            np.concatenate([tree.boxes, more]), np.concatenate([tree.children, below]), root
+        )
+    return tree
 
 
 def same(one: list[Floats | Longs], other: list[Floats | Longs]) -> bool:
@@ -101,19 +109,20 @@ def test_checks_of_scenes_are_the_same_both_ways(seed: int) -> None:
 @pytest.mark.parametrize("seed", SEEDS)
 def test_walks_down_a_tree_are_the_same_both_ways(seed: int) -> None:
     scene, found = a_scene(seed), []
+    standing = pack([any_piece(np.random.default_rng(seed + n), 0) for n in range(12)])
+    boxes = boxes_around(standing.bounds)
     for modules in BOTH:
         own, regions = copied(modules, scene).pieces, modules["regions"]
-        tree = a_tree(modules, 6, np.random.default_rng(seed))
-        near, hits, least = np.zeros((6, 6), bool), np.zeros(3, bool), np.empty(3)
-        standing = pack([any_piece(np.random.default_rng(seed + n), 0) for n in range(12)])
+        tree = a_tree(modules, boxes)
         still = modules["layout"].Pieces(
             standing.vertices, standing.stretch, standing.radius, standing.carrier, standing.bounds
         )
-        regions.near_solids(still, tree, 0.1, near)
-        pairs, skip = np.array([[6, 7], [8, 9]]), np.eye(6, dtype=bool)
-        regions.first_hits(scene.poses, own, tree, pairs, skip, hits)
-        regions.nearest_hits(scene.poses, own, tree, pairs, skip, 1.0, least)
-        found.append([near, hits, least])
+        near, hits, least = np.zeros((200, 2), np.int64), np.zeros(3, bool), np.empty(3)
+        count = regions.near_pieces(still, still, tree, 0.1, near)
+        pairs, skip = np.array([[6, 7], [8, 9]]), np.eye(12, dtype=bool)
+        regions.first_hits(scene.poses, own, still, tree, pairs, skip, hits)
+        regions.nearest_hits(scene.poses, own, still, tree, pairs, skip, 1.0, least)
+        found.append([tree.boxes, tree.children, np.array([count]), near, hits, least])
     assert same(*found)
 
 
@@ -132,14 +141,16 @@ def test_carriers_are_the_same_both_ways() -> None:
 def test_inverse_kinematics_is_the_same_both_ways(name: str) -> None:
     """But for the last bits: C and Python round the length of a vector otherwise (`hypot`)."""
     model = ArmModel(load_arm(bundled_arms()[name]))
-    screws, found = InverseKinematics(model).screws, []
+    solver, found = InverseKinematics(model), []
+    form = solver.form
+    assert form is not None
     poses = model.flange_pose(model.random(6, np.random.default_rng(2)))
-    poses = np.ascontiguousarray(poses @ np.linalg.inv(screws.T_zero))
+    poses = np.ascontiguousarray(poses @ np.linalg.inv(solver.T_zero))
     for modules in BOTH:
         inverse = modules["inverse"]
         q, valid, residual = np.zeros((6, 8, 6)), np.zeros((6, 8)), np.empty((6, 8))
-        batch = inverse.Batch(screws.directions, screws.points, screws.centre, poses, q, valid)
-        solve = inverse.parallel_axes if screws.solver is Solver.PARALLEL_AXES else inverse.spherical_wrist
+        batch = inverse.Batch(form.directions, form.points, form.centre, poses, q, valid)
+        solve = inverse.parallel_axes if form.solver is Solver.PARALLEL_AXES else inverse.spherical_wrist
         solve(batch)
         inverse.residuals(batch, residual)
         found.append((q, valid, residual))

@@ -5,10 +5,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from engine.kernels.geometry import checks, inverse
+from engine.kernels.geometry import checks, inverse, regions
 from engine.kernels.geometry.distance import Separations
 from engine.kernels.geometry.forward import carriers
-from engine.kernels.geometry.layout import KIND, Pairs, Pieces, Tree
+from engine.kernels.geometry.hierarchy import Hierarchy, build, inserted, removed
+from engine.kernels.geometry.layout import KIND, Pairs, Pieces
 
 
 def pieces(**changed: Any) -> Pieces:
@@ -34,16 +35,10 @@ def pairs(**changed: Any) -> Pairs:
     return Pairs(**(arrays | changed))
 
 
-def tree(**changed: Any) -> Tree:
-    """One region."""
-    arrays = {
-        "first": np.array([0, 0]),
-        "children": np.zeros(0, np.int64),
-        "roots": np.array([0]),
-        "solid": np.array([True]),
-        "grow": np.zeros(1),
-    }
-    return Tree(**(arrays | changed))
+def hierarchy(**changed: Any) -> Hierarchy:
+    """Two leaves and their parent."""
+    arrays = {"boxes": np.zeros((3, 6)), "children": np.array([[-1, 0], [-1, 1], [0, 1]]), "root": 2}
+    return Hierarchy(**(arrays | changed))
 
 
 @pytest.mark.parametrize(
@@ -61,15 +56,17 @@ def tree(**changed: Any) -> Tree:
         (pairs, {"after": np.array([0])}),
         (pairs, {"pairs": np.array([[0, -1]])}),
         (pairs, {"order": np.zeros(2, np.int64)}),
-        (tree, {"roots": np.array([1])}),
-        (tree, {"roots": np.array([0, 0])}),
-        (tree, {"first": np.array([0, 1])}),
-        (tree, {"solid": np.array([1])}),
+        (hierarchy, {"boxes": np.zeros((3, 3))}),
+        (hierarchy, {"boxes": np.zeros((2, 6))}),
+        (hierarchy, {"children": np.array([[-1, 0], [-1, -1], [0, 1]])}),
+        (hierarchy, {"children": np.array([[-1, 0], [-1, 1], [0, 2]])}),
+        (hierarchy, {"root": 3}),
+        (hierarchy, {"root": -2}),
     ],
 )
 def test_arrays_that_do_not_fit_together_are_refused(make: Any, changed: dict[str, Any]) -> None:
     make()
-    with pytest.raises(ValueError, match=r"must (be|have|come)|more roots"):
+    with pytest.raises(ValueError, match=r"must (be|have|come)"):
         make(**changed)
 
 
@@ -108,3 +105,35 @@ def test_branches_have_eight_rows_of_six() -> None:
     inverse.Batch(axes, axes, (0.0, 0.0, 0.0), E, np.zeros((2, 8, 6)), np.zeros((2, 8)))
     with pytest.raises(ValueError, match="8, 6"):
         inverse.Batch(axes, axes, (0.0, 0.0, 0.0), E, np.zeros((2, 7, 6)), np.zeros((2, 8)))
+
+
+def test_standing_pieces_are_asked_for_by_arrays_that_fit() -> None:
+    asking, standing = pieces(), pieces(carrier=np.zeros(2, np.int64))
+    poses, skip, out = np.zeros((3, 2, 3, 4)), np.zeros((2, 2), bool), np.zeros(3, bool)
+    pairs_of = np.zeros((0, 2), np.int64)
+    regions.first_hits(poses, asking, standing, hierarchy(), pairs_of, skip, out)
+    for bad, why in (
+        ((poses[:, :1].copy(), asking, standing, hierarchy(), pairs_of, skip, out), "carrier poses must"),
+        ((poses, asking, asking, hierarchy(), pairs_of, skip, out), "but 2 stand"),
+        ((poses, asking, standing, hierarchy(), pairs_of, skip[:1], out), "may touch"),
+        ((poses, asking, standing, hierarchy(), pairs_of, skip, out[:2]), "as many results"),
+        ((poses, asking, standing, hierarchy(), np.array([[0, 2]]), skip, out), "pairs must be"),
+    ):
+        with pytest.raises(ValueError, match=why):
+            regions.first_hits(*bad)
+    beyond = hierarchy(children=np.array([[-1, 0], [-1, 2], [0, 1]]))
+    with pytest.raises(ValueError, match="a hierarchy over 3 pieces"):
+        regions.near_pieces(standing, standing, beyond, 0.0, np.empty((4, 2), np.int64))
+    with pytest.raises(ValueError, match="0 or more"):
+        regions.near_pieces(standing, standing, hierarchy(), float("nan"), np.empty((4, 2), np.int64))
+
+
+def test_a_hierarchy_is_changed_by_boxes_that_fit() -> None:
+    with pytest.raises(ValueError, match="shape"):
+        inserted(hierarchy(), np.zeros(3), 2)
+    with pytest.raises(ValueError, match="0 or more"):
+        inserted(hierarchy(), np.zeros(6), -1)
+    with pytest.raises(KeyError):
+        removed(hierarchy(), np.zeros(6), 2)
+    with pytest.raises(ValueError, match="numbers"):
+        build(np.zeros((2, 6)), np.zeros(3, np.int64), np.zeros((3, 6)), np.zeros((3, 2), np.int64))

@@ -165,3 +165,149 @@ def test_assumptions_are_marked(models: dict[str, ArmModel]) -> None:
 def test_random_configurations_keep_the_limits(model: ArmModel, rng: np.random.Generator) -> None:
     assert model.within_limits(model.random(1000, rng)).all()
     assert transforms.is_rigid(model.flange_pose(model.random(10, rng)))
+
+
+RIGHT = math.pi / 2
+Row = tuple[float, float, float]
+
+
+def arm_of_rows(*rows: Row) -> ArmModel:
+    """An arm from Craig's table: alpha and a to the next axis, d along it."""
+    joints = [
+        Joint(f"j{n}", (Pose((a, 0, 0), (alpha, 0, 0)), Pose((0, 0, d))), lower=-3.1, upper=3.1)
+        for n, (alpha, a, d) in enumerate(rows)
+    ]
+    return arm_of(*joints)
+
+
+PANDA: tuple[Row, ...] = (
+    (0, 0, 0.333),
+    (-RIGHT, 0, 0),
+    (RIGHT, 0, 0.316),
+    (RIGHT, 0.0825, 0),
+    (-RIGHT, -0.0825, 0.384),
+    (RIGHT, 0, 0),
+    (RIGHT, 0.088, 0.107),
+)
+IIWA: tuple[Row, ...] = (
+    (0, 0, 0.34),
+    (-RIGHT, 0, 0),
+    (RIGHT, 0, 0.4),
+    (RIGHT, 0, 0),
+    (-RIGHT, 0, 0.4),
+    (-RIGHT, 0, 0),
+    (RIGHT, 0, 0.126),
+)
+
+
+def recall(model: ArmModel, q: Floats, **asked: Floats) -> float:
+    """Of how many configurations the one that a pose was made from is found; every answer takes its pose."""
+    poses = model.flange_pose(q)
+    found = InverseKinematics(model).solve(poses, **asked)
+    row, branch = np.nonzero(found.valid)
+    assert worst_error(model, poses[row], found.q[row, branch]) < 1e-9
+    apart = np.abs(wrapped(found.q - q[:, None])).max(axis=-1)
+    return float((np.where(found.valid, apart, np.inf).min(axis=1) < 1e-6).mean())
+
+
+@pytest.mark.parametrize("bend", [1e-3, 1e-6, 1e-8, -1e-8])
+def test_branches_near_a_straight_wrist_are_found(
+    model: ArmModel, bend: float, rng: np.random.Generator
+) -> None:
+    """Where the angle is nearly 0 its cosine tells nothing. At 1e-8 the pose itself has the other angles to 1e-8 alone."""
+    q = model.random(2000, rng)
+    q[:, 4] = bend
+    assert recall(model, q) > (0.94 if abs(bend) < 1e-7 else 0.99)
+
+
+def test_the_ur5_finds_its_branches_near_a_straight_wrist(models: dict[str, ArmModel]) -> None:
+    assert (
+        recall(models["ur5"], np.array([[-2.762443, 0.171536, -0.243985, -2.625903, 1e-8, 2.115797]])) == 1.0
+    )
+
+
+@pytest.mark.parametrize(
+    "rows",
+    [
+        ((0, 0, 0.4), (-RIGHT, 0, 0), (RIGHT, 0.1, 0.5), (-RIGHT, -0.05, 0.1), (RIGHT, 0, 0), (-RIGHT, 0, 0)),
+        ((0, 0, 0.4), (-1.1, 0, 0), (0.9, 0.3, 0.1), (-RIGHT, 0.1, 0.5), (1.0, 0, 0), (-1.0, 0, 0)),
+        ((0, 0, 0), (-RIGHT, 0, 0), (RIGHT, 0, 0), (0.7, 0.3, 0.2), (-RIGHT, 0.2, 0.5), (1.2, 0, 0)),
+    ],
+    ids=["right angles", "oblique", "from the hand to the base"],
+)
+def test_two_axes_that_meet_and_a_spherical_wrist_have_a_closed_form(
+    rows: tuple[Row, ...], rng: np.random.Generator
+) -> None:
+    model = arm_of_rows(*rows)
+    assert InverseKinematics(model).solver is Solver.INTERSECTING_AXES
+    q = model.random(3000, rng)
+    assert recall(model, q[np.linalg.svd(model.jacobian(q), compute_uv=False)[:, -1] > 1e-4]) == 1.0
+
+
+@pytest.mark.parametrize(
+    "rows",
+    [
+        ((0, 0, 0.4), (-1.2, 0.15, 0.1), (0.8, 0.4, 0.1), (-RIGHT, 0.1, 0.5), (RIGHT, 0, 0), (-RIGHT, 0, 0)),
+        (
+            (0, 0, 0.3),
+            (1.1, 0.2, 0.1),
+            (-0.8, 0.35, 0.15),
+            (0.9, 0.1, 0.4),
+            (-1.2, 0.08, 0.1),
+            (1.0, 0.05, 0.1),
+        ),
+    ],
+    ids=["spherical wrist", "general"],
+)
+def test_a_search_misses_hardly_any_branch(rows: tuple[Row, ...], rng: np.random.Generator) -> None:
+    model = arm_of_rows(*rows)
+    assert InverseKinematics(model).solver is Solver.ITERATIVE
+    assert recall(model, model.random(20, rng)) == 1.0
+
+
+@pytest.mark.parametrize(("rows", "joint"), [(PANDA, 6), (IIWA, 2)], ids=["panda", "iiwa"])
+def test_the_redundancy_of_seven_joints_is_a_parameter(
+    rows: tuple[Row, ...], joint: int, rng: np.random.Generator
+) -> None:
+    model = arm_of_rows(*rows)
+    solver = InverseKinematics(model)
+    assert solver.redundant == joint
+    q = model.random(300, rng)
+    for one in q[:100]:
+        assert recall(model, one[None], redundancy=one[joint : joint + 1]) == 1.0
+    free = solver.solve(model.flange_pose(q))
+    assert free.valid.any(axis=1).mean() > 0.9
+    assert worst_error(model, model.flange_pose(q[:1]), free.of(0)) < 1e-9
+    few = solver.solve(model.flange_pose(q), redundancy=np.array([0.3, -0.4]))
+    assert set(np.unique(few.q[few.valid][:, joint].round(9))) <= {0.3, -0.4}
+    with pytest.raises(ValueError, match="values of a joint"):
+        solver.solve(model.flange_pose(q), redundancy=np.array([np.nan]))
+
+
+@pytest.mark.parametrize("entry", [np.nan, np.inf, -np.inf])
+def test_what_is_no_number_has_no_branches_and_keeps_no_limits(model: ArmModel, entry: float) -> None:
+    q = np.zeros((2, 6))
+    poses = model.flange_pose(q + 0.3)
+    poses[1, 0, 3] = entry
+    found = InverseKinematics(model).solve(poses)
+    assert found.valid[0].any()
+    assert not found.valid[1].any()
+    assert np.isfinite(found.q).all()
+    q[1, 3] = entry
+    assert model.within_limits(q).tolist() == [bool(model.within_limits(q[0])), False]
+
+
+def test_what_is_no_rigid_pose_has_no_branches(model: ArmModel) -> None:
+    pose = model.flange_pose(np.full(6, 0.3))
+    for factor in (np.diag([2.0, 2, 2, 1]), np.diag([1.0, 1, -1, 1]), np.diag([1.0, 1, 1, 2])):
+        assert not InverseKinematics(model).solve((pose @ factor)[None]).valid.any()
+
+
+def test_arrays_of_another_width_are_refused(model: ArmModel) -> None:
+    for wrong in (np.zeros((3, 5)), np.zeros((3, 7)), np.zeros(0)):
+        for ask in (model.flange_pose, model.jacobian, model.within_limits):
+            with pytest.raises(ValueError, match="6 joints need"):
+                ask(wrong)
+    for shape in ((4, 4), (2, 3, 4), (2, 5, 4), (2, 4, 3)):
+        with pytest.raises(ValueError, match="poses must be"):
+            InverseKinematics(model).solve(np.zeros(shape))

@@ -12,8 +12,9 @@ eaik = pytest.importorskip("eaik.IK_HP", reason="a tool for comparison")
 
 def oracle(model: ArmModel) -> "eaik.HPRobot":
     """The same arm, given by its axes at zero and the steps between them."""
-    screws = InverseKinematics(model).screws
-    points = np.vstack([screws.points, screws.T_zero[None, :3, 3]])
+    screws = InverseKinematics(model).form
+    assert screws is not None
+    points = np.vstack([screws.points, InverseKinematics(model).T_zero[None, :3, 3]])
     steps = np.diff(np.vstack([np.zeros(3), points]), axis=0)
     return eaik.HPRobot(screws.directions, steps)
 
@@ -25,7 +26,7 @@ def test_every_exact_answer_of_the_oracle_is_among_ours(model: ArmModel, rng: np
     for pose in model.flange_pose(q):
         ours = solver.solve(pose[None]).of(0)
         target = pose.copy()  # its tool does not turn at zero
-        target[:3, :3] = pose[:3, :3] @ solver.screws.T_zero[:3, :3].T
+        target[:3, :3] = pose[:3, :3] @ solver.T_zero[:3, :3].T
         theirs = exact(model, pose, np.array(robot.IK(target).Q).reshape(-1, 6))
         assert len(theirs)
         assert np.abs(wrapped(ours[:, None] - theirs)).max(axis=-1).min(axis=0).max() < 1e-5

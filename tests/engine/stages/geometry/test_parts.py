@@ -11,8 +11,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from engine.model.geometry import Floats
+from engine.model.geometry import Floats, Longs
 from engine.stages.geometry import transforms
+from engine.stages.geometry.collision.reference import signed_distance
+from engine.stages.geometry.shapes import meshes
 from engine.stages.geometry.shapes.hull import hull_triangles, planes
 from engine.stages.geometry.shapes.meshes import components, is_closed, read_mesh
 from engine.stages.geometry.shapes.parts import Core, check_polyhedron, cores, features
@@ -245,3 +247,75 @@ def test_no_file_makes_the_reader_stumble(data: bytes) -> None:
             path = Path(folder) / name
             path.write_bytes(data)
             assert read(path) == {"K702"}
+
+
+OUTLINE = np.array([[0, 0], [3, 0], [3, 3], [2, 3], [2, 1], [1, 1], [1, 3], [0, 3]], dtype=float)
+
+
+def channel() -> tuple[Floats, Longs]:
+    """The letter U, 3 wide, 3 high and 1 deep."""
+    sides = [(0, 1, 4), (0, 4, 5), (1, 2, 4), (2, 3, 4), (0, 5, 7), (5, 6, 7)]
+    faces = [(c, b, a) for a, b, c in sides] + [(a + 8, b + 8, c + 8) for a, b, c in sides]
+    for n in range(8):
+        after = (n + 1) % 8
+        faces += [(n, after, after + 8), (n, after + 8, n + 8)]
+    vertices = np.vstack([np.c_[OUTLINE, np.zeros(8)], np.c_[OUTLINE, np.ones(8)]])
+    return vertices, np.array(faces)
+
+
+def apart(pieces: list[Core], point: Floats) -> float:
+    return min(signed_distance(point[None], piece.vertices) for piece in pieces)
+
+
+@pytest.mark.parametrize("with_coacd", [True, False])
+def test_a_mesh_that_is_not_convex_leaves_its_hollow_free(
+    with_coacd: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Without a decomposer its triangles are the pieces, and the check says so."""
+    if with_coacd:
+        pytest.importorskip("coacd", reason="an extra")
+    else:
+        monkeypatch.setattr(meshes, "decomposer", lambda: False)
+    path = tmp_path / f"channel_{with_coacd}.obj"
+    path.write_bytes(obj(*channel()))
+    pieces = cores(Mesh(str(path)))
+    assert apart(pieces, np.array([1.5, 2.0, 0.5])) > 0.3
+    for inside in ([1.5, 0.99, 0.5], [0.01, 1.5, 0.5], [2.99, 2.5, 0.5]):
+        assert apart(pieces, np.array(inside)) < 0.02
+    assert meshes.surface_only(path) is not with_coacd
+
+
+def test_a_collada_file_is_read_in_its_own_unit(tmp_path: Path) -> None:
+    trimesh = pytest.importorskip("trimesh")
+    text = trimesh.exchange.dae.export_collada(trimesh.creation.box((1.0, 2.0, 3.0)))
+    (tmp_path / "metres.dae").write_bytes(text)
+    inches = text.replace(b"<up_axis>", b'<unit name="inch" meter="0.0254"/><up_axis>')
+    (tmp_path / "inches.dae").write_bytes(inches)
+    for name, unit in (("metres.dae", 1.0), ("inches.dae", 0.0254)):
+        (core,) = cores(Mesh(str(tmp_path / name)))
+        assert np.allclose(np.sort(np.ptp(core.vertices, axis=0)), unit * np.array([1.0, 2.0, 3.0]))
+
+
+@pytest.mark.parametrize(
+    ("factor", "said"),
+    [(0.0, "no volume"), (1e-12, "no volume"), (1e30, "larger than")],
+)
+def test_a_mesh_scaled_to_nothing_or_beyond_all_cells_is_told(
+    factor: float, said: str, tmp_path: Path
+) -> None:
+    (tmp_path / "part.obj").write_bytes(FILES["part.obj"])
+    with pytest.raises(InvalidInput, match=said):
+        cores(Mesh(str(tmp_path / "part.obj"), (1.0, factor, 1.0)))
+
+
+def test_a_mesh_of_which_the_numbers_are_huge_is_told(tmp_path: Path) -> None:
+    (tmp_path / "part.obj").write_bytes(obj(CUBE * 1e30, CUBE_TRIANGLES))
+    with pytest.raises(InvalidInput, match="larger than"):
+        cores(Mesh(str(tmp_path / "part.obj")))
+
+
+def test_a_flat_height_field_is_told() -> None:
+    for heights, floor in ((0.0, 0.0), (0.2, 0.2), (-0.1, 0.0)):
+        with pytest.raises(InvalidInput, match="no volume"):
+            cores(HeightField((0.1, 0.1), ((heights,) * 3,) * 2, floor))
+    assert len(cores(HeightField((0.1, 0.1), ((0.2,) * 3,) * 2, 0.0))) == 4

@@ -1,6 +1,7 @@
 """The region tree answers as the flat list of its solid regions does; attaching and detaching restore it."""
 
 import math
+from dataclasses import replace
 from itertools import product
 
 import numpy as np
@@ -276,3 +277,68 @@ def test_many_standing_pieces_become_a_tree() -> None:
     assert isinstance(checker, RegionChecker)
     q = np.random.default_rng(2).uniform(-3, 3, (500, 6))
     assert np.array_equal(checker.collides(q), BuiltinChecker(scene).collides(q))
+
+
+def scattered(rng: np.random.Generator, count: int) -> list[TreeRegion]:
+    return [TreeRegion(f"s{n}", any_piece(f"s{n}", rng, 2.0, 0.2), solid=True) for n in range(count)]
+
+
+@settings(max_examples=10, deadline=None)
+@given(seeds)
+def test_a_tree_changed_step_by_step_answers_as_one_made_at_once(seed: int) -> None:
+    """Also the trees on the way, which share their arrays, and two that go on from one."""
+    rng = np.random.default_rng(seed)
+    points = rng.uniform(-2, 2, (40, 3))
+    trees = [RegionTree.of(scattered(rng, 150))]
+    for step in range(40):
+        tree = trees[-1] if step % 9 else trees[step // 2]
+        name, kind = str(rng.choice(list(tree.regions))), rng.integers(3)
+        if kind == 0:
+            trees.append(tree.moved(name, turned(rng, rng.uniform(-0.5, 0.5, 3))))
+        elif kind == 1:
+            trees.append(tree.detached(name)[0])
+        else:
+            trees.append(
+                tree.attached([TreeRegion(f"n{step}", any_piece(f"n{step}", rng, 2.0, 0.2), solid=True)])
+            )
+    for tree in trees[:: len(trees) // 6]:
+        again = RegionTree.of(tree.regions.values())
+        assert tree.at_points(points, 0.1) == again.at_points(points, 0.1)
+
+
+def test_a_change_of_one_region_writes_rows_for_the_way_to_it_alone() -> None:
+    tree = RegionTree.of(scattered(np.random.default_rng(3), 2000))
+    once = tree.moved("s7", transforms.translation(0.1, 0, 0))
+    twice = once.moved("s8", transforms.translation(0.1, 0, 0))
+    assert twice.index.boxes is once.index.boxes
+    assert twice.index.nodes - once.index.nodes < 60
+    assert twice.index.count == once.index.count + 1
+
+
+@pytest.mark.parametrize("spread", [0.5, 3.0])
+def test_two_thousand_scattered_bodies_are_answered_as_pairs_are(spread: float) -> None:
+    rng = np.random.default_rng(4)
+    world = World.of(Cell("bare", {"ur5": MountedArm(load_arm(bundled_arms()["ur5"]))}))
+    own = scene_of(world)
+    standing = [any_piece(f"s{n}", rng, spread, 0.1) for n in range(2000)]
+    moving = [n for n, piece in enumerate(own.pieces) if piece.carrier]
+    cross = np.array(list(product(moving, range(len(own.pieces), len(own.pieces) + 2000))))
+    scene = replace(own, pieces=(*own.pieces, *standing), pairs=np.concatenate([own.pairs, cross]))
+    q = world.models["ur5"].random(300, rng)
+    by_tree, by_list = RegionChecker(scene), BuiltinChecker(scene)
+    assert np.array_equal(by_tree.collides(q), by_list.collides(q))
+    assert np.abs(by_tree.clearance(q[:60]) - by_list.clearance(q[:60])).max() < 1e-9
+
+
+def test_what_is_no_number_is_neither_attached_nor_asked_for() -> None:
+    tree = RegionTree.of([TreeRegion("root", sphere("root", np.zeros(3), 1.0), solid=True)])
+    for bad in (sphere("bad", np.array([np.nan, 0, 0]), 1.0), sphere("bad", np.zeros(3), np.inf)):
+        with pytest.raises(ValueError, match="not a finite number"):
+            tree.attached([TreeRegion("bad", bad)])
+        with pytest.raises(ValueError, match="not a finite number"):
+            tree.contacts([bad], np.eye(4))
+    with pytest.raises(ValueError, match="not a finite number"):
+        tree.at_points(np.array([[0.0, np.nan, 0.0]]))
+    for shape in ((3,), (2, 2), (2, 4)):
+        with pytest.raises(ValueError, match="points must be"):
+            tree.at_points(np.zeros(shape))

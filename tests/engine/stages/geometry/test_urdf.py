@@ -15,7 +15,7 @@ from kb.diagnostics import Diagnostic, InvalidInput, errors
 from kb.loader.cell import load_cell
 from kb.loader.reader import Findings
 from kb.loader.urdf import arm_of
-from kb.model.cell import Arm, Box, Cylinder, JointKind, Mesh, Pose, Sphere
+from kb.model.cell import Arm, Box, Cylinder, Inertia, JointKind, Mesh, Mimic, Pose, Sphere
 
 ROBOT = """<?xml version="1.0"?>
 <robot name="crane">
@@ -155,6 +155,17 @@ BROKEN = {  # what is replaced by what: the code, and a word of the message
     "empty cylinder": ('length="0.4"', 'length="0"', "K702", "without a positive size"),
     "no geometry": ('<geometry><sphere radius="0.1"/></geometry>', "", "K703", "without one geometry"),
     "a shape": ('<sphere radius="0.1"/>', "<cone/>", "K703", "<cone> is not a shape"),
+    "leaving": ("package://crane/hook.obj", "package://crane/../../hook.obj", "K706", "leaves its package"),
+    "absolute": ("package://crane/hook.obj", "package:///etc/passwd", "K706", "there is no mesh"),
+    "no scale": ('scale="2 2 2"', 'scale="2 0 2"', "K702", "a scale of 0"),
+    "far away": ('xyz="0 0 0.1"', 'xyz="0 0 1e30"', "K113", "larger than"),
+    "huge": ('<sphere radius="0.1"/>', '<sphere radius="1e30"/>', "K113", "larger than"),
+    "mass": (
+        '<link name="plate"/>',
+        '<link name="plate"><inertial><mass value="-1"/></inertial></link>',
+        "K703",
+        "below zero",
+    ),
     "no mesh": ("crane/hook.obj", "crane/crook.obj", "K706", "there is no mesh"),
 }
 
@@ -170,8 +181,8 @@ def test_a_broken_urdf_is_told(name: str, folder: Path) -> None:
 
 
 def test_a_mesh_in_another_format_is_told(folder: Path) -> None:
-    (folder / "packages" / "crane" / "hook.dae").write_text("<COLLADA/>")
-    (folder / "crane.urdf").write_text(ROBOT.replace("hook.obj", "hook.dae"))
+    (folder / "packages" / "crane" / "hook.ply").write_text("ply")
+    (folder / "crane.urdf").write_text(ROBOT.replace("hook.obj", "hook.ply"))
     assert any("not a supported mesh format" in each.message for each in read(folder)[1])
 
 
@@ -201,3 +212,24 @@ def test_no_garbled_urdf_makes_the_reader_stumble(
     arm, found = read(folder)
     assert arm is not None or errors(found)
     assert all(each.hint and each.where.path.endswith("crane.urdf") for each in found)
+
+
+def test_effort_inertia_and_what_a_joint_follows_are_kept(folder: Path) -> None:
+    inertial = (
+        '<link name="plate"><inertial><origin xyz="0 0 0.2"/><mass value="3.5"/>'
+        '<inertia ixx="1" ixy="0.1" ixz="0.2" iyy="2" iyz="0.3" izz="3"/></inertial></link>'
+    )
+    text = ROBOT.replace('<link name="plate"/>', inertial)
+    text = text.replace(
+        'velocity="0.5" effort="1"/>',
+        'velocity="0.5" effort="1"/><mimic joint="lift" multiplier="-2" offset="0.5"/>',
+    )
+    (folder / "crane.urdf").write_text(text)
+    arm, found = read(folder)
+    assert arm is not None
+    (plate,) = (link for link in arm.links if link.name == "plate")
+    assert plate.inertia == Inertia(3.5, Pose((0, 0, 0.2)), (1.0, 0.1, 0.2, 2.0, 0.3, 3.0))
+    (follower,) = (joint for joint in arm.joints if joint.mimic)
+    assert follower.mimic == Mimic("lift", -2.0, 0.5)
+    assert follower.effort == 1.0
+    assert any("follows 'lift'" in each.message and each.warning for each in found)

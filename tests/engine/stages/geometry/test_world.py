@@ -1,8 +1,11 @@
+from itertools import combinations
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from engine.model.geometry import Floats
 from engine.stages.geometry import transforms
 from engine.stages.geometry.world.model import World
 from engine.stages.geometry.world.scenes import free_scene_of, scene_of
@@ -19,6 +22,7 @@ from kb.model.cell import (
     Sphere,
 )
 
+UR5 = load_arm(bundled_arms()["ur5"])
 HOME = (0.1, -1.2, 1.3, -0.4, -1.5, 0.2)
 
 
@@ -142,3 +146,29 @@ def test_a_free_scene_leaves_out_what_the_arms_carry(world: World) -> None:
     assert {piece.carrier for piece in scene.pieces if piece.body == "gripper"} == {1}
     assert {"part", "lid", "gripper", "left.base", "right.base"} == set(scene.bodies)
     assert transforms.is_rigid(np.stack([piece.T_carrier_piece for piece in scene.pieces]))
+
+
+def test_the_pairs_of_a_scene_are_those_of_two_carriers_that_may_not_touch(world: World) -> None:
+    allowed = frozenset(
+        {frozenset({"part", "gripper"}), frozenset({"lid"}), frozenset({"left.forearm", "lid"})}
+    )
+    scene = scene_of(world.affix("lid", "right.tool"), allowed=allowed)
+    own = {frozenset(f"{arm}.{link}" for link in pair) for arm in ("left", "right") for pair in UR5.allowed}
+    plain = [
+        (i, j)
+        for (i, one), (j, other) in combinations(enumerate(scene.pieces), 2)
+        if one.carrier != other.carrier and frozenset((one.body, other.body)) not in allowed | own
+    ]
+    assert scene.pairs.tolist() == [list(pair) for pair in plain]
+
+
+@pytest.mark.parametrize("values", [np.zeros(5), np.zeros(7), np.full(6, np.nan), np.zeros((1, 6))])
+def test_an_arm_is_moved_by_a_finite_number_for_each_joint_alone(world: World, values: Floats) -> None:
+    with pytest.raises(ValueError, match="left has 6 joints"):
+        world.moved("left", values)
+
+
+def test_a_body_is_put_at_a_pose_of_finite_numbers_alone(world: World) -> None:
+    for T in (np.full((4, 4), np.nan), np.eye(3)):
+        with pytest.raises(ValueError, match="the pose of 'part'"):
+            world.put("part", "world", T)
