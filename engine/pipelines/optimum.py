@@ -1,9 +1,10 @@
 """Is there a cheaper plan? Uniform-cost search (Dijkstra 1959) over states, for tasks small enough to be searched."""
 
 import heapq
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+from engine.kernels.cancellation import Interrupted
 from engine.model.outcome import Found
 from engine.model.task import Bits, GroundOperator, Task, progress
 from engine.pipelines.gate import accepted
@@ -15,8 +16,6 @@ from kb.model.plan import Plan
 from kb.model.problem import Problem
 
 MOST = 2_000_000  # questions whether an operator can be done in a state, before the search is given up
-
-Interrupted = Callable[[], bool]
 
 
 @dataclass(frozen=True, slots=True)

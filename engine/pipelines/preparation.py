@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 from multiprocessing.synchronize import Event
 from pathlib import Path
 
+from engine.kernels.cancellation import Interrupted
 from engine.model.outcome import Found, GaveUp
 from engine.pipelines.inspection import chooses_tools
 from engine.pipelines.inspection.keeping import carry_on
@@ -119,7 +120,7 @@ def _domains(paths: Sequence[Path]) -> list[Domain]:
 
 
 def _run(
-    jobs: Sequence[Job], processes: int, interrupted: Callable[[], bool]
+    jobs: Sequence[Job], processes: int, interrupted: Interrupted
 ) -> Generator[tuple[Job, Prepared], None, None]:
     """Answers as they come. Processes are spawned, so that none inherits a connection or a thread's lock."""
     if processes == 1:
@@ -176,7 +177,7 @@ def _stopped() -> bool:
     return any(each.is_set() for each in _STOPS)
 
 
-def work(job: Job, interrupted: Callable[[], bool] = _stopped) -> Prepared:
+def work(job: Job, interrupted: Interrupted = _stopped) -> Prepared:
     """Sequence and plan one problem through the store."""
     if interrupted():
         return Prepared(job.path.stem, "gave up", reason="interrupted")

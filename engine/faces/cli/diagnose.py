@@ -9,7 +9,7 @@ import typer
 
 from engine.faces.cli.answers import Answer, Form, give
 from engine.faces.cli.exits import GAVE_UP
-from engine.faces.cli.options import Expansions, Seed, Target, TimeLimit, number, refuse_idle
+from engine.faces.cli.options import Seed, Target, TimeLimit, number, refuse_idle
 
 if TYPE_CHECKING:
     from engine.model.cases import Diagnosis
@@ -72,6 +72,14 @@ Age = Annotated[
 ]
 Reset = Annotated[bool, typer.Option("--reset", help="forget the closed cases of this domain")]
 Counts = Annotated[Path | None, typer.Option("--import", help="JSON to add: {exception: {cause: count}}")]
+Work = Annotated[
+    int | None,
+    typer.Option(
+        "--expansions",
+        min=0,
+        help="states that the exact search may expand; if not given, about a second's work",
+    ),
+]
 Shown = Annotated[DiagnosisForm, typer.Option("--format", help="how the answer is written")]
 
 
@@ -93,7 +101,7 @@ def diagnose(
     reset: Reset = False,
     counts: Counts = None,
     format: Shown = DiagnosisForm.TEXT,
-    expansions: Expansions = 200_000,
+    expansions: Work = None,
     time_limit: TimeLimit = None,
     seed: Seed = 0,
 ) -> None:
@@ -121,7 +129,7 @@ class Asked:
     plan: Path | None
     done: str
     store: str
-    expansions: int
+    expansions: int | None
     seconds: float | None
 
 

@@ -8,20 +8,20 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
+from engine.kernels.cancellation import Interrupted, never
 from engine.model.cases import Diagnosis, Revision
 from engine.model.outcome import Found
 from engine.model.troubleshooting import Setup
 from engine.pipelines import planning
 from engine.pipelines.troubleshooting.given import Failed, left_of, read_step
 from engine.pipelines.troubleshooting.recovery import Recovery, recover, told
-from engine.stages.diagnosis.exact import Interrupted, never
 from engine.stages.diagnosis.knowledge import Objective, no_setup
 from engine.stages.diagnosis.revision import Binding, binding_of, bound, certainties, revision
-from engine.stages.diagnosis.selection import EXPANSIONS
 from engine.stages.diagnosis.session import Session
 from engine.stages.planning import Limits
 from engine.stages.validation.datalog import holds
 from engine.stages.validation.semantics import Semantics
+from kb.check.faults import too_many
 from kb.diagnostics import Diagnostic, InvalidInput, Source, unknown_name
 from kb.loader import find, load
 from kb.loader.faults import load_faults
@@ -183,7 +183,7 @@ def desk(
     step: str = "",
     objective: str = "isolate",
     store: str = "",
-    expansions: int = EXPANSIONS,
+    expansions: int | None = None,
     interrupted: Interrupted = never,
     failed: Failed | None = None,
 ) -> Desk:
@@ -196,6 +196,8 @@ def desk(
     model, _ = load_faults(Path(loaded.domain.path))
     if exception not in model.exceptions:
         raise InvalidInput([unknown_name("exception", exception, model.exceptions, Source("--exception"))])
+    if found := list(too_many(model.exceptions[exception])):
+        raise InvalidInput(found)
     binding = binding_of(model, exception, read_step(step, loaded, model.exceptions[exception]))
     setup = Preparations(problem, binding) if problem else no_setup
     counted = model.exceptions[exception].counts

@@ -10,12 +10,12 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from engine.kernels.arrays import Floats
+from engine.kernels.cancellation import Interrupted, never
 from engine.model.cases import Case, Diagnosis, Hypothesis, Observation, Question, Stage
 from engine.model.troubleshooting import Action, Advice, Standing
-from engine.stages.diagnosis.exact import Interrupted, never
 from engine.stages.diagnosis.knowledge import Objective, PlanSetup, case_of, no_setup, open_case
 from engine.stages.diagnosis.multiple import explanations
-from engine.stages.diagnosis.selection import EXPANSIONS, Selector
+from engine.stages.diagnosis.selection import Selector
 from kb.model.faults import FaultModel
 
 Answer = Callable[[Action, Advice], str | None]
@@ -33,7 +33,7 @@ class Session:
     objective: Objective = Objective.ISOLATE
     counts: Mapping[str, float] | None = None
     setup: PlanSetup = no_setup
-    expansions: int = EXPANSIONS
+    expansions: int | None = None
     interrupted: Interrupted = never
     stages: list[Stage] = field(default_factory=list)
     cured: str | None = None
@@ -88,7 +88,7 @@ class Session:
         """
         observations = [stage.observed for stage in self.stages]
         priors = self.model.priors(self.exception, self.counts)
-        found = explanations(self.model, priors, observations)
+        found = explanations(self.model, priors, observations, interrupted=self.interrupted)
         hypotheses, weights = tuple(h for h, _ in found), [weight for _, weight in found]
         done = [each.action for each in observations]
         case = case_of(self.model, self.exception, hypotheses, weights, self.objective, self.setup, done)

@@ -1,9 +1,10 @@
 """Limits on the work of the planner, and functions that it calls while it works."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
-from engine.stages.planning.effort import Effort, Interrupted
+from engine.kernels.cancellation import Interrupted, never
+from engine.stages.planning.effort import Effort
 from kb.model.plan import Plan
 
 
@@ -24,7 +25,7 @@ class Limits:
 
     expansions: int = 1_000_000
     improvement: int = 1_500
-    interrupted: Interrupted = field(default=lambda: False)
+    interrupted: Interrupted = never
     thorough: bool = False
     strategy: str = "auto"
     seed: int = 0
