@@ -1,6 +1,6 @@
 """`cellwright diagnose`: find the cause of an exception with the cheapest tests."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -8,10 +8,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from engine.faces.cli.answers import Answer, Form, give
-from engine.faces.cli.exits import GAVE_UP
+from engine.faces.cli.exits import GAVE_UP, INTERRUPTED
 from engine.faces.cli.options import Seed, Target, TimeLimit, number, refuse_idle
 
 if TYPE_CHECKING:
+    from engine.faces.cli.interruption import Interruption
     from engine.model.cases import Diagnosis
     from engine.model.troubleshooting import Action, Advice
     from engine.pipelines.troubleshooting import Desk
@@ -186,11 +187,16 @@ def _diagnosed(asked: Asked, manner: Manner) -> Answer:
         found = desk(
             asked.target, asked.exception, asked.step, objective, store, asked.expansions, interrupted, failed
         )
-        if manner.tree:
-            return _tree(found, manner.picture)
-        if manner.explain:
-            return _explained(found.session)
-        return _case(found, _answerer(found, manner), manner.recover, store)
+        answer = _answered(found, manner, interrupted, store)
+    return replace(answer, code=INTERRUPTED) if interrupted.heard else answer
+
+
+def _answered(found: "Desk", manner: Manner, interrupted: "Interruption", store: str) -> Answer:
+    if manner.tree:
+        return _tree(found, manner.picture)
+    if manner.explain:
+        return _explained(found.session)
+    return _case(found, _answerer(found, manner, interrupted), manner.recover, store)
 
 
 def _tree(found: "Desk", picture: bool) -> Answer:
@@ -233,7 +239,7 @@ def _compared(session: "Session", advice: "Advice") -> tuple[tuple[int, float, b
     return session.selector.compare(session.standing, (*chosen, *(a for a, _ in advice.runners_up)))
 
 
-def _answerer(found: "Desk", manner: Manner) -> "Answerer":
+def _answerer(found: "Desk", manner: Manner, interrupted: "Interruption") -> "Answerer":
     from engine.pipelines.troubleshooting.given import hidden_hypothesis, scripted
     from engine.stages.diagnosis.world import HiddenWorld
 
@@ -245,11 +251,11 @@ def _answerer(found: "Desk", manner: Manner) -> "Answerer":
         hypothesis = hidden_hypothesis(found.model, manner.hidden)
         world = HiddenWorld(found.model, hypothesis, random.Random(manner.seed))
         return lambda action, _advice: world.respond(action)
-    return _asking(found)
+    return _asking(found, interrupted)
 
 
-def _asking(found: "Desk") -> "Answerer":
-    """A function that asks the person at the terminal. An empty line or the end of the input ends the case."""
+def _asking(found: "Desk", interrupted: "Interruption") -> "Answerer":
+    """A function that asks the person at the terminal. An empty line, Ctrl-C or the end of the input ends the case."""
     import sys
 
     from rich.console import Console
@@ -268,7 +274,11 @@ def _asking(found: "Desk") -> "Answerer":
         choices = ", ".join(f"{n} {outcome}" for n, outcome in enumerate(action.outcomes, 1))
         while True:
             console.print(f"{action.name}: {says}\n  {choices}: ", end="", markup=False, highlight=False)
-            said = sys.stdin.readline()
+            try:
+                with interrupted.while_waiting():
+                    said = sys.stdin.readline()
+            except KeyboardInterrupt:
+                return None
             if not said.strip():
                 return None
             if said.strip() in action.outcomes:

@@ -94,7 +94,9 @@ class Preparations:
 
     def _cost(self, state: State, goal: Condition) -> float:
         made = self._plan(state, goal)
-        return math.inf if made is None else float(sum(step.duration for step in made.steps))
+        if made is None:
+            return FAR if self.limits.interrupted() else math.inf
+        return float(sum(step.duration for step in made.steps))
 
     def _after(self, state: State, goal: Condition) -> State | None:
         made = self._plan(state, goal)
@@ -165,7 +167,8 @@ class Desk:
         if self.problem is None:
             hint = "give a problem as the target: its goals are planned for"
             raise InvalidInput([Diagnostic(Source("--recover"), "K404", "a domain has no goals", hint)])
-        found = recover(self.problem, change, left=self.left)
+        limits = Limits(interrupted=self.session.interrupted)
+        found = recover(self.problem, change, limits, self.left)
         return told(found, self.problem, change.lost, store) if store else found
 
     def keep(self, made: Diagnosis, store: str) -> None:
@@ -199,7 +202,8 @@ def desk(
     if found := list(too_many(model.exceptions[exception])):
         raise InvalidInput(found)
     binding = binding_of(model, exception, read_step(step, loaded, model.exceptions[exception]))
-    setup = Preparations(problem, binding) if problem else no_setup
+    limits = replace(WORK, interrupted=interrupted)
+    setup = Preparations(problem, binding, limits) if problem else no_setup
     counted = model.exceptions[exception].counts
     if store:
         with Cases(store) as cases:

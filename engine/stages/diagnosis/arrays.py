@@ -47,7 +47,7 @@ def _losses(problem: Troubleshooting) -> Floats:
 
 def _shown(likelihoods: Floats, widths: Longs) -> Longs:
     """For each action and cause (A, C) the outcome; -1 for every cause if the outcomes are uncertain."""
-    shown = likelihoods.argmax(axis=1).astype(np.int64)
+    shown: Longs = likelihoods.argmax(axis=1).astype(np.int64)
     shown[widths > 0] = -1
     return shown
 

@@ -87,10 +87,12 @@ class BranchAndBound:
         while True:
             self.table.resume(last)
             found = self._solve(weights, rest, limit)
+            if (
+                not self.table.full and not self.table.spent
+            ):  # also if it was known when the search was stopped
+                return found, found < limit
             if self.poll.check() or self.table.spent:
                 return found, False
-            if not self.table.full:
-                return found, found < limit
             self.table = self.table.grown()
 
     def estimate(self, action: int, weights: Floats, rest: int) -> float:

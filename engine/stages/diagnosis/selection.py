@@ -60,6 +60,8 @@ class Selector:
     def advise(self, standing: Standing) -> Advice:
         """What to do next. Raises `ValueError` if no cause is possible."""
         weights, rest = self._state(standing)
+        if self._poll.check():
+            return self._hasty(weights, rest)
         before = self.exact.spent
         value, proved = self.exact.value(weights, rest, math.inf, self._budget(weights, rest))
         if proved:
@@ -148,8 +150,6 @@ class Selector:
 
     def _rollout(self, weights: Floats, rest: int) -> tuple[int | None, float]:
         """The first action by a lookahead over rules, and a cost that is not exceeded by going on like this."""
-        if self._poll.check():
-            return self._hasty(weights, rest)
         steps = self._reach(weights, rest)
         while True:
             for base in self._bases:
@@ -164,12 +164,16 @@ class Selector:
             self._bases = (one.grown(), two.grown(), three.grown())
         return (None, cost) if action < 0 else (action, cost)
 
-    def _hasty(self, weights: Floats, rest: int) -> tuple[int | None, float]:
-        """What a one-step rule prefers, and what the case costs at most."""
-        trail = Trail(self.exact.beliefs, weights, rest)
-        action = rollout.greedy(self.exact.beliefs, self.groups, trail, 0, rollout.GAIN)
-        stopping, cost = self._stopping(weights), rollout.at_most(self.exact.beliefs, self.groups, trail, 0)
-        return (None, stopping) if action < 0 or stopping <= cost else (action, cost)
+    def _hasty(self, weights: Floats, rest: int) -> Advice:
+        """What a one-step rule prefers, at what the case costs at most."""
+        beliefs, total = self.exact.beliefs, float(weights.sum())
+        trail = Trail(beliefs, weights, rest)
+        action = rollout.greedy(beliefs, self.groups, trail, 0, RULES["gain"])
+        stopping, cost = self._stopping(weights), rollout.at_most(beliefs, self.groups, trail, 0)
+        floor = float(np.where(weights > 0.0, beliefs.known, 0.0) @ weights)
+        if action < 0 or stopping <= cost:
+            return Advice(None, self._conclusion(weights), stopping / total, floor / total, False)
+        return Advice(action, None, cost / total, floor / total, False)
 
     def _budget(self, weights: Floats, rest: int) -> int:
         """The expansions that suit what is left of the problem.
@@ -234,7 +238,11 @@ class Selector:
     def _others(self, weights: Floats, rest: int, chosen: int | None) -> tuple[tuple[int, float], ...]:
         total = float(weights.sum())
         telling = [action for action in self._telling(weights, rest) if action != chosen]
-        costs = [(self.exact.estimate(action, weights, rest) / total, action) for action in telling]
+        costs = [
+            (self.exact.estimate(action, weights, rest) / total, action)
+            for action in telling
+            if not self._poll.check()
+        ]
         return tuple((action, cost) for cost, action in sorted(costs))
 
     def _conclusion(self, weights: Floats) -> int | None:

@@ -141,9 +141,7 @@ def test_each_of_many_causes_is_isolated(causes: int, tests: int, unsure: int) -
 def test_a_pair_of_many_causes_is_explained() -> None:
     base = model(100, 9)
     base = replace(base, tests={**base.tests, "both": FaultTest("both", "", 1, ("no", "yes"), "no", {})})
-    made = run(
-        Session(base, "e", Objective.REPAIR, expansions=0), _answers(base, Hypothesis(("c1", "c64")))
-    )
+    made = run(Session(base, "e", Objective.REPAIR, expansions=0), _answers(base, Hypothesis(("c1", "c64"))))
     assert made.finished
     assert math.isfinite(made.cost)
 
