@@ -42,8 +42,8 @@ def diagnose(
 ) -> CircuitDiagnosis | None:
     """The smallest explanation of outputs `seen` for inputs `given`; None if no set of gates explains them."""
     candidates = top_level(circuit)
-    program = "\n".join([*_facts(circuit, given, seen, candidates), _RULES])
-    for _, atoms in best_models(program, "faulty", 1, OPTIONS):
+    text = program(circuit, given, seen, candidates)
+    for _, atoms in best_models(text, "faulty", 1, OPTIONS):
         order = [*circuit.inputs, *circuit.gates]
         return CircuitDiagnosis(tuple(order[int(str(atom.arguments[0]))] for atom in atoms), len(candidates))
     return None
@@ -86,6 +86,13 @@ def _common(
         if found != here:
             return None
     return found
+
+
+def program(
+    circuit: Circuit, given: Mapping[str, bool], seen: Mapping[str, bool], candidates: frozenset[str]
+) -> str:
+    """The program whose best models are the smallest sets of faulty gates among the candidates."""
+    return "\n".join([*_facts(circuit, given, seen, candidates), _RULES])
 
 
 def _facts(

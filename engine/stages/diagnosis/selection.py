@@ -249,7 +249,8 @@ class Selector:
         losses = self.exact.beliefs.losses
         if not len(losses):
             return None
-        expected = np.where(weights > 0.0, losses, 0.0) @ weights
+        left = weights > 0.0
+        expected = losses[:, left] @ weights[left]
         return int(np.argmin(expected)) if np.isfinite(expected).any() else None
 
     def _state(self, standing: Standing) -> tuple[Floats, int]:
