@@ -96,7 +96,7 @@ CODES = {
     "K902": "causes that no test distinguishes and no repair cures together",
     "K903": "a cause that nothing repairs",
     "K904": "a test that distinguishes no causes",
-    "K905": "too many causes or tests of one exception",
+    "K905": "too many causes of one exception",
     "K906": "a step that the exception does not interrupt",
 }
 

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
 Longs = NDArray[np.int64]
+Words = NDArray[np.uint64]  # sets, 64 members in each word
 Truths = NDArray[np.bool_]
 Bytes = NDArray[np.uint8]  # truths, as kernels see them
 Whole: TypeAlias = "memoryview[int]"

@@ -5,11 +5,7 @@ it is repeated, so each action is worth doing only once. Costs and losses share 
 """
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, field
-
-MAX_CAUSES = 62
-MAX_HISTORY_BITS = 62
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,10 +66,6 @@ class Troubleshooting:
     setup: Setup | None = None
 
     def __post_init__(self) -> None:
-        if len(self.causes) > MAX_CAUSES:
-            raise ValueError(f"more than {MAX_CAUSES} causes")
-        if history_bits(self.actions) + situation_bits(self.setup) > MAX_HISTORY_BITS:
-            raise ValueError("too many actions with uncertain outcomes")
         if not math.isclose(sum(self.priors), 1.0, abs_tol=1e-6):
             raise ValueError("priors do not sum to one")
 
@@ -84,11 +76,6 @@ def field_bits(action: Action) -> int:
     The outcome of a certain action needs none: the causes left show it.
     """
     return 0 if action.certain else len(action.outcomes).bit_length()
-
-
-def history_bits(actions: Sequence[Action]) -> int:
-    """The bits that store the outcomes of all uncertain actions."""
-    return sum(map(field_bits, actions))
 
 
 def situation_bits(setup: Setup | None) -> int:

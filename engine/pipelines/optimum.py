@@ -1,8 +1,8 @@
 """Is there a cheaper plan? All states of a task are looked at, where that is possible."""
 
-from collections.abc import Callable
 from dataclasses import replace
 
+from engine.kernels.cancellation import Interrupted
 from engine.model.outcome import Found
 from engine.model.replay import early
 from engine.pipelines.gate import accepted
@@ -15,8 +15,6 @@ from engine.stages.planning.variants import TooManyVariants, unconditional
 from kb.model.problem import Problem
 
 ROOM = Room(states=2_000_000, checks=400_000_000)
-
-Interrupted = Callable[[], bool]
 
 
 def proved(problem: Problem, found: Found, interrupted: Interrupted, room: Room = ROOM) -> Found:

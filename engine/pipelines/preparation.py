@@ -14,6 +14,7 @@ from dataclasses import dataclass, field
 from multiprocessing.synchronize import Event
 from pathlib import Path
 
+from engine.kernels.cancellation import Interrupted
 from engine.model.outcome import Found, GaveUp
 from engine.pipelines.inspection import chooses_tools
 from engine.pipelines.inspection.keeping import carry_on
@@ -128,7 +129,7 @@ def _domains(paths: Sequence[Path]) -> list[Domain]:
 
 
 def _run(
-    jobs: Sequence[PreparationJob], processes: int, interrupted: Callable[[], bool]
+    jobs: Sequence[PreparationJob], processes: int, interrupted: Interrupted
 ) -> Generator[tuple[PreparationJob, Prepared], None, None]:
     """The jobs with their results, in the order in which they are finished.
 
@@ -191,7 +192,7 @@ def _stopped() -> bool:
     return any(each.is_set() for each in _STOPS)
 
 
-def work(job: PreparationJob, interrupted: Callable[[], bool] = _stopped) -> Prepared:
+def work(job: PreparationJob, interrupted: Interrupted = _stopped) -> Prepared:
     """Plan one problem with the library in the store, and bring its kept sequence up to date."""
     if interrupted():
         return Prepared(job.path.stem, "gave up", reason="interrupted")

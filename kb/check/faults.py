@@ -3,10 +3,9 @@
 from collections.abc import Iterator
 
 from kb.diagnostics import Diagnostic
-from kb.model.faults import FaultModel, FaultTest, Interruption
+from kb.model.faults import FaultModel, Interruption
 
-MOST_CAUSES = 62
-MOST_BITS = 48
+MOST_CAUSES = 1000
 
 
 def check_faults(model: FaultModel) -> list[Diagnostic]:
@@ -51,16 +50,11 @@ def _alike(model: FaultModel) -> Iterator[Diagnostic]:
 
 def _too_many(model: FaultModel) -> Iterator[Diagnostic]:
     for exception in model.exceptions.values():
-        bits = sum(_bits(test, exception) for test in model.telling(exception.counts))
-        if len(exception.counts) > MOST_CAUSES:
-            message = f"more than {MOST_CAUSES} causes of one exception"
-            yield Diagnostic(exception.where, "K905", message, "split the exception by reply or operator")
-        elif bits > MOST_BITS:
-            message = "too many tests with uncertain outcomes for one exception"
-            yield Diagnostic(exception.where, "K905", message, "split the exception by reply or operator")
+        yield from too_many(exception)
 
 
-def _bits(test: FaultTest, exception: Interruption) -> int:
-    """The number of bits that the selection needs to store the outcome of an uncertain test."""
-    sure = all(test.likelihood(o, c) in (0.0, 1.0) for o in test.outcomes for c in exception.counts)
-    return 0 if sure else len(test.outcomes).bit_length()
+def too_many(exception: Interruption) -> Iterator[Diagnostic]:
+    """An error if an exception has more causes than the selection of tests takes."""
+    if len(exception.counts) > MOST_CAUSES:
+        message = f"more than {MOST_CAUSES} causes of one exception"
+        yield Diagnostic(exception.where, "K905", message, "split the exception by reply or operator")

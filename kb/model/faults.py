@@ -4,11 +4,11 @@ Atoms may contain variables. The interrupted step binds those of its operator; a
 "some".
 """
 
-import itertools
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from kb.diagnostics import NOWHERE, Source
+from kb.graphs import components
 from kb.terms import ANYTHING, Atom, Function, Term
 
 
@@ -164,13 +164,11 @@ class FaultModel:
 
         Classes of one cause are left out.
         """
-        order = list(self.exceptions[exception].counts)
-        classes: list[set[str]] = [{cause} for cause in order]
-        for one, other in itertools.combinations(order, 2):
-            if not any(certainly_apart(test, one, other) for test in self.tests.values()):
-                joined = [group for group in classes if one in group or other in group]
-                classes = [group for group in classes if group not in joined] + [set().union(*joined)]
-        return [tuple(sorted(group, key=order.index)) for group in classes if len(group) > 1]
+        order = tuple(self.exceptions[exception].counts)
+        tests = (
+            [[test.likelihood(o, c) for c in order] for o in test.outcomes] for test in self.tests.values()
+        )
+        return [tuple(order[index] for index in group) for group in inseparable(tests, len(order))]
 
 
 def _alike(test: FaultTest, causes: tuple[str, ...]) -> bool:
@@ -178,6 +176,21 @@ def _alike(test: FaultTest, causes: tuple[str, ...]) -> bool:
     return len(rows) < 2
 
 
-def certainly_apart(test: FaultTest, one: str, other: str) -> bool:
-    """Whether every outcome of a test rules out at least one of two causes."""
-    return all(test.likelihood(o, one) == 0.0 or test.likelihood(o, other) == 0.0 for o in test.outcomes)
+def inseparable(tests: Iterable[Sequence[Sequence[float]]], count: int) -> list[tuple[int, ...]]:
+    """The classes of more than one of `count` causes, by their numbers, that no test surely separates.
+
+    Of each test the probabilities of its outcomes are given (outcomes, causes). It surely separates two causes if each
+    outcome rules out at least one of them. Causes that are not separated from the same one are in one class.
+    """
+    alike = [(1 << count) - 1] * count  # for each cause, the set of those that nothing separates from it
+    for rows in tests:
+        possible = [sum(1 << cause for cause, chance in enumerate(row) if chance > 0.0) for row in rows]
+        for cause in range(count):
+            shared = 0
+            for causes in possible:
+                shared |= causes if causes >> cause & 1 else 0
+            alike[cause] &= shared | 1 << cause
+    graph = {
+        cause: [other for other in range(count) if near >> other & 1] for cause, near in enumerate(alike)
+    }
+    return sorted(tuple(sorted(group)) for group in components(graph) if len(group) > 1)

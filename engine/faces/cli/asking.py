@@ -3,15 +3,14 @@
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from engine.faces.cli.interruption import Interruption
     from engine.model.troubleshooting import Action, Advice
     from engine.pipelines.troubleshooting import Desk
     from engine.stages.diagnosis.session import Answerer
 
 
-def asking(found: "Desk") -> "Answerer":
-    """A function that asks the person at the terminal. An empty line or the end of the input ends the case."""
-    import sys
-
+def asking(found: "Desk", interrupted: "Interruption") -> "Answerer":
+    """A function that asks the person at the terminal. An empty line, Ctrl-C or the end of the input ends the case."""
     from rich.console import Console
 
     from engine.formats.report import diagnosis as report
@@ -32,12 +31,23 @@ def asking(found: "Desk") -> "Answerer":
         choices = ", ".join(f"{n} {outcome}" for n, outcome in enumerate(action.outcomes, 1))
         while True:
             console.print(f"{action.name}: {says}\n  {choices}: ", end="", markup=False, highlight=False)
-            said = sys.stdin.readline()
-            if not said.strip():
+            said = _line(interrupted)
+            if not said:
                 return None
-            if said.strip() in action.outcomes:
-                return said.strip()
-            if said.strip().isdigit() and 1 <= int(said) <= len(action.outcomes):
+            if said in action.outcomes:
+                return said
+            if said.isdigit() and 1 <= int(said) <= len(action.outcomes):
                 return action.outcomes[int(said) - 1]
 
     return ask
+
+
+def _line(interrupted: "Interruption") -> str:
+    """What is typed in a line, without spaces around it; nothing at Ctrl-C and at the end of the input."""
+    import sys
+
+    try:
+        with interrupted.while_waiting():
+            return sys.stdin.readline().strip()
+    except KeyboardInterrupt:
+        return ""

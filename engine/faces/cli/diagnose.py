@@ -1,6 +1,6 @@
 """`cellwright diagnose`: find the cause of an exception with the cheapest tests."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -8,10 +8,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from engine.faces.cli.answers import Answer, Form, give
-from engine.faces.cli.exits import GAVE_UP
-from engine.faces.cli.options import Expansions, Seed, Target, TimeLimit, number, refuse_idle
+from engine.faces.cli.exits import GAVE_UP, INTERRUPTED
+from engine.faces.cli.options import Seed, Target, TimeLimit, number, refuse_idle
 
 if TYPE_CHECKING:
+    from engine.faces.cli.interruption import Interruption
     from engine.model.cases import Diagnosis
     from engine.model.troubleshooting import Advice
     from engine.pipelines.troubleshooting import Desk
@@ -73,6 +74,14 @@ Age = Annotated[
 ]
 Reset = Annotated[bool, typer.Option("--reset", help="forget the closed cases of this domain")]
 Counts = Annotated[Path | None, typer.Option("--import", help="JSON to add: {exception: {cause: count}}")]
+Work = Annotated[
+    int | None,
+    typer.Option(
+        "--expansions",
+        min=0,
+        help="states that the exact search may expand; if not given, about a second's work",
+    ),
+]
 Shown = Annotated[DiagnosisForm, typer.Option("--format", help="how the answer is written")]
 
 
@@ -96,7 +105,7 @@ def diagnose(
     reset: Reset = False,
     counts: Counts = None,
     format: Shown = DiagnosisForm.TEXT,
-    expansions: Expansions = 200_000,
+    expansions: Work = None,
     time_limit: TimeLimit = None,
     seed: Seed = 0,
 ) -> None:
@@ -127,7 +136,7 @@ class Asked:
     done: str
     seen: tuple[str, str]
     store: str
-    expansions: int
+    expansions: int | None
     seconds: float | None
 
 
@@ -193,11 +202,16 @@ def _diagnosed(asked: Asked, manner: Manner) -> Answer:
             failed,
             Seen(*asked.seen),
         )
-        if manner.tree:
-            return _tree(found, manner.picture)
-        if manner.explain:
-            return _explained(found.session)
-        return _case(found, _answerer(found, manner), manner.recover, store)
+        answer = _answered(found, manner, interrupted, store)
+    return replace(answer, code=INTERRUPTED) if interrupted.heard else answer
+
+
+def _answered(found: "Desk", manner: Manner, interrupted: "Interruption", store: str) -> Answer:
+    if manner.tree:
+        return _tree(found, manner.picture)
+    if manner.explain:
+        return _explained(found.session)
+    return _case(found, _answerer(found, manner, interrupted), manner.recover, store)
 
 
 def _tree(found: "Desk", picture: bool) -> Answer:
@@ -240,7 +254,7 @@ def _compared(session: "Session", advice: "Advice") -> tuple[tuple[int, float, b
     return session.selector.compare(session.standing, (*chosen, *(a for a, _ in advice.runners_up)))
 
 
-def _answerer(found: "Desk", manner: Manner) -> "Answerer":
+def _answerer(found: "Desk", manner: Manner, interrupted: "Interruption") -> "Answerer":
     from engine.pipelines.troubleshooting.given import hidden_hypothesis, scripted
     from engine.stages.diagnosis.world import HiddenWorld
 
@@ -254,7 +268,7 @@ def _answerer(found: "Desk", manner: Manner) -> "Answerer":
         return lambda action, _advice: world.respond(action)
     from engine.faces.cli.asking import asking
 
-    return asking(found)
+    return asking(found, interrupted)
 
 
 def _case(found: "Desk", answer: "Answerer", recover: bool, store: str) -> Answer:

@@ -3,8 +3,8 @@
 import signal
 import sys
 import time
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from types import FrameType, TracebackType
 from typing import TYPE_CHECKING, Any
 
@@ -23,7 +23,7 @@ class Interruption:
     def __init__(self, seconds: float | None = None) -> None:
         self.started = time.monotonic()
         self.deadline = self.started + seconds if seconds is not None else None
-        self.heard = False
+        self.heard = self.waiting = False
         self._before: dict[signal.Signals, Callable[[int, FrameType | None], Any] | int | None] = {}
         self._progress = _ProgressLine() if sys.stderr.isatty() else None
 
@@ -51,8 +51,20 @@ class Interruption:
         seconds = time.monotonic() - self.started
         _say(f"{len(plan.steps)} steps, cost {plan.cost}, after {seconds:.1f} s\n")
 
+    @contextmanager
+    def while_waiting(self) -> Iterator[None]:
+        """A context that waits for a person instead of searching: Ctrl-C ends it at once with `KeyboardInterrupt`."""
+        self.waiting = True
+        try:
+            yield
+        except KeyboardInterrupt:
+            self.heard = True
+            raise
+        finally:
+            self.waiting = False
+
     def _hear(self, _signal: int, _frame: FrameType | None) -> None:
-        if self.heard:
+        if self.heard or self.waiting:
             raise KeyboardInterrupt
         self.heard = True
 

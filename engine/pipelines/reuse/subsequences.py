@@ -11,6 +11,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
+from engine.kernels.cancellation import Interrupted
 from engine.model.outcome import Statistics
 from engine.model.task import Task
 from engine.pipelines.reuse.composition import PlanPart
@@ -30,7 +31,6 @@ from engine.stages.macros.lifted.situation import Situation
 from engine.stages.macros.lookup.specialise import specialised
 from engine.stages.planning import Macros
 from engine.stages.planning.composites import Pattern
-from engine.stages.planning.effort import Interrupted
 from engine.stages.planning.utility import TOGETHER, Trial, measured
 from kb.model.conditions import And, Literal
 from kb.model.domain import Domain

@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from engine.kernels.cancellation import Interrupted, never
 from engine.model.cases import Diagnosis, Revision
 from engine.pipelines.barring import barred
 from engine.pipelines.revision.remaining import remaining
@@ -15,14 +16,13 @@ from engine.pipelines.simulation import Dynamics, FaultyCell
 from engine.pipelines.troubleshooting.beliefs import Beliefs
 from engine.pipelines.troubleshooting.findings import Findings, first_repair
 from engine.pipelines.troubleshooting.given import Failed, Moment, Seen, moment_of, read_step
-from engine.pipelines.troubleshooting.preparations import Preparations, after
+from engine.pipelines.troubleshooting.preparations import WORK, Preparations, after
 from engine.pipelines.troubleshooting.recovery import Recovery, recover, told
-from engine.stages.diagnosis.exact import Interrupted, never
 from engine.stages.diagnosis.knowledge import Objective, no_setup
 from engine.stages.diagnosis.revision import Binding, binding_of, certainties, presupposed, revision
-from engine.stages.diagnosis.selection import EXPANSIONS
 from engine.stages.diagnosis.session import Session
 from engine.stages.planning import Limits
+from kb.check.faults import too_many
 from kb.diagnostics import Diagnostic, InvalidInput, Source, unknown_name
 from kb.loader import find, load
 from kb.loader.faults import load_faults
@@ -75,6 +75,7 @@ class Desk:
         if self.moment is None or self.beliefs is None:
             hint = "give a problem as the target: its goals are planned for"
             raise InvalidInput([Diagnostic(Source("--recover"), "K404", "a domain has no goals", hint)])
+        limits = replace(limits, interrupted=self.session.interrupted)
         repaired = first_repair(self.beliefs, self.session, made)
         first, beliefs, ended = repaired or (None, self.beliefs, made)
         change, now = self._revised(beliefs, ended), Findings(beliefs, ended).believed
@@ -114,7 +115,7 @@ def desk(
     step: str = "",
     objective: str = "isolate",
     store: str = "",
-    expansions: int = EXPANSIONS,
+    expansions: int | None = None,
     interrupted: Interrupted = never,
     failed: Failed | None = None,
     seen: Seen = Seen(),
@@ -127,6 +128,8 @@ def desk(
     model, _ = load_faults(Path(loaded.domain.path))
     if exception not in model.exceptions:
         raise InvalidInput([unknown_name("exception", exception, model.exceptions, Source("--exception"))])
+    if wrong := list(too_many(model.exceptions[exception])):
+        raise InvalidInput(wrong)
     taken = read_step(step, loaded, model.exceptions[exception])
     moment = moment_of(loaded, taken, failed, seen)
     counted = model.exceptions[exception].counts
@@ -146,7 +149,7 @@ class Opened:
     step: Function | None = None
     objective: Objective = Objective.ISOLATE
     counts: Mapping[str, float] | None = None
-    expansions: int = EXPANSIONS
+    expansions: int | None = None
     interrupted: Interrupted = never
     setup: bool = True  # tests are chosen by what it costs to prepare them, too
 
@@ -172,7 +175,9 @@ def _beliefs(moment: Moment, case: Opened, binding: Binding) -> Beliefs:
     """The beliefs at the beginning. No preparation takes the step that has just failed."""
     cell = FaultyCell(Dynamics(moment.problem), case.model, case.exception, binding, case.step, moment.done)
     others = barred(moment.rest, blocked=[case.step] if case.step else [])
-    return Beliefs(cell, moment.before, Preparations(others, binding))
+    return Beliefs(
+        cell, moment.before, Preparations(others, binding, replace(WORK, interrupted=case.interrupted))
+    )
 
 
 def fault_model(target: str) -> FaultModel:

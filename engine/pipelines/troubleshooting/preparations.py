@@ -94,7 +94,9 @@ class Preparations:
 
     def _cost(self, state: State, goal: Condition) -> float:
         made = self.plan_from(state, goal)
-        return math.inf if made is None else float(sum(step.duration for step in made.steps))
+        if made is None:
+            return FAR if self.limits.interrupted() else math.inf
+        return float(sum(step.duration for step in made.steps))
 
     def _after(self, state: State, goal: Condition) -> State | None:
         made = self.plan_from(state, goal)

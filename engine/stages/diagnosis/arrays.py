@@ -2,10 +2,11 @@
 
 import numpy as np
 
-from engine.kernels.arrays import Floats, Longs, Truths
+from engine.kernels.arrays import Floats, Longs, Truths, Words
 from engine.model.troubleshooting import Action, Setup, Troubleshooting, field_bits, situation_bits
 from engine.stages.diagnosis.kernels.belief import Beliefs
 from engine.stages.diagnosis.kernels.partition import Partition
+from engine.stages.diagnosis.kernels.rollout import Groups
 
 
 def beliefs(problem: Troubleshooting) -> Beliefs:
@@ -17,69 +18,94 @@ def beliefs(problem: Troubleshooting) -> Beliefs:
     for index, action in enumerate(actions):
         likelihoods[index, : len(action.outcomes)] = action.likelihoods
         ends[index, list(action.ends)] = True
-    masks = (likelihoods > 0.0) @ (1 << np.arange(causes, dtype=np.int64))
     repairs: Truths = np.logical_or.reduce(ends, axis=1)
     costs, following = _setup(actions, problem.setup)
-    losses = np.array([each.losses for each in problem.conclusions], np.float64).reshape(-1, causes)
+    losses = _losses(problem)
     widths = np.array([field_bits(action) for action in actions], dtype=np.int64)
     base = situation_bits(problem.setup)
-    shifts = base + np.concatenate([np.zeros(1, dtype=np.int64), np.cumsum(widths)[:-1]])[: len(actions)]
     known = _known(losses, likelihoods, ends, costs.min(axis=0))
     return Beliefs(
         likelihoods,
-        masks,
         ends,
         repairs,
+        _shown(likelihoods, widths),
         costs,
         following,
         losses,
         known,
-        shifts.astype(np.int64),
+        _shifts(widths, base),
         widths,
         base,
     )
 
 
-def partition(problem: Troubleshooting) -> Partition | None:
+def _losses(problem: Troubleshooting) -> Floats:
+    return np.array([each.losses for each in problem.conclusions], np.float64).reshape(
+        -1, len(problem.causes)
+    )
+
+
+def _shown(likelihoods: Floats, widths: Longs) -> Longs:
+    """For each action and cause (A, C) the outcome; -1 for every cause if the outcomes are uncertain."""
+    shown: Longs = likelihoods.argmax(axis=1).astype(np.int64)
+    shown[widths > 0] = -1
+    return shown
+
+
+def _shifts(widths: Longs, first: int) -> Longs:
+    """Where the outcomes of the actions stand in a key. None goes beyond the end of a word."""
+    shifts, at = np.zeros(len(widths), np.int64), first
+    for action, width in enumerate(widths.tolist()):
+        if at % 64 + width > 64:
+            at += 64 - at % 64
+        shifts[action] = at
+        at += width
+    return shifts
+
+
+def rest_after(problem: Beliefs, action: int, outcome: int, rest: int) -> int:
+    """The rest of the key after an outcome of an action."""
+    situation = situation_of(problem, rest)
+    after = rest ^ situation ^ int(problem.following[situation, action])
+    return after | (outcome + 1) << int(problem.shifts[action]) if problem.widths[action] else after
+
+
+def situation_of(problem: Beliefs, rest: int) -> int:
+    """The situation in the rest of a key."""
+    return rest & ((1 << problem.situations) - 1)
+
+
+def partition(problem: Troubleshooting, arrays: Beliefs) -> Partition | None:
     """The problem for the search over sets of causes; None if outcomes are uncertain or conclusions have
     losses.
     """
-    arrays = beliefs(problem)
-    if (
-        not all(action.certain for action in problem.actions)
-        or not np.isin(arrays.losses, (0.0, np.inf)).all()
-    ):
+    if arrays.widths.any() or not np.isin(arrays.losses, (0.0, np.inf)).all():
         return None
-    goals = _goals(problem, arrays.losses)
-    together = [int(goal) for goal in goals] + [int(mask) for mask in arrays.masks[arrays.ends]]
+    goals = arrays.losses == 0.0
+    together = np.concatenate([goals, arrays.likelihoods[arrays.ends] > 0.0])
+    exempt = np.array(_merged(together), dtype=np.bool_).reshape(-1, len(problem.causes))
     return Partition(
         _masses(problem.priors),
-        arrays.masks,
+        _words(arrays.likelihoods > 0.0),
         arrays.ends,
         arrays.costs,
         arrays.following,
         arrays.costs.min(axis=0),
-        goals,
-        np.array(_merged(together), dtype=np.int64),
+        _words(goals),
+        _words(exempt),
         arrays.known,
     )
 
 
-def groups(problem: Troubleshooting) -> Longs:
-    """For each cause (C,) the number of its group. Causes that may be concluded together are in one group."""
+def groups(problem: Troubleshooting, arrays: Beliefs) -> Groups:
+    """The groups of causes that may be concluded together, and what the policies of a rollout cost at most."""
     found = np.arange(len(problem.causes), dtype=np.int64)
-    losses = np.array([each.losses for each in problem.conclusions], np.float64).reshape(-1, len(found))
-    for group in _merged([int(goal) for goal in _goals(problem, losses)]):
-        members = (group >> np.arange(len(found), dtype=np.int64)) & 1 == 1
-        found[members] = found[members].min()
-    return found
-
-
-def _goals(problem: Troubleshooting, losses: Floats) -> Longs:
-    """For each conclusion whose losses are all 0 or infinite, the set of causes under which it loses nothing."""
-    barred = np.isin(losses, (0.0, np.inf)).all(axis=1) if len(losses) else np.zeros(0, dtype=np.bool_)
-    powers = 1 << np.arange(len(problem.causes), dtype=np.int64)
-    return np.asarray((losses[barred] == 0.0) @ powers, dtype=np.int64)
+    losses = arrays.losses
+    barred = np.isin(losses, (0.0, np.inf)).all(axis=1)
+    for group in _merged(losses[barred] == 0.0):
+        found[group] = found[group].min()
+    worst = float(losses[np.isfinite(losses)].max(initial=0.0))
+    return Groups(arrays, found, arrays.costs.max(axis=0), worst)
 
 
 def priors(problem: Troubleshooting) -> Floats:
@@ -111,23 +137,32 @@ def _known(losses: Floats, likelihoods: Floats, ends: Truths, costs: Floats) -> 
     return least
 
 
+def _words(sets: Truths) -> Words:
+    """The sets (..., C) in words of 64 bits (..., W)."""
+    count = (sets.shape[-1] + 63) // 64
+    padded = np.zeros((*sets.shape[:-1], 64 * count), dtype=np.bool_)
+    padded[..., : sets.shape[-1]] = sets
+    packed = np.packbits(padded, axis=-1, bitorder="little")
+    return np.ascontiguousarray(packed).view("<u8").astype(np.uint64).reshape(*sets.shape[:-1], count)
+
+
 def _masses(weights: tuple[float, ...]) -> Floats:
-    """The probability of each set of causes within each byte of the word (8, 256)."""
-    padded = np.zeros(64)
+    """The probability of each set of causes within each byte of the words (8 W, 256)."""
+    padded = np.zeros((len(weights) + 63) // 64 * 64)
     padded[: len(weights)] = weights
     bits = (np.arange(256)[:, None] >> np.arange(8)) & 1
-    return np.ascontiguousarray((bits @ padded.reshape(8, 8).T).T)
+    return np.ascontiguousarray((bits @ padded.reshape(-1, 8).T).T)
 
 
-def _merged(sets: list[int]) -> list[int]:
-    """The sets, with those that overlap united, so that the result is disjoint.
+def _merged(sets: Truths) -> list[Truths]:
+    """The sets (n, C), with those that overlap united, so that the result is disjoint.
 
     Sets of one cause are dropped.
     """
-    merged: list[int] = []
-    for each in sets:
-        apart = [other for other in merged if not other & each]
+    merged: list[Truths] = []
+    for each in sets[sets.sum(axis=1) > 1]:
+        apart = [other for other in merged if not (other & each).any()]
         for other in merged:
-            each |= other if other & each else 0
+            each = each | other if (other & each).any() else each
         merged = [*apart, each]
-    return sorted(each for each in merged if each & (each - 1))
+    return merged

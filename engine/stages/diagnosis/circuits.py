@@ -1,7 +1,6 @@
 """Minimum-cardinality diagnosis of circuits: the fewest gates whose inversion explains the outputs.
 
-The inputs are known, so every wire has a nominal value. The only question is which wires differ from it.
-Faults are searched only in top-level gates. No other gate dominates these, that is, lies on all their ways to
+clingo finds the value of every wire and the fewest inversions that give the outputs seen. Faults are searched only in top-level gates. No other gate dominates these, that is, lies on all their ways to
 the outputs. This is enough, because a faulty gate can be replaced by its dominator without more faults
 (Siddiqi & Huang 2007; Metodi, Stern, Kalech & Codish 2014).
 """
@@ -9,8 +8,23 @@ the outputs. This is enough, because a faulty gate can be replaced by its domina
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
-from engine.model.circuit import AND, XOR, Circuit, Gate
+from engine.model.circuit import XOR, Circuit
 from kb.asp.optimum import best_models
+
+_RULES = """
+{ f(G) : top(G) }.
+raw(G) :- g(G, and, _), v(I) : in(G, I).
+raw(G) :- g(G, or, _), in(G, I), v(I).
+odd(G, K) :- in(G, K, I), v(I), not odd(G, K-1).
+odd(G, K) :- in(G, K, I), not v(I), odd(G, K-1).
+raw(G) :- last(G, K), odd(G, K).
+out(G) :- g(G, _, 0), raw(G).
+out(G) :- g(G, _, 1), not raw(G).
+v(G) :- out(G), not f(G).
+v(G) :- f(G), not out(G).
+faulty(g(G)) :- f(G).
+:~ f(G). [1, G]
+"""  # f(G): gate G is faulty. v(W): wire W is 1. raw(G): the function of G gives 1, before it is inverted (out)
 
 OPTIONS = ("--opt-strategy=usc,oll,disjoint", "--configuration=jumpy", "--sat-prepro=2")
 
@@ -28,9 +42,9 @@ def diagnose(
 ) -> CircuitDiagnosis | None:
     """The smallest explanation of outputs `seen` for inputs `given`; None if no set of gates explains them."""
     candidates = top_level(circuit)
-    program = "\n".join(_program(circuit, given, seen, candidates))
-    for _, atoms in best_models(program, "faulty", 1, OPTIONS):
-        order = list(circuit.gates)
+    text = program(circuit, given, seen, candidates)
+    for _, atoms in best_models(text, "faulty", 1, OPTIONS):
+        order = [*circuit.inputs, *circuit.gates]
         return CircuitDiagnosis(tuple(order[int(str(atom.arguments[0]))] for atom in atoms), len(candidates))
     return None
 
@@ -74,54 +88,27 @@ def _common(
     return found
 
 
-def _program(
+def program(
+    circuit: Circuit, given: Mapping[str, bool], seen: Mapping[str, bool], candidates: frozenset[str]
+) -> str:
+    """The program whose best models are the smallest sets of faulty gates among the candidates."""
+    return "\n".join([*_facts(circuit, given, seen, candidates), _RULES])
+
+
+def _facts(
     circuit: Circuit, given: Mapping[str, bool], seen: Mapping[str, bool], candidates: frozenset[str]
 ) -> Iterator[str]:
-    """d(i): wire i differs from its nominal value. c(i): the inputs of its gate make it differ."""
-    nominal = circuit.values(given)
-    number = {name: place for place, name in enumerate(circuit.gates)}
-    moving: set[str] = set()  # wires that some fault can make differ
+    number = {name: place for place, name in enumerate([*circuit.inputs, *circuit.gates])}
+    yield from (f"v({number[wire]})." for wire, value in given.items() if value and wire in number)
     for name, gate in circuit.gates.items():
-        inputs = [wire for wire in dict.fromkeys(gate.inputs) if wire in moving]
-        rules = list(_rules(gate, nominal, moving, number)) if inputs else []
-        head = "c" if name in candidates else "d"
-        yield from (f"{head}({number[name]}) :- {body}." for body in rules)
+        i = number[name]
+        yield f"g({i}, {gate.function}, {int(gate.inverted)})."
         if name in candidates:
-            i = number[name]
-            yield f"{{f({i})}}. d({i}) :- f({i}), not c({i}). d({i}) :- c({i}), not f({i}). :~ f({i}). [1, {i}]"
-            yield f"faulty(g({i})) :- f({i})."
-        if name in candidates or rules:
-            moving.add(name)
+            yield f"top({i})."
+        if gate.function == XOR:
+            yield f"last({i}, {len(gate.inputs)})."
+            yield from (f"in({i}, {place}, {number[wire]})." for place, wire in enumerate(gate.inputs, 1))
+        else:
+            yield from (f"in({i}, {number[wire]})." for wire in dict.fromkeys(gate.inputs))
     for output in dict.fromkeys(circuit.outputs):
-        differs = nominal[output] != seen[output]
-        if output in moving:
-            yield f":- {'not ' if differs else ''}d({number[output]})."
-        elif differs:
-            yield ":- not d(none)."  # the output is also an input, so no gate explains it
-
-
-def _rules(
-    gate: Gate, nominal: Mapping[str, bool], moving: set[str], number: Mapping[str, int]
-) -> Iterator[str]:
-    """Rule bodies: if one holds, the output of a gate differs because of its inputs."""
-    if gate.function == XOR:
-        yield from _odd(gate, moving, number)
-        return
-    strong = gate.function != AND  # one input with this value decides the output: 0 for `and`, 1 for `or`
-    deciding = [wire for wire in dict.fromkeys(gate.inputs) if nominal[wire] == strong]
-    others = [wire for wire in dict.fromkeys(gate.inputs) if nominal[wire] != strong and wire in moving]
-    if not deciding:
-        yield from (f"d({number[wire]})" for wire in others)
-    elif all(wire in moving for wire in deciding):
-        literals = [f"d({number[wire]})" for wire in deciding] + [f"not d({number[wire]})" for wire in others]
-        yield ", ".join(literals)
-
-
-def _odd(gate: Gate, moving: set[str], number: Mapping[str, int]) -> Iterator[str]:
-    """Rule bodies that say that an odd number of inputs differ."""
-    wires = [number[wire] for wire in gate.inputs if wire in moving]
-    for chosen in range(1 << len(wires)):
-        if bin(chosen).count("1") % 2:
-            yield ", ".join(
-                f"d({wire})" if chosen >> place & 1 else f"not d({wire})" for place, wire in enumerate(wires)
-            )
+        yield f":- {'not ' if seen[output] else ''}v({number[output]})."

@@ -5,13 +5,13 @@ Values are weighted with the probability of what was seen so far.
 """
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Protocol
 
 import numpy as np
 
 from engine.kernels.arrays import Floats
+from engine.kernels.cancellation import Poll
 from engine.model.troubleshooting import Troubleshooting
 from engine.stages.diagnosis import arrays
 from engine.stages.diagnosis.kernels import belief, dense, partition
@@ -22,15 +22,6 @@ from engine.stages.diagnosis.kernels.partition import Partition, Room
 FIRST_LENGTH = 1 << 14
 CHEAPER = 8  # a state of the table costs about an eighth of an expansion
 MOST_STATES = 8_000_000
-
-
-SLICE = 20_000  # expansions between two checks whether to stop
-Interrupted = Callable[[], bool]
-
-
-def never() -> bool:
-    """Never interrupt."""
-    return False
 
 
 class Searcher(Protocol):
@@ -63,12 +54,12 @@ def begun(
     The result has the form of `Searcher.value`.
     """
     problem = search.beliefs
-    total = float(problem.costs[belief.situation_of(problem, rest), action] * weights.sum())
-    for outcome in range(problem.masks.shape[1]):
+    total = float(problem.costs[arrays.situation_of(problem, rest), action] * weights.sum())
+    for outcome in range(problem.outcomes):
         after = weights * problem.likelihoods[action, outcome]
         if problem.ends[action, outcome] or not after.any():
             continue
-        then = belief.rest_after(problem, action, outcome, rest)
+        then = arrays.rest_after(problem, action, outcome, rest)
         found, proved = search.value(after, then, limit - total, expansions)
         total += found
         if not proved:
@@ -82,30 +73,35 @@ class BranchAndBound:
 
     beliefs: Beliefs
     partition: Partition | None
-    interrupted: Interrupted = never
-    table: Memo = field(default_factory=lambda: Memo(FIRST_LENGTH, 0))
+    poll: Poll = field(default_factory=Poll)
+    length: int = FIRST_LENGTH
+    table: Memo = field(init=False)
+
+    def __post_init__(self) -> None:
+        width = self.beliefs.words if self.partition is None else self.partition.sets + 1
+        self.table = Memo(self.length, 0, width)
 
     def value(self, weights: Floats, rest: int, limit: float, expansions: int) -> tuple[float, bool]:
         """See `Searcher.value`."""
         last = self.spent + expansions
         while True:
-            self.table.resume(min(last, self.spent + SLICE))
+            self.table.resume(last)
             found = self._solve(weights, rest, limit)
-            if self.table.full:
-                self.table = self.table.grown()
-            elif not self.table.spent:
+            if (
+                not self.table.full and not self.table.spent
+            ):  # also if it was known when the search was stopped
                 return found, found < limit
-            elif self.spent >= last or self.interrupted():
+            if self.poll.check() or self.table.spent:
                 return found, False
+            self.table = self.table.grown()
 
     def estimate(self, action: int, weights: Floats, rest: int) -> float:
         """See `Searcher.estimate`."""
-        trail = Trail(self.beliefs, weights)
-        causes = trail.possible(0)
         if self.partition is None:
-            return belief.estimate(self.beliefs, self.table, trail, 0, action, causes, rest)
-        room = Room(self.partition)
-        return partition.estimate(self.partition, self.table, room, action, causes, rest)
+            trail = Trail(self.beliefs, weights, rest)
+            return belief.estimate(self.beliefs, self.table, trail, 0, action)
+        room = Room(self.partition, possible(weights), rest)
+        return partition.estimate(self.partition, self.table, room, 0, action)
 
     @property
     def spent(self) -> int:
@@ -113,11 +109,16 @@ class BranchAndBound:
         return self.table.expansions
 
     def _solve(self, weights: Floats, rest: int, limit: float) -> float:
-        trail = Trail(self.beliefs, weights)
         if self.partition is None:
-            return belief.solve(self.beliefs, self.table, trail, 0, rest, limit)
-        room = Room(self.partition)
-        return partition.solve(self.partition, self.table, room, 0, trail.possible(0), rest, limit)
+            trail = Trail(self.beliefs, weights, rest, self.poll)
+            return belief.solve(self.beliefs, self.table, trail, 0, limit)
+        room = Room(self.partition, possible(weights), rest, self.poll)
+        return partition.solve(self.partition, self.table, room, 0, limit)
+
+
+def possible(weights: Floats) -> int:
+    """The causes of positive weight as a set: bit c stands for cause c."""
+    return int.from_bytes(np.packbits(weights > 0.0, bitorder="little").tobytes(), "little")
 
 
 @dataclass
@@ -126,6 +127,7 @@ class ValueTable:
 
     beliefs: Beliefs
     problem: Troubleshooting
+    poll: Poll = field(default_factory=Poll)
     values: Floats | None = None
 
     @property
@@ -143,8 +145,11 @@ class ValueTable:
         del expansions
         if self.values is None:
             radix = np.array(self.radix, dtype=np.int64)
-            self.values = dense.values(self.beliefs, arrays.priors(self.problem), radix)
-        situation = belief.situation_of(self.beliefs, rest)
+            made = dense.values(self.beliefs, arrays.priors(self.problem), radix, self.poll)
+            if self.poll.check():
+                return float(np.where(weights > 0.0, self.beliefs.known, 0.0) @ weights), False
+            self.values = made
+        situation = arrays.situation_of(self.beliefs, rest)
         found = float(self.values[situation, self._number(weights, rest)])
         return found, found < limit
 
@@ -171,11 +176,11 @@ class ValueTable:
         return int(np.argmax(sure)) + 1 if sure.any() else 0
 
 
-def searcher(problem: Troubleshooting, expansions: int, interrupted: Interrupted = never) -> Searcher:
+def searcher(problem: Troubleshooting, beliefs: Beliefs, expansions: int, poll: Poll) -> Searcher:
     """The search that suits a problem. It knows no values yet."""
-    beliefs, sets = arrays.beliefs(problem), arrays.partition(problem)
+    sets = arrays.partition(problem, beliefs)
     states = math.prod(len(action.outcomes) + 1 for action in problem.actions) * len(beliefs.costs)
     open_ended = 2 * sum(not action.certain for action in problem.actions) >= len(problem.actions)
     if sets is None and open_ended and states <= min(MOST_STATES, CHEAPER * expansions):
-        return ValueTable(beliefs, problem)
-    return BranchAndBound(beliefs, sets, interrupted)
+        return ValueTable(beliefs, problem, poll)
+    return BranchAndBound(beliefs, sets, poll)

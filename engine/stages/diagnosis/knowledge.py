@@ -1,13 +1,12 @@
 """Fault knowledge as troubleshooting problems: which tests and repairs matter for which hypotheses."""
 
-import itertools
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from enum import StrEnum
 
 from engine.model.cases import Case, Hypothesis
 from engine.model.troubleshooting import Action, Conclusion, Setup, Troubleshooting
-from kb.model.faults import FaultModel, FaultTest, Repair
+from kb.model.faults import FaultModel, FaultTest, Repair, inseparable
 from kb.terms import Atom
 
 CURED, NOT_CURED = "cured", "not cured"
@@ -56,17 +55,23 @@ def case_of(
     """The problem of telling hypotheses apart. It leaves out tests and repairs that were `done`."""
     past = set(done)
     tests = [test for test in model.tests.values() if test.name not in past]
-    chosen: list[FaultTest | Repair] = [t for t in tests if _tells(t, hypotheses)]
+    rows = {test.name: _rows(test, hypotheses) for test in tests}
+    chosen: list[FaultTest | Repair] = [t for t in tests if len(set(zip(*rows[t.name], strict=True))) > 1]
     if objective is Objective.REPAIR:
         chosen += [r for r in model.repairs.values() if r.name not in past and _serves(r, hypotheses)]
     prepared = setup([each.preconditions for each in chosen])
     if prepared is not None and not all(map(math.isfinite, prepared.costs[0])):
         chosen = [each for each, cost in zip(chosen, prepared.costs[0], strict=True) if math.isfinite(cost)]
         prepared = setup([each.preconditions for each in chosen])
-    actions = tuple(_action(each, hypotheses) for each in chosen)
+    actions = tuple(
+        _repair(each, hypotheses)
+        if isinstance(each, Repair)
+        else Action(each.name, float(each.cost), each.outcomes, rows[each.name])
+        for each in chosen
+    )
     conclusions: tuple[Conclusion, ...] = (Conclusion(STOP, (float(model.stop),) * len(hypotheses)),)
     if objective is Objective.ISOLATE:
-        conclusions = _conclusions(hypotheses, [each for each in chosen if isinstance(each, FaultTest)])
+        conclusions = _conclusions(hypotheses, actions)
     total = math.fsum(weights)
     problem = Troubleshooting(
         tuple(map(str, hypotheses)),
@@ -87,6 +92,8 @@ def likelihood(test: FaultTest, outcome: str, hypothesis: Hypothesis) -> float:
     """
     if test.name in hypothesis.lies:
         return 1.0 / len(test.outcomes)
+    if len(hypothesis.causes) == 1:
+        return test.likelihood(outcome, hypothesis.causes[0])
     normal = math.prod(test.likelihood(test.otherwise, cause) for cause in hypothesis.causes)
     if outcome == test.otherwise:
         return normal
@@ -110,43 +117,32 @@ def cure_chance(repair: Repair, hypothesis: Hypothesis) -> float:
     return math.prod(repair.cures.get(cause, 0.0) for cause in hypothesis.causes)
 
 
-def _action(each: FaultTest | Repair, hypotheses: Sequence[Hypothesis]) -> Action:
-    if isinstance(each, Repair):
-        cured = tuple(cure_chance(each, hypothesis) for hypothesis in hypotheses)
-        chances = (cured, tuple(1.0 - chance for chance in cured))
-        return Action(each.name, float(each.cost), (CURED, NOT_CURED), chances, frozenset({0}))
-    rows = tuple(tuple(likelihood(each, outcome, h) for h in hypotheses) for outcome in each.outcomes)
-    return Action(each.name, float(each.cost), each.outcomes, rows)
+def _rows(test: FaultTest, hypotheses: Sequence[Hypothesis]) -> tuple[tuple[float, ...], ...]:
+    """The probabilities of the outcomes of a test (outcomes, hypotheses)."""
+    return tuple(tuple(likelihood(test, outcome, h) for h in hypotheses) for outcome in test.outcomes)
 
 
-def _tells(test: FaultTest, hypotheses: Sequence[Hypothesis]) -> bool:
-    return len({tuple(likelihood(test, outcome, h) for outcome in test.outcomes) for h in hypotheses}) > 1
+def _repair(repair: Repair, hypotheses: Sequence[Hypothesis]) -> Action:
+    cured = tuple(cure_chance(repair, hypothesis) for hypothesis in hypotheses)
+    chances = (cured, tuple(1.0 - chance for chance in cured))
+    return Action(repair.name, float(repair.cost), (CURED, NOT_CURED), chances, frozenset({0}))
 
 
 def _serves(repair: Repair, hypotheses: Sequence[Hypothesis]) -> bool:
     return any(cure_chance(repair, hypothesis) > 0.0 for hypothesis in hypotheses)
 
 
-def _conclusions(hypotheses: Sequence[Hypothesis], tests: Sequence[FaultTest]) -> tuple[Conclusion, ...]:
+def _conclusions(hypotheses: Sequence[Hypothesis], tests: Sequence[Action]) -> tuple[Conclusion, ...]:
     """Each hypothesis may be concluded when no other is possible.
 
     Those that no test surely separates may be concluded together.
     """
-    groups: list[set[int]] = [{index} for index in range(len(hypotheses))]
-    for one, other in itertools.combinations(range(len(hypotheses)), 2):
-        if not any(_surely_apart(test, hypotheses[one], hypotheses[other]) for test in tests):
-            joined = [group for group in groups if one in group or other in group]
-            groups = [group for group in groups if group not in joined] + [set[int]().union(*joined)]
-    alone = [{index} for index in range(len(hypotheses))]
+    count = len(hypotheses)
+    together = inseparable((test.likelihoods for test in tests), count)
     return tuple(
         Conclusion(
-            " or ".join(str(hypotheses[index]) for index in sorted(group)),
-            tuple(0.0 if index in group else math.inf for index in range(len(hypotheses))),
+            " or ".join(str(hypotheses[index]) for index in group),
+            tuple(0.0 if index in group else math.inf for index in range(count)),
         )
-        for group in [*alone, *(group for group in groups if len(group) > 1)]
+        for group in [*((index,) for index in range(count)), *together]
     )
-
-
-def _surely_apart(test: FaultTest, one: Hypothesis, other: Hypothesis) -> bool:
-    """Whether each outcome of a test rules out at least one of two hypotheses."""
-    return all(likelihood(test, o, one) == 0.0 or likelihood(test, o, other) == 0.0 for o in test.outcomes)

@@ -8,6 +8,7 @@ probabilities decide their order.
 import math
 from collections.abc import Mapping, Sequence
 
+from engine.kernels.cancellation import Interrupted, never
 from engine.model.cases import Hypothesis, Observation
 from engine.stages.diagnosis.knowledge import cure_chance, likelihood
 from kb.asp.optimum import best_models
@@ -35,16 +36,20 @@ outlasts(R) :- failed(R), active(C), survives(C, R).
 
 
 def explanations(
-    model: FaultModel, priors: Mapping[str, float], observations: Sequence[Observation], most: int = MOST
+    model: FaultModel,
+    priors: Mapping[str, float],
+    observations: Sequence[Observation],
+    most: int = MOST,
+    interrupted: Interrupted = never,
 ) -> list[tuple[Hypothesis, float]]:
     """The minimal sets of causes and wrong observations that explain what was seen.
 
-    Each has its probability; these sum to 1. The most probable set comes first.
+    If `interrupted`, there are fewer, but always the most probable one. Each has its probability; these sum to 1. The most probable set comes first.
     """
     seen = [each for each in observations if each.action in model.tests]
     failed = [model.repairs[each.action] for each in observations if each.action in model.repairs]
     program = "\n".join([_RULES, *_facts(model, priors, seen), *_failures(failed, priors)])
-    found = [_hypothesis(atoms) for _, atoms in best_models(program, "chosen", most)]
+    found = [_hypothesis(atoms) for _, atoms in best_models(program, "chosen", most, (), interrupted)]
     weights = [
         _weight(model, priors, seen, each) * math.prod(1.0 - cure_chance(repair, each) for repair in failed)
         for each in found

@@ -11,12 +11,12 @@ from typing import Protocol
 import numpy as np
 
 from engine.kernels.arrays import Floats
+from engine.kernels.cancellation import Interrupted, never
 from engine.model.cases import Case, CaseStep, Diagnosis, Hypothesis, Observation, Prepared, Question
 from engine.model.troubleshooting import Action, Advice, Standing
-from engine.stages.diagnosis.exact import Interrupted, never
 from engine.stages.diagnosis.knowledge import Objective, PlanSetup, case_of, no_setup, open_case
 from engine.stages.diagnosis.multiple import explanations
-from engine.stages.diagnosis.selection import EXPANSIONS, Selector
+from engine.stages.diagnosis.selection import Selector
 from kb.model.faults import FaultModel
 from kb.model.plan import Step
 
@@ -47,7 +47,7 @@ class Session:
     objective: Objective = Objective.ISOLATE
     counts: Mapping[str, float] | None = None
     setup: PlanSetup = no_setup
-    expansions: int = EXPANSIONS
+    expansions: int | None = None
     interrupted: Interrupted = never
     hands: Hands | None = None
     stages: list[CaseStep] = field(default_factory=list)
@@ -127,7 +127,7 @@ class Session:
         """
         observations = [stage.observed for stage in self.stages]
         priors = self.model.priors(self.exception, self.counts)
-        found = explanations(self.model, priors, observations)
+        found = explanations(self.model, priors, observations, interrupted=self.interrupted)
         self._go_on(tuple(h for h, _ in found), [weight for _, weight in found], situation)
 
     def reply(self, answer: str) -> None:

@@ -1,12 +1,10 @@
 """The work of a search, counted in nodes instead of seconds, and the answer of a search."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
+from engine.kernels.cancellation import Interrupted, never
 from engine.model.outcome import NO_OFFER, Offer
 from engine.model.task import GroundOperator
-
-Interrupted = Callable[[], bool]
 
 
 @dataclass
@@ -18,7 +16,7 @@ class Effort:
     """
 
     limit: int
-    interrupted: Interrupted = lambda: False
+    interrupted: Interrupted = never
     expanded: int = 0
     generated: int = 0
     most: int = 1 << 60

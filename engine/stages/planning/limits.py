@@ -1,9 +1,10 @@
 """Limits on the work of the planner, and functions that it calls while it works."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
-from engine.stages.planning.effort import Effort, Interrupted
+from engine.kernels.cancellation import Interrupted, never
+from engine.stages.planning.effort import Effort
 from kb.model.plan import Plan
 
 STATES = 500_000
@@ -43,7 +44,7 @@ class Limits:
     improvement: int = 1_500
     room: Room | None = ROOM
     restarts: int = RESTARTS
-    interrupted: Interrupted = field(default=lambda: False)
+    interrupted: Interrupted = never
     thorough: bool = False
     strategy: str = "auto"
     seed: int = 0

@@ -9,9 +9,10 @@ filtering by solving the training tasks: Botea et al. 2005).
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
+from engine.kernels.cancellation import Interrupted, never
 from engine.model.task import Task
 from engine.stages.planning.composites import Pattern
-from engine.stages.planning.effort import Effort, Interrupted
+from engine.stages.planning.effort import Effort
 from engine.stages.planning.portfolio import COMPOSITES, GREED, Setting
 from engine.stages.planning.regression.searches import BestFirst
 from engine.stages.planning.regression.space import Backward
@@ -42,7 +43,7 @@ class Trial:
 
 
 def measured(
-    task: Task, search: str, patterns: Sequence[Pattern], interrupted: Interrupted = lambda: False
+    task: Task, search: str, patterns: Sequence[Pattern], interrupted: Interrupted = never
 ) -> dict[Pattern, Trial]:
     """The trial of every pattern in one kind of search, `backward` or `forward`.
 

@@ -1,7 +1,8 @@
 """The limits of one call of the scheduler."""
 
-from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+
+from engine.kernels.cancellation import Interrupted, never
 
 
 @dataclass(frozen=True, slots=True)
@@ -16,4 +17,4 @@ class ScheduleLimits:
     work: float = 60.0
     seed: int = 0
     workers: int = 1
-    interrupted: Callable[[], bool] = field(default=lambda: False)
+    interrupted: Interrupted = never

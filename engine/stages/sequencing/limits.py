@@ -1,12 +1,8 @@
 """The limits of a search for a sequence. The work decides the answer; a time limit only ends the search."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
-
-def never() -> bool:
-    """Never interrupt."""
-    return False
+from engine.kernels.cancellation import Interrupted, never
 
 
 @dataclass(frozen=True, slots=True)
@@ -19,5 +15,5 @@ class Limits:
 
     work: int = 0
     seed: int = 0
-    interrupted: Callable[[], bool] = never
+    interrupted: Interrupted = never
     proof: float = 60.0

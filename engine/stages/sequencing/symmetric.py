@@ -1,14 +1,14 @@
 """Closed tours under symmetric costs: annealed exchanges, and the bound of Held and Karp."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from engine.kernels.arrays import Floats, Ints
+from engine.kernels.cancellation import Interrupted, never
 from engine.stages.sequencing.candidates import nearest, quadrant
-from engine.stages.sequencing.limits import Limits, never
+from engine.stages.sequencing.limits import Limits
 
 Matrix = Ints  # or of 64 bits, if costs are large
 Order = Ints
@@ -68,9 +68,7 @@ def default_work(n: int) -> int:
     return 20_000 + 40 * n
 
 
-def bound(
-    cost: Matrix, upper: int, steps: int = 0, interrupted: Callable[[], bool] = never
-) -> tuple[int, Floats]:
+def bound(cost: Matrix, upper: int, steps: int = 0, interrupted: Interrupted = never) -> tuple[int, Floats]:
     """A lower bound on all closed tours, and the penalties (n,) that prove it; n >= 3.
 
     If `steps` is 0, their number suits n.

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from typing import Any
 
 from engine.formats.interop.up.engine import StageFunctions, UpEngine
+from engine.kernels.cancellation import Interrupted
 from engine.model.outcome import Outcome
 from engine.pipelines import planning
 from engine.pipelines.gate import PlanGate
@@ -22,7 +23,7 @@ from kb.terms import Function
 
 def _plan(
     problem: Problem,
-    interrupted: Callable[[], bool],
+    interrupted: Interrupted,
     improved: Callable[[Plan], None],
     options: dict[str, Any],
 ) -> Outcome:
@@ -37,7 +38,7 @@ def _revise(
     former: Problem,
     plan: Plan,
     problem: Problem,
-    interrupted: Callable[[], bool],
+    interrupted: Interrupted,
     compare: bool,
     options: dict[str, Any],
 ) -> Outcome:

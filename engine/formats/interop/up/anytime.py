@@ -8,16 +8,16 @@ from threading import Event, Thread
 from unified_planning.engines import PlanGenerationResultStatus as Status
 from unified_planning.engines.results import PlanGenerationResult
 
+from engine.kernels.cancellation import Interrupted, never
 from kb.model.plan import Plan
 
-Interrupted = Callable[[], bool]
 Solve = Callable[[Interrupted, Callable[[PlanGenerationResult], None]], PlanGenerationResult]
 
 
 def until(timeout: float | None) -> Interrupted:
     """A function that returns whether `timeout` seconds have passed since this call."""
     if timeout is None:
-        return lambda: False
+        return never
     deadline = time.monotonic() + timeout
     return lambda: time.monotonic() >= deadline
 

@@ -1,5 +1,6 @@
 # The types with which Cython compiles dense.py. That file says what they mean.
 import cython
+from engine.kernels.cancellation cimport Poll
 from engine.stages.diagnosis.kernels.belief cimport Beliefs, Trail, stop
 
 @cython.final
@@ -11,6 +12,7 @@ cdef class States:
     cdef const double[::1] prior
     cdef const long long[::1] radix, place
     cdef long long[::1] digits
+    cdef double[::1] weights
     cdef double[:, ::1] values
 
     @cython.locals(problem=Beliefs, action=Py_ssize_t, cause=Py_ssize_t, digit="long long")
@@ -26,4 +28,4 @@ cdef class States:
     cdef void fill(self) noexcept
 
 @cython.locals(states=States)
-cpdef object values(Beliefs problem, object prior, object radix)
+cpdef object values(Beliefs problem, object prior, object radix, Poll poll)

@@ -9,6 +9,7 @@ action only makes the number larger, so one downward pass reaches every successo
 import numpy as np
 
 from engine.kernels.arrays import Floats, Longs, real, whole
+from engine.kernels.cancellation import Poll
 from engine.stages.diagnosis.kernels.belief import Beliefs, Trail, stop
 
 
@@ -18,7 +19,7 @@ class States:
     Digits and places (A,) are those of one state.
     """
 
-    def __init__(self, problem: Beliefs, prior: Floats, radix: Longs) -> None:
+    def __init__(self, problem: Beliefs, prior: Floats, radix: Longs, poll: Poll) -> None:
         """Raises `ValueError` unless each action has a radix from 1 to the number of outcomes plus one."""
         if radix.shape != (problem.actions,) or not ((radix >= 1) & (radix <= problem.outcomes + 1)).all():
             raise ValueError(
@@ -27,23 +28,24 @@ class States:
         places = np.cumprod(np.concatenate([np.ones(1, np.int64), radix]))
         self.problem, self.count = problem, int(radix.prod())
         self.found = np.zeros((len(problem.costs), self.count))
-        self.prior, self.trail = real(prior), Trail(problem, prior)
+        self.prior, self.trail = real(prior), Trail(problem, prior, 0, poll)
         self.radix, self.place = whole(radix), whole(places)
         self.digits = whole(np.zeros(problem.actions, np.int64))
-        self.values = real(self.found)
+        self.values, self.weights = real(self.found), real(np.zeros(problem.causes))
 
     def _enter(self, number: int) -> None:
         """Set digits and weights to those of a state."""
         problem = self.problem
         for cause in range(problem.causes):
-            self.trail.weights[0, cause] = self.prior[cause]
+            self.weights[cause] = self.prior[cause]
         for action in range(problem.actions):
             digit = number % self.radix[action]
             number = number // self.radix[action]
             self.digits[action] = digit
             if digit:
                 for cause in range(problem.causes):
-                    self.trail.weights[0, cause] *= problem._likelihoods[action, digit - 1, cause]
+                    self.weights[cause] *= problem._likelihoods[action, digit - 1, cause]
+        self.trail.enter(self.weights)
 
     def _going(self, situation: int, number: int, action: int, going: float) -> float:
         """The cost of an action; `going` is the cost without what comes after it."""
@@ -58,6 +60,8 @@ class States:
         """Compute every value, from the last state to the first."""
         problem = self.problem
         for number in range(self.count - 1, -1, -1):
+            if self.trail.poll.due(problem.actions * problem.causes):
+                break
             self._enter(number)
             total, stopping = self.trail.mass(0), stop(problem, self.trail, 0)
             for situation in range(problem.changes):
@@ -69,8 +73,11 @@ class States:
                 self.values[situation, number] = best
 
 
-def values(problem: Beliefs, prior: Floats, radix: Longs) -> Floats:
-    """The weighted cost of every state in every situation (K, N); N is the product of `radix` (A,)."""
-    states = States(problem, prior, radix)
+def values(problem: Beliefs, prior: Floats, radix: Longs, poll: Poll) -> Floats:
+    """The weighted cost of every state in every situation (K, N); N is the product of `radix` (A,).
+
+    If the search is stopped, the values are of no use.
+    """
+    states = States(problem, prior, radix, poll)
     states.fill()
     return states.found

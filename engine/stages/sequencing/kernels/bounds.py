@@ -6,11 +6,10 @@ Held & Karp 1970, 1971; the step as in Volgenant & Jonker 1982. Penalties are wh
 of them with integer costs are exact in floating point, and a bound has no rounding error.
 """
 
-from collections.abc import Callable
-
 import numpy as np
 
 from engine.kernels.arrays import Floats, Ints
+from engine.kernels.cancellation import Interrupted, never
 from engine.stages.sequencing.kernels.chain import Costs
 
 GRAIN = 64.0
@@ -18,10 +17,6 @@ WHOLE = float(1 << 52)  # from here on all floating-point numbers are whole
 INFINITE = float("inf")
 SLICE = 50_000_000  # edges between two checks whether to stop: a tenth of a second
 LEAST = 8  # an ascent makes this many slices even when the time is up
-
-
-def _never() -> bool:
-    return False
 
 
 class Ascent:
@@ -45,7 +40,7 @@ def ascend(
     upper: float,
     steps: int,
     size: float,
-    interrupted: Callable[[], bool] = _never,
+    interrupted: Interrupted = never,
 ) -> tuple[float, Floats, int]:
     """Raise the bound by subgradient steps.
 

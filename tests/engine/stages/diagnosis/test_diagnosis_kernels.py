@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given, settings
 
 import engine.stages.diagnosis.kernels
+from engine.kernels.cancellation import Poll
 from engine.model.troubleshooting import Troubleshooting
 from engine.stages.diagnosis import arrays
 from tests.engine.interpreted import interpreted_package
@@ -21,9 +22,9 @@ PLAIN: Modules = interpreted_package(PACKAGE)
 IMPORTED: Modules = {name: importlib.import_module(f"{PACKAGE.__name__}.{name}") for name in PLAIN}
 EVERY = (
     "likelihoods",
-    "masks",
     "ends",
     "repairs",
+    "shown",
     "costs",
     "following",
     "losses",
@@ -43,14 +44,13 @@ def _searched(modules: Modules, problem: Troubleshooting) -> Iterator[object]:
     """Values and bounds by branch and bound with small and large budgets."""
     belief, beliefs = modules["belief"], _beliefs(modules, problem)
     trail = belief.Trail(beliefs, arrays.priors(problem))
-    causes = trail.possible(0)
     for budget in BUDGETS:
-        table = modules["memo"].Memo(1 << 12, budget)
-        yield belief.solve(beliefs, table, trail, 0, 0, math.inf)
+        table = modules["memo"].Memo(1 << 12, budget, arrays.beliefs(problem).words)
+        yield belief.solve(beliefs, table, trail, 0, math.inf)
         yield table.expansions, table.entries, table.spent, table.full
         for action in range(len(problem.actions)):
-            yield belief.tells(beliefs, trail, 0, action, 0)
-            yield belief.estimate(beliefs, table, trail, 0, action, causes, 0)
+            yield belief.tells(beliefs, trail, 0, action)
+            yield belief.estimate(beliefs, table, trail, 0, action)
     yield belief.stop(beliefs, trail, 0)
 
 
@@ -58,18 +58,25 @@ def _ruled(modules: Modules, problem: Troubleshooting) -> Iterator[object]:
     """What rules prefer and cost, and the lookahead over them."""
     rollout, beliefs = modules["rollout"], _beliefs(modules, problem)
     trail = modules["belief"].Trail(beliefs, arrays.priors(problem))
-    groups = rollout.Groups(beliefs, arrays.groups(problem))
+    known = arrays.beliefs(problem)
+    width = known.words
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(arrays, "Groups", lambda _, *rest: rollout.Groups(beliefs, *rest))
+        groups = arrays.groups(problem, known)
     for rule in rollout.RULES.values():
-        yield rollout.greedy(beliefs, groups, trail, 0, 0, rule)
-        yield rollout.follow(beliefs, groups, modules["memo"].Memo(1 << 12, 0), trail, 0, 0, rule)
-    bases = tuple(modules["memo"].Memo(1 << 12, 0) for _ in range(3))
-    yield rollout.look_ahead(beliefs, groups, bases, trail, 0, 0, 2, math.inf)
+        yield rollout.greedy(beliefs, groups, trail, 0, rule)
+        yield rollout.follow(beliefs, groups, modules["memo"].Memo(1 << 12, 0, width), trail, 0, rule)
+    bases = tuple(modules["memo"].Memo(1 << 12, 0, width) for _ in range(3))
+    yield rollout.look_ahead(beliefs, groups, bases, trail, 0, 2, math.inf)
+    groups.limit(1, 0.2)
+    bases = tuple(modules["memo"].Memo(1 << 12, 0, width) for _ in range(3))
+    yield rollout.look_ahead(beliefs, groups, bases, trail, 0, 2, math.inf)
 
 
 def _tabled(modules: Modules, problem: Troubleshooting) -> list[float]:
     """The values of all states."""
     radix = np.array([len(action.outcomes) + 1 for action in problem.actions], np.int64)
-    found = modules["dense"].values(_beliefs(modules, problem), arrays.priors(problem), radix)
+    found = modules["dense"].values(_beliefs(modules, problem), arrays.priors(problem), radix, Poll())
     return [float(each) for each in found.ravel()]
 
 
@@ -78,15 +85,15 @@ def _parted(modules: Modules, problem: Troubleshooting) -> Iterator[object]:
     partition = modules["partition"]
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(arrays, "Partition", partition.Partition)
-        sets = arrays.partition(problem)
+        sets = arrays.partition(problem, arrays.beliefs(problem))
     assert sets is not None
     causes = sum(1 << cause for cause, prior in enumerate(problem.priors) if prior > 0)
     for budget in BUDGETS:
-        table = modules["memo"].Memo(1 << 12, budget)
-        yield partition.solve(sets, table, partition.Room(sets), 0, causes, 0, math.inf)
+        table = modules["memo"].Memo(1 << 12, budget, sets.sets + 1)
+        yield partition.solve(sets, table, partition.Room(sets, causes, 0), 0, math.inf)
         yield table.expansions, table.entries, table.spent, table.full
         for action in range(len(problem.actions)):
-            yield partition.estimate(sets, table, partition.Room(sets), action, causes, 0)
+            yield partition.estimate(sets, table, partition.Room(sets, causes, 0), 0, action)
 
 
 @settings(max_examples=30, deadline=None)
