@@ -16,19 +16,8 @@ from engine.stages.geometry import transforms
 from engine.stages.geometry.world.model import World
 from kb.loader.reader import Findings
 from kb.loader.urdf import arm_of
-from kb.model.cell import (
-    Body,
-    BodyKind,
-    Box,
-    Cell,
-    Cylinder,
-    MountedArm,
-    PlacedShape,
-    Placement,
-    Pose,
-    Shape,
-    Sphere,
-)
+from kb.model.cell import Body, BodyKind, Cell, MountedArm, Placement
+from kb.model.shapes import Box, Cylinder, PlacedShape, Pose, Shape, Sphere
 
 KINDS = ("bookshelf_small", "bookshelf_tall", "box", "cage", "table_pick")
 

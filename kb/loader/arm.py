@@ -7,7 +7,8 @@ from kb.diagnostics import unknown_name
 from kb.loader.quantities import ANGLE, Quantities, child
 from kb.loader.reader import Findings, Reader, require, validate_shape
 from kb.loader.tree import Node, read_file
-from kb.model.cell import Arm, Joint, Link, Pose
+from kb.model.cell import Arm, Joint, Link
+from kb.model.shapes import Pose
 
 BUNDLED = Path(__file__).parents[1] / "arms"
 

@@ -12,18 +12,8 @@ from kb.loader.quantities import ANGLE, Quantities, child, members
 from kb.loader.reader import Findings, Reader, require, validate_shape
 from kb.loader.tree import Node, read_file
 from kb.loader.urdf import read_urdf
-from kb.model.cell import (
-    WORLD,
-    Arm,
-    Body,
-    BodyKind,
-    Cell,
-    MountedArm,
-    Place,
-    Placement,
-    Region,
-    Sphere,
-)
+from kb.model.cell import WORLD, Arm, Body, BodyKind, Cell, MountedArm, Place, Placement, Region
+from kb.model.shapes import Sphere
 from kb.terms import Function
 
 ARM_FRAMES = ("base", "flange", "tool")

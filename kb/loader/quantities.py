@@ -7,7 +7,7 @@ from pathlib import Path
 
 from kb.loader.reader import Findings
 from kb.loader.tree import Node
-from kb.model.cell import (
+from kb.model.shapes import (
     LARGEST,
     MESHES,
     Box,

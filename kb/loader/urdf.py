@@ -14,7 +14,8 @@ from kb.loader.reader import Findings
 from kb.loader.tree import Node, read_file
 from kb.loader.urdf_elements import ElementReader
 from kb.loader.xml import Element, read_xml
-from kb.model.cell import Arm, Inertia, Joint, JointKind, Link, Mimic, Offsets, PlacedShape, Pose
+from kb.model.cell import Arm, Inertia, Joint, JointKind, Link, Mimic
+from kb.model.shapes import Offsets, PlacedShape, Pose
 
 MOVING = {"revolute": JointKind.REVOLUTE, "continuous": JointKind.REVOLUTE, "prismatic": JointKind.PRISMATIC}
 

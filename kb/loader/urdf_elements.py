@@ -7,19 +7,8 @@ from pathlib import Path
 from kb.diagnostics import InvalidInput
 from kb.loader.reader import Findings
 from kb.loader.xml import Element
-from kb.model.cell import (
-    LARGEST,
-    MESHES,
-    Box,
-    Cylinder,
-    Inertia,
-    Mesh,
-    PlacedShape,
-    Pose,
-    Shape,
-    Sphere,
-    Vector,
-)
+from kb.model.cell import Inertia
+from kb.model.shapes import LARGEST, MESHES, Box, Cylinder, Mesh, PlacedShape, Pose, Shape, Sphere, Vector
 
 LEAST = 1e-9  # a scale nearer to zero leaves nothing
 MOMENTS = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")

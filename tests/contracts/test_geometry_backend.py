@@ -17,16 +17,12 @@ from engine.stages.geometry.world.model import World
 from engine.stages.geometry.world.scenes import free_scene_of, scene_of
 from kb.diagnostics import InvalidInput
 from kb.loader.arm import bundled_arms, load_arm
-from kb.model.cell import (
-    Body,
-    BodyKind,
+from kb.model.cell import Body, BodyKind, Cell, MountedArm, Placement
+from kb.model.shapes import (
     Box,
-    Cell,
     Cylinder,
     HeightField,
-    MountedArm,
     PlacedShape,
-    Placement,
     PointSet,
     Polyhedron,
     Pose,

@@ -1,4 +1,4 @@
-"""`cellwright plan` and `cellwright validate`."""
+"""`cellwright plan`."""
 
 from dataclasses import dataclass
 from enum import StrEnum
@@ -8,14 +8,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from engine.faces.cli.answers import Answer, Form, give
-from engine.faces.cli.exits import FINDINGS, INTERRUPTED, exit_code
+from engine.faces.cli.exits import INTERRUPTED, exit_code
 from engine.faces.cli.options import (
     Anytime,
     Command,
     Expansions,
-    Format,
     Goals,
-    Ground,
     Library,
     MemoryLimit,
     Pddl,
@@ -36,7 +34,6 @@ if TYPE_CHECKING:
     from engine.formats.interop.pddl import PddlProblem
     from engine.model.outcome import Outcome
     from engine.pipelines.objective import Run
-    from kb.model.plan import Claims, Plan
     from kb.model.problem import Problem
 
 
@@ -86,17 +83,9 @@ def plan(
     ] = False,
 ) -> None:
     """Print a plan for TARGET, or, with --pddl, for the PDDL domain TARGET and the PDDL problem TASK."""
-    if pddl != (task is not None):
-        raise typer.BadParameter("--pddl takes a domain and a problem; without it there is one target")
-    if pddl:
-        refuse_idle(
-            {"--goals": goals, "--command": command}, "with --pddl: the PDDL problem has its own goals"
-        )
-    if race and strategy != "auto":
-        refuse_idle({"--strategy": strategy}, "with --race, which runs all of them: leave one of the two out")
-    _refuse_unseen(format, stats, folded, store)
-    form = Form.JSON if format is PlanForm.JSON else Form.TEXT
     wanted = PlanRequest(target, goals, command, task)
+    _refuse_misfits(wanted, pddl, strategy if race else "auto")
+    _refuse_unseen(format, stats, folded, store)
     work = SearchOptions(
         time_limit,
         memory_limit,
@@ -108,7 +97,18 @@ def plan(
         folded,
         objective or (Wish.COST if strategy == "shortest" else None),
     )
-    give(lambda: _plan(wanted, format, stats, work), form)
+    give(lambda: _plan(wanted, format, stats, work), Form.JSON if format is PlanForm.JSON else Form.TEXT)
+
+
+def _refuse_misfits(wanted: "PlanRequest", pddl: bool, raced: str) -> None:
+    """Refuse options that do not go together; `raced` is the strategy that is asked for beside a race of all."""
+    if pddl != (wanted.pddl is not None):
+        raise typer.BadParameter("--pddl takes a domain and a problem; without it there is one target")
+    if pddl:
+        own = {"--goals": wanted.goals, "--command": wanted.command}
+        refuse_idle(own, "with --pddl: the PDDL problem has its own goals")
+    if raced != "auto":
+        refuse_idle({"--strategy": raced}, "with --race, which runs all of them: leave one of the two out")
 
 
 def _refuse_unseen(form: PlanForm, stats: bool, folded: bool, store: str) -> None:
@@ -251,80 +251,3 @@ def _picture(outcome: "Outcome", problem: "Problem", form: PlanForm) -> str | No
 
         return svg.plan(outcome.plan, problem)
     return None
-
-
-def validate(
-    file: Annotated[Path, typer.Argument(help="a plan in JSON; with --pddl the PDDL domain")],
-    task: Annotated[Path | None, typer.Argument(help="with --pddl: the PDDL problem")] = None,
-    made: Annotated[Path | None, typer.Argument(help="with --pddl: the plan, one action per line")] = None,
-    pddl: Pddl = False,
-    problem: Annotated[
-        str, typer.Option(help="check it against this problem instead of the one it carries")
-    ] = "",
-    export: Annotated[
-        str, typer.Option(help="FILE is a plan that a PDDL planner found for the export of this target")
-    ] = "",
-    goals: Goals = "",
-    command: Command = "",
-    ground: Ground = False,
-    format: Format = Form.TEXT,
-) -> None:
-    """Check the plan in FILE, or, with --pddl, the plan MADE for a PDDL task, with the independent checker."""
-    if (pddl, pddl) != (task is not None, made is not None):
-        raise typer.BadParameter("--pddl takes a domain, a problem and a plan; without it there is one file")
-    if not export:
-        own = {"--goals": goals, "--command": command, "--ground": ground}
-        refuse_idle(own, "without --export: a plan contains its problem")
-    refuse_idle(
-        {"--problem": problem and (pddl or export)}, "with --pddl or --export, which name the problem"
-    )
-    refuse_idle({"--pddl": pddl and export}, "with --export, which takes one file")
-    if export:
-        give(lambda: _validate_export(file, PlanRequest(export, goals, command), ground), format)
-    give(
-        lambda: (
-            _validate(file, problem) if not (pddl and task and made) else _validate_pddl(file, task, made)
-        ),
-        format,
-    )
-
-
-def _validate_export(file: Path, wanted: PlanRequest, ground: bool) -> Answer:
-    from engine.formats.interop.pddl.files import read_exported_plan
-    from engine.pipelines import planning
-
-    problem = planning.problem_of(wanted.target, wanted.goals, wanted.command)
-    return _judged(problem, read_exported_plan(problem, file, lifted=not ground), str(file))
-
-
-def _validate_pddl(domain: Path, task: Path, made: Path) -> Answer:
-    from engine.formats.interop.pddl import read_pddl
-    from engine.formats.interop.pddl.plans import read_plan
-
-    read = read_pddl(domain, task)
-    return _judged(read.problem, read_plan(read, made), str(made))
-
-
-def _validate(file: Path, target: str) -> Answer:
-    from engine.pipelines import planning
-    from kb.loader.plan import load_claimed
-
-    own, plan, claims = load_claimed(file)
-    return _judged(planning.problem_of(target) if target else own, plan, str(file), claims)
-
-
-def _judged(problem: "Problem", plan: "Plan", name: str, claims: "Claims | None" = None) -> Answer:
-    """The verdict of the checker. What it prints of the plan is computed from the steps, which are as the domain says."""
-    from rich.text import Text
-
-    from engine.pipelines import planning
-
-    found = planning.check_plan(problem, plan, name, claims)
-    if found:
-        counts = {"steps": len(plan.steps), "links": len(plan.links)}
-        return Answer("invalid", counts, code=FINDINGS, diagnostics=tuple(found))
-    last = planning.ending(plan, claims)
-    content = {"steps": len(plan.steps), "cost": plan.cost, "links": len(plan.links)}
-    lasts = f", makespan {last} {problem.domain.time_unit}" if last else ""
-    said = f"valid: {len(plan.steps)} steps, cost {plan.cost}{lasts}, {len(plan.links)} causal links"
-    return Answer("valid", content, text=lambda: Text(said))

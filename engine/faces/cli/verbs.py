@@ -31,7 +31,7 @@ VERBS = {
     "schema": "check:schema",
     "sequence": "sequence:sequence",
     "test": "golden:golden_plans",
-    "validate": "plan:validate",
+    "validate": "validate:validate",
 }
 """For each verb, its module and its function (or its group of verbs)."""
 

@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from engine.model.geometry import Floats
-from kb.model.cell import Offsets, Pose, Vector
+from kb.model.shapes import Offsets, Pose, Vector
 
 
 def identity() -> Floats:

@@ -12,8 +12,9 @@ from engine.stages.geometry.world.model import World
 from kb.diagnostics import Diagnostic, InvalidInput, errors, nearest, unknown_name
 from kb.loader.cell import read_cell
 from kb.loader.reader import Findings
-from kb.model.cell import Cell, Mesh, PlacedShape, Polyhedron
+from kb.model.cell import Cell
 from kb.model.domain import Domain
+from kb.model.shapes import Mesh, PlacedShape, Polyhedron
 from kb.terms import Atom, Function, Term
 
 

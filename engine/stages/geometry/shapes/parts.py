@@ -16,7 +16,7 @@ from engine.stages.geometry import transforms
 from engine.stages.geometry.shapes.hull import FlatError, hull_triangles, planes
 from engine.stages.geometry.shapes.meshes import convex_pieces
 from kb.diagnostics import Diagnostic, InvalidInput
-from kb.model.cell import (
+from kb.model.shapes import (
     LARGEST,
     Box,
     Cylinder,

@@ -8,7 +8,7 @@ from engine.model.geometry import Floats, Joints, Longs, Piece, Scene
 from engine.stages.geometry import transforms
 from engine.stages.geometry.shapes.parts import cores
 from engine.stages.geometry.world.model import NO_JOINTS, Located, World
-from kb.model.cell import PlacedShape
+from kb.model.shapes import PlacedShape
 
 Names = frozenset[frozenset[str]]
 

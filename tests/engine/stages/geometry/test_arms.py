@@ -10,7 +10,8 @@ from engine.model.geometry import Floats
 from engine.stages.geometry import transforms
 from engine.stages.geometry.kinematics.arms import ArmModel, carrier_poses, wrapped
 from engine.stages.geometry.kinematics.inverse import InverseKinematics, Solver, pose_error, turns
-from kb.model.cell import Arm, Joint, JointKind, Pose
+from kb.model.cell import Arm, Joint, JointKind
+from kb.model.shapes import Pose
 
 SOLVERS = {
     "manutec_r3": Solver.SPHERICAL_WRIST,

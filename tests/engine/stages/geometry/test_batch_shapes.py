@@ -11,19 +11,8 @@ from engine.stages.geometry.collision.builtin import BuiltinChecker
 from engine.stages.geometry.collision.region_checker import RegionChecker
 from engine.stages.geometry.world.model import World
 from engine.stages.geometry.world.scenes import free_scene_of, scene_of
-from kb.model.cell import (
-    Arm,
-    Body,
-    BodyKind,
-    Box,
-    Cell,
-    Joint,
-    Link,
-    MountedArm,
-    PlacedShape,
-    Placement,
-    Pose,
-)
+from kb.model.cell import Arm, Body, BodyKind, Cell, Joint, Link, MountedArm, Placement
+from kb.model.shapes import Box, PlacedShape, Pose
 
 SIDE = PlacedShape(Box((0.2, 0.2, 0.2)))
 CHECKERS: list[Callable[[Scene], CollisionChecker]] = [BuiltinChecker, RegionChecker]

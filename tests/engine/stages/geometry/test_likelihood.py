@@ -11,21 +11,8 @@ from engine.stages.geometry.world.scenes import scene_of
 from kb.loader import bundled
 from kb.loader.arm import bundled_arms, load_arm
 from kb.loader.cell import load_cell
-from kb.model.cell import (
-    Arm,
-    Body,
-    BodyKind,
-    Box,
-    Cell,
-    Joint,
-    JointKind,
-    Link,
-    MountedArm,
-    PlacedShape,
-    Placement,
-    Pose,
-    Sphere,
-)
+from kb.model.cell import Arm, Body, BodyKind, Cell, Joint, JointKind, Link, MountedArm, Placement
+from kb.model.shapes import Box, PlacedShape, Pose, Sphere
 
 
 def cell_of(*arms: MountedArm) -> Cell:

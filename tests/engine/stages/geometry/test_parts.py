@@ -19,7 +19,7 @@ from engine.stages.geometry.shapes.hull import hull_triangles, planes
 from engine.stages.geometry.shapes.meshes import components, is_closed, read_mesh
 from engine.stages.geometry.shapes.parts import Core, check_polyhedron, cores, features
 from kb.diagnostics import InvalidInput
-from kb.model.cell import (
+from kb.model.shapes import (
     Box,
     Cylinder,
     Edge,

@@ -17,7 +17,8 @@ from engine.stages.geometry.world.scenes import scene_of
 from kb.loader import bundled, load_domain
 from kb.loader.arm import bundled_arms, load_arm
 from kb.loader.cell import load_cell
-from kb.model.cell import Arm, Body, BodyKind, Box, Cell, MountedArm, Place, PlacedShape, Placement, Pose
+from kb.model.cell import Arm, Body, BodyKind, Cell, MountedArm, Place, Placement
+from kb.model.shapes import Box, PlacedShape, Pose
 
 BACKEND = BuiltinBackend()
 TOOL = Pose((0.0, 0.02, 0.1), (0.1, 0.2, 0.3))

@@ -22,7 +22,8 @@ from engine.stages.geometry.world.scenes import scene_of
 from kb.loader import bundled
 from kb.loader.arm import bundled_arms, load_arm
 from kb.loader.cell import load_cell
-from kb.model.cell import Body, BodyKind, Cell, MountedArm, PlacedShape, PointSet
+from kb.model.cell import Body, BodyKind, Cell, MountedArm
+from kb.model.shapes import PlacedShape, PointSet
 
 seeds = st.integers(0, 2**32 - 1)
 CUBE = np.array(list(product((-0.5, 0.5), repeat=3)))

@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 
 from engine.model.geometry import Floats
 from engine.stages.geometry import transforms
-from kb.model.cell import Pose
+from kb.model.shapes import Pose
 
 lengths = st.floats(-10, 10)
 angles = st.floats(-math.pi, math.pi)

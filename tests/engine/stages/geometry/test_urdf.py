@@ -15,7 +15,8 @@ from kb.diagnostics import Diagnostic, InvalidInput, errors
 from kb.loader.cell import load_cell
 from kb.loader.reader import Findings
 from kb.loader.urdf import arm_of
-from kb.model.cell import Arm, Box, Cylinder, Inertia, JointKind, Mesh, Mimic, Pose, Sphere
+from kb.model.cell import Arm, Inertia, JointKind, Mimic
+from kb.model.shapes import Box, Cylinder, Mesh, Pose, Sphere
 
 ROBOT = """<?xml version="1.0"?>
 <robot name="crane">

@@ -10,17 +10,8 @@ from engine.stages.geometry import transforms
 from engine.stages.geometry.world.model import World
 from engine.stages.geometry.world.scenes import free_scene_of, scene_of
 from kb.loader.arm import bundled_arms, load_arm
-from kb.model.cell import (
-    Body,
-    BodyKind,
-    Box,
-    Cell,
-    MountedArm,
-    PlacedShape,
-    Placement,
-    Pose,
-    Sphere,
-)
+from kb.model.cell import Body, BodyKind, Cell, MountedArm, Placement
+from kb.model.shapes import Box, PlacedShape, Pose, Sphere
 
 UR5 = load_arm(bundled_arms()["ur5"])
 HOME = (0.1, -1.2, 1.3, -0.4, -1.5, 0.2)

@@ -1,0 +1,91 @@
+"""`cellwright validate`."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from engine.faces.cli.answers import Answer, Form, give
+from engine.faces.cli.exits import FINDINGS
+from engine.faces.cli.options import Command, Format, Goals, Ground, Pddl, refuse_idle
+
+if TYPE_CHECKING:
+    from kb.model.plan import Claims, Plan
+    from kb.model.problem import Problem
+
+
+def validate(
+    file: Annotated[Path, typer.Argument(help="a plan in JSON; with --pddl the PDDL domain")],
+    task: Annotated[Path | None, typer.Argument(help="with --pddl: the PDDL problem")] = None,
+    made: Annotated[Path | None, typer.Argument(help="with --pddl: the plan, one action per line")] = None,
+    pddl: Pddl = False,
+    problem: Annotated[
+        str, typer.Option(help="check it against this problem instead of the one it carries")
+    ] = "",
+    export: Annotated[
+        str, typer.Option(help="FILE is a plan that a PDDL planner found for the export of this target")
+    ] = "",
+    goals: Goals = "",
+    command: Command = "",
+    ground: Ground = False,
+    format: Format = Form.TEXT,
+) -> None:
+    """Check the plan in FILE, or, with --pddl, the plan MADE for a PDDL task, with the independent checker."""
+    if (pddl, pddl) != (task is not None, made is not None):
+        raise typer.BadParameter("--pddl takes a domain, a problem and a plan; without it there is one file")
+    if not export:
+        own = {"--goals": goals, "--command": command, "--ground": ground}
+        refuse_idle(own, "without --export: a plan contains its problem")
+    refuse_idle(
+        {"--problem": problem and (pddl or export)}, "with --pddl or --export, which name the problem"
+    )
+    refuse_idle({"--pddl": pddl and export}, "with --export, which takes one file")
+    if export:
+        give(lambda: _validate_export(file, (export, goals, command), ground), format)
+    give(
+        lambda: (
+            _validate(file, problem) if not (pddl and task and made) else _validate_pddl(file, task, made)
+        ),
+        format,
+    )
+
+
+def _validate_export(file: Path, wanted: tuple[str, str, str], ground: bool) -> Answer:
+    from engine.formats.interop.pddl.files import read_exported_plan
+    from engine.pipelines import planning
+
+    problem = planning.problem_of(*wanted)
+    return _judged(problem, read_exported_plan(problem, file, lifted=not ground), str(file))
+
+
+def _validate_pddl(domain: Path, task: Path, made: Path) -> Answer:
+    from engine.formats.interop.pddl import read_pddl
+    from engine.formats.interop.pddl.plans import read_plan
+
+    read = read_pddl(domain, task)
+    return _judged(read.problem, read_plan(read, made), str(made))
+
+
+def _validate(file: Path, target: str) -> Answer:
+    from engine.pipelines import planning
+    from kb.loader.plan import load_claimed
+
+    own, plan, claims = load_claimed(file)
+    return _judged(planning.problem_of(target) if target else own, plan, str(file), claims)
+
+
+def _judged(problem: "Problem", plan: "Plan", name: str, claims: "Claims | None" = None) -> Answer:
+    """The verdict of the checker. What it prints of the plan is computed from the steps, which are as the domain says."""
+    from rich.text import Text
+
+    from engine.pipelines import planning
+
+    found = planning.check_plan(problem, plan, name, claims)
+    if found:
+        counts = {"steps": len(plan.steps), "links": len(plan.links)}
+        return Answer("invalid", counts, code=FINDINGS, diagnostics=tuple(found))
+    last = planning.ending(plan, claims)
+    content = {"steps": len(plan.steps), "cost": plan.cost, "links": len(plan.links)}
+    lasts = f", makespan {last} {problem.domain.time_unit}" if last else ""
+    said = f"valid: {len(plan.steps)} steps, cost {plan.cost}{lasts}, {len(plan.links)} causal links"
+    return Answer("valid", content, text=lambda: Text(said))
