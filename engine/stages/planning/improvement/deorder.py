@@ -30,7 +30,11 @@ def deorder(
         if producer < len(made) and not is_internal(task.atoms[atom])
     ]
     links = list(dict.fromkeys(links))
-    return _ordered(task, made, links, _orders(made, links, _exclusions(made)))
+    before = _exclusions(made)  # which also keep steps that would end a link away from it
+    for producer, _, consumer in links:
+        if 0 <= producer < consumer < len(made):
+            before[consumer] |= 1 << producer
+    return _ordered(task, made, links, before)
 
 
 def is_internal(name: Function) -> bool:
@@ -95,53 +99,6 @@ def _links(
         for atom in indices(operator.adds):
             producers.setdefault(atom, []).append(position)
     return links + [(producers[atom][0], atom, len(steps)) for atom in indices(goals)]
-
-
-def arranged(task: Task, steps: Sequence[GroundOperator], goals: Bits) -> list[GroundOperator]:
-    """The same steps, each put directly after the steps that it depends on, where this is possible."""
-    before = _orders(steps, _links(task, steps, goals), [0] * len(steps))
-    order: list[int] = []
-    placed = 0
-    for last in range(len(steps)):
-        waiting = [last]
-        while waiting:
-            missing = before[waiting[-1]] & ~placed
-            if missing:
-                waiting.append(missing.bit_length() - 1)
-                continue
-            step = waiting.pop()
-            if not placed >> step & 1:
-                placed |= 1 << step
-                order.append(step)
-    return [steps[position] for position in order]
-
-
-def _orders(
-    steps: Sequence[GroundOperator], links: list[tuple[int, int, int]], before: list[Bits]
-) -> list[Bits]:
-    """For each step the positions of the steps that must come before it.
-
-    These are the positions already in `before`, and those that links and threats require.
-    """
-    deleters = _positions([operator.deletes & ~operator.adds for operator in steps])
-    for producer, atom, consumer in links:
-        threats = deleters.get(atom, 0)
-        if 0 <= producer < consumer < len(steps):
-            before[consumer] |= 1 << producer
-        if producer >= 0:
-            before[producer] |= threats & (1 << producer) - 1
-        for threat in indices(threats & -1 << consumer + 1):
-            before[threat] |= 1 << consumer
-    return before
-
-
-def _positions(sets: Sequence[Bits]) -> dict[int, Bits]:
-    """For each atom the positions of the sets that contain it."""
-    found: dict[int, Bits] = {}
-    for position, atoms in enumerate(sets):
-        for atom in indices(atoms):
-            found[atom] = found.get(atom, 0) | 1 << position
-    return found
 
 
 def _exclusions(steps: Sequence[GroundOperator]) -> list[Bits]:

@@ -1,7 +1,6 @@
 """Makes a plan cheaper as long as there is work left.
 
-Each round drops needless steps and replaces detours. Then the steps are put into another order that the plan
-allows, so that steps that serve each other come to lie in one window, and the next round begins.
+Each round replaces detours and drops needless steps, until a round finds nothing.
 """
 
 from collections.abc import Iterator, Sequence
@@ -10,7 +9,6 @@ from engine.model.replay import early
 from engine.model.task import Bits, GroundOperator, Task
 from engine.stages.planning.effort import Effort
 from engine.stages.planning.elimination import eliminate
-from engine.stages.planning.improvement.deorder import arranged
 from engine.stages.planning.improvement.straighten import Cheaper, by_regression, straighten
 from engine.stages.planning.regression.space import Regression
 
@@ -53,21 +51,16 @@ class Improvement:
             width, conflicts = min(width + width // 2, max(len(best), WIDE)), conflicts + conflicts // 2
 
     def _settled(self, kept: Steps, passes: Sequence[tuple[int, Cheaper]], effort: Effort) -> Iterator[Steps]:
-        """Every cheaper plan that the passes find.
-
-        It ends after two rounds in different orders that find nothing.
-        """
-        idle = 0
-        while idle < 2 and not effort.over():
+        """Every cheaper plan that the passes find, until a round finds nothing."""
+        while not effort.over():
             found = kept
             for width, cheaper in passes:
                 found = straighten(self.task.initial, found, self.goals, width, cheaper, effort)
             found = eliminate(self.task.initial, early(self.task, found), self.goals)
-            cheaper_now = cost(found) < cost(kept)
-            idle = 0 if cheaper_now else idle + 1
-            if cheaper_now:
-                yield found
-            kept = arranged(self.task, found, self.goals)
+            if cost(found) >= cost(kept):
+                return
+            yield found
+            kept = found
 
 
 def cost(steps: Sequence[GroundOperator]) -> tuple[int, int]:

@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from engine.model.task import Bits, GroundOperator, Task, bitset, indices, progress
-from engine.stages.planning.improvement.deorder import arranged, deorder, is_internal
+from engine.stages.planning.improvement.deorder import deorder, is_internal
 from kb.model.plan import GOAL, START, Plan, Step, StepId
 from kb.terms import Function
 
@@ -154,38 +154,12 @@ def test_each_condition_is_linked_to_the_earliest_step_that_provides_it_for_good
     assert len(set(found)) == len(found)
 
 
-@given(sequences())
-@MANY
-def test_arranged_steps_are_the_same_and_do_the_same(case: tuple[Task, list[GroundOperator], Bits]) -> None:
-    task, steps, goals = case
-    found = arranged(task, steps, goals)
-    assert sorted(found, key=str) == sorted(steps, key=str)
-    state = task.initial
-    for step in found:
-        assert step.preconditions & ~state == 0
-        state = progress(state, step)
-    assert goals & ~state == 0
-
-
 def operator(name: str, needs: set[int], adds: set[int], deletes: tuple[int, ...] = ()) -> GroundOperator:
     return GroundOperator(Function(name), bitset(needs), bitset(adds), bitset(deletes))
 
 
 def task_of(*steps: GroundOperator, initial: Bits = 0, atoms: tuple[Function, ...] = ATOMS) -> Task:
     return Task(atoms, steps, initial, (0,), (1,) * len(atoms))
-
-
-def test_arranged_steps_come_just_before_those_that_need_them() -> None:
-    """a makes what d needs, b what c needs: a d would do as well as a b c d, and stands so."""
-    a, b = operator("a", set(), {0}), operator("b", set(), {1})
-    c, d = operator("c", {1}, {2}), operator("d", {0}, {3})
-    found = arranged(task_of(a, b, c, d), [b, a, c, d], bitset([2, 3]))
-    assert [str(each.instance) for each in found] == ["b", "a", "c", "d"]
-    found = arranged(task_of(a, b, c, d), [a, b, d, c], bitset([2, 3]))
-    assert [str(each.instance) for each in found] == ["a", "b", "d", "c"]
-    late = operator("late", {2}, {4})
-    found = arranged(task_of(a, b, c, late), [b, c, a, late], bitset([4]))
-    assert [str(each.instance) for each in found] == ["b", "c", "a", "late"]
 
 
 def test_internal_steps_and_conditions_are_left_out() -> None:
