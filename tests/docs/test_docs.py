@@ -93,7 +93,12 @@ def filled(line: str) -> str:
     return " ".join(words.get(word, word) for word in line.split(" "))
 
 
-@pytest.mark.parametrize("line", written())
+def timed(line: str) -> object:
+    """A command line to run; preparing a whole cell takes too long for every run."""
+    return pytest.param(line, marks=pytest.mark.slow) if " prepare " in line else line
+
+
+@pytest.mark.parametrize("line", list(map(timed, written())))
 @pytest.mark.usefixtures("desk")
 def test_a_command_line_runs(line: str) -> None:
     result = run(filled(line))

@@ -30,8 +30,6 @@ from engine.stages.scheduling.rebuild import Mislaid, TimedStep, timed_steps
 from engine.stages.scheduling.work import CellWork, Wishes, cell_work
 from engine.stages.validation.datalog import Facts
 from kb.diagnostics import InvalidInput
-from kb.loader import load_plan
-from kb.loader.plan import is_plan
 from kb.model.conventions import Conventions
 from kb.model.plan import Plan, StepId
 from kb.model.problem import Problem
@@ -42,6 +40,9 @@ BLOCKS = "of all schedules of the blocks of this plan"
 
 def subject_of(target: str, goals: str = "", command: str = "") -> tuple[Problem, Plan | None]:
     """The problem that a target names, and the plan if the target is the file of a plan. Raises `InvalidInput`."""
+    from kb.loader import load_plan  # not needed for tasks in PDDL, and slow to load
+    from kb.loader.plan import is_plan
+
     if is_plan(Path(target)):
         return load_plan(Path(target))
     return problem_of(target, goals, command), None

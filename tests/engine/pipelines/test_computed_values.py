@@ -6,11 +6,9 @@ import pytest
 
 from engine.model.outcome import Found
 from engine.pipelines import planning
-from engine.pipelines.explanation.relaxation import extensional
 from engine.stages.macros.lifted.bodies import satisfiable
 from engine.stages.macros.lifted.facts import Facts
 from kb.loader import load_problem
-from kb.model.domain import Domain
 from kb.syntax import parse
 
 DOMAIN = """domain: shelves
@@ -71,12 +69,6 @@ def test_the_checker_accepts_what_grounding_found(tmp_path: Path, where: str) ->
     outcome = planning.plan(load_problem(problem_file(tmp_path, where)))
     assert isinstance(outcome, Found)
     assert len(outcome.plan.steps) == 2
-
-
-def test_a_rule_in_a_text_does_not_make_a_predicate_one_of_rules(tmp_path: Path) -> None:
-    domain: Domain = load_problem(problem_file(tmp_path, "From != To")).domain
-    told = {name: extensional(domain, domain.predicates[name]) for name in ("said", "heard", "num", "known")}
-    assert told == {"said": True, "heard": False, "num": True, "known": False}
 
 
 def test_an_equation_waits_until_its_sum_can_be_done() -> None:

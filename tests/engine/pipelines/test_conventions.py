@@ -82,7 +82,7 @@ def run(line: str) -> str:
 def answers(desk: Path, lines: Collection[str], monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
     """What some commands print there, and the problem that they have imported, if they have."""
     monkeypatch.chdir(desk)
-    yield from (as_before(run(line)) for line in lines)
+    yield from (as_before(run(line)).replace(str(desk), "DESK") for line in lines)
     if (made := desk / "points.yaml").exists():
         yield as_before(made.read_text("utf-8"))
 

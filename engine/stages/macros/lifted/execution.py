@@ -21,12 +21,13 @@ from kb.terms import Atom
 class Execution:
     """The execution of one linearisation.
 
-    `facts` is the present state; `changes` are those of the steps taken.
+    `facts` is the present state; `changes` are those of the steps taken, and `before` the states in which they began.
     """
 
     world: CellDomain
     facts: Facts
     changes: dict[StepId, StepChange] = field(default_factory=dict)
+    before: dict[StepId, Facts] = field(default_factory=dict)
 
     def run(self, plan: Plan) -> str:
         """Execute all steps. Returns the reason why a step cannot be taken, or an empty text."""
@@ -37,6 +38,7 @@ class Execution:
         return ""
 
     def _take(self, step: Step) -> str:
+        self.before[step.id] = self.facts
         known = self.world.ground_step(step.operator)
         return self.take_known(step, known) if known is not None else self.take_any(step)
 

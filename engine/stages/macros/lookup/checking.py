@@ -76,9 +76,20 @@ def _disturbed(plan: Plan, run: Execution) -> str:
         if one.id in before[other.id] or other.id in before[one.id]:
             continue
         shared = set(one.resources) & set(other.resources)
-        if shared or _harms(one, other, plan, run) or _harms(other, one, plan, run):
+        if (
+            shared
+            or _harms(one, other, plan, run)
+            or _harms(other, one, plan, run)
+            or _serves(one, other, run)
+        ):
             return f"steps {one.id} and {other.id} disturb each other"
     return ""
+
+
+def _serves(step: Step, later: Step, run: Execution) -> bool:
+    """Whether a step makes something true that a later one in the list needs, and that was not true before."""
+    adds, before = run.changes[step.id].adds, run.before[step.id]
+    return any(atom in adds and atom not in before for atom in _preconditions(later, run))
 
 
 def _harms(step: Step, rival: Step, plan: Plan, run: Execution) -> bool:

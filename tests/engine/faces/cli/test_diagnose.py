@@ -81,7 +81,7 @@ def test_the_planner_goes_on_from_what_was_found() -> None:
     arguments = ("bulkhead/one_point", "--exception", "implausible_value", "--step", STEP)
     found = data(*arguments, "--hidden", "missing_couplant", "--recover")
     assert "couplant_applied(goal_point(meas(m1)))" in found["withdrawn"]
-    assert found["recovery"]["status"] == "found"
+    assert found["recovery"]["status"] in ("found", "optimal")
 
 
 def test_closed_cases_change_the_next_belief(tmp_path: Path) -> None:

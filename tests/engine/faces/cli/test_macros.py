@@ -55,7 +55,7 @@ def test_the_text_says_where_a_plan_comes_from(store: str) -> None:
 
 def test_without_a_library_nothing_is_said_of_one() -> None:
     _, found = answer("plan", "bulkhead/one_point")
-    assert set(found) == {"plan"}
+    assert set(found) == {"plan", "makespan"}
 
 
 def test_a_plan_from_the_library_passes_through_a_file_to_the_checker(store: str, tmp_path: Path) -> None:
@@ -79,6 +79,7 @@ def test_a_wrong_plan_is_not_learned(store: str, tmp_path: Path) -> None:
     assert (code, found["plans"][0]["macrop"]) == (1, None)
 
 
+@pytest.mark.slow
 def test_a_library_goes_through_a_file_into_another(store: str, tmp_path: Path) -> None:
     answer("prepare", "bulkhead", "--store", store, "--jobs", "1")
     file, other = str(tmp_path / "macros.json"), str(tmp_path / "other.db")
@@ -146,6 +147,7 @@ def test_a_prepared_problem_set_is_looked_up(store: str) -> None:
     assert source("bulkhead/twelve_points", "--store", store)[0] == "library"
 
 
+@pytest.mark.slow
 def test_preparing_keeps_sequences_and_says_which_were_stale(store: str, tmp_path: Path) -> None:
     mine = shutil.copytree(BULKHEAD, tmp_path / "mine")
     first = answer("prepare", str(mine), "--store", store, "--jobs", "1")[1]["problems"]

@@ -148,6 +148,7 @@ def test_strategies_do_not_outlive_the_race() -> None:
     assert time.monotonic() - began < 20
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("presses", [1, 2])
 def test_ctrl_c_at_a_terminal_ends_a_preparation_quietly(tmp_path: Path, presses: int) -> None:
     """A terminal sends Ctrl-C to the whole group of processes, while those that plan are still starting, too."""
@@ -165,6 +166,7 @@ def test_ctrl_c_at_a_terminal_ends_a_preparation_quietly(tmp_path: Path, presses
     assert json.loads(told)["status"] in ends
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("jobs", ["1", "2"])
 def test_at_the_first_ctrl_c_a_preparation_tells_of_every_problem(tmp_path: Path, jobs: str) -> None:
     words = ("prepare", "themse", "--store", str(tmp_path / "store.db"), "--jobs", jobs, "--format", "json")

@@ -129,7 +129,7 @@ def test_without_lists_they_are_made(tmp_path: Path) -> None:
             "goals:\n  - measured(_, _, meas(m1)) | measured(_, _, meas(m2))\n",
             "stands in a condition with others",
         ),
-        ("workflow:\n  - stages: measured(_, _, meas(m1))\n", "another line also names 'm1'"),
+        ("workflow:\n  - stages: measured(_, _, meas(m1))\n", "line 7 also names 'm1'"),
     ],
 )
 def test_what_needs_the_measurement_keeps_it(tmp_path: Path, more: str, said: str) -> None:

@@ -216,7 +216,7 @@ def test_what_is_no_action_of_the_export_is_pointed_at() -> None:
     text = export(problem, ground(problem))
     with pytest.raises(InvalidInput) as error:
         import_plan(text, "(mvoe t3_746)\n(move t3_746)\n(apply_couplant t3_746 m2 m9 m9 m9)\n", "sas_plan")
-    said = [str(each) for each in error.value.diagnostics]
+    said = [str(each) for each in sorted(error.value.diagnostics, key=lambda each: each.where.line)]
     assert "sas_plan:1:2" in said[0]
     assert "did you mean 'move'?" in said[0]
     assert "sas_plan:2:2" in said[1]

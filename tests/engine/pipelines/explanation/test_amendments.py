@@ -15,6 +15,7 @@ from engine.pipelines.explanation.amendments import domain_facts, without_chains
 from engine.pipelines.explanation.thresholds import solved
 from kb.asp import ground_term
 from kb.loader import load_problem
+from kb.model.conditions import And
 from kb.model.problem import Chain, Problem
 from kb.terms import Atom, Function, Number, Operation, Variable
 
@@ -129,7 +130,10 @@ def test_a_fact_that_is_in_the_way_is_removed() -> None:
 
 
 def test_dropping_a_chain_leaves_no_chain_that_waits_for_it() -> None:
-    problem = planning.problem_of("themse", command="grip probe 1, then grip probe 2")
+    """Both chains end with a probe in the one gripper, and the second waits for the first."""
+    one, two = (atom(f"at(probe_{n}, mars_gripper)") for n in (1, 2))
+    chains = (Chain("1", (one,), (), one.arguments[0]), Chain("2", (two,), ("1",), two.arguments[0]))
+    problem = replace(planning.problem_of("themse/one"), chains=chains, goal=And(()))
     drops = [change for change in explain(problem).changes if change.goal]
     assert len(drops) == 2
     assert all(isinstance(planning.plan(changed(problem, each)), Found) for each in drops)

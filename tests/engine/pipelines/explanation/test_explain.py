@@ -37,6 +37,7 @@ def told(problem: Problem) -> Outcome | set[str]:
         return {each.code for each in error.diagnostics}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("target", BUNDLED)
 def test_a_missing_static_fact_is_named_or_an_equally_small_change_found(target: str) -> None:
     problem = load_problem(target)
@@ -59,6 +60,7 @@ def test_a_missing_static_fact_is_named_or_an_equally_small_change_found(target:
             assert len(outcome.plan.steps) == change.proof
 
 
+@pytest.mark.slow
 def test_goals_that_exclude_each_other_are_told_with_the_reason() -> None:
     explanation = explain(load_problem("bulkhead/two_contacts"))
     assert len(explanation.goals) == 2

@@ -157,8 +157,8 @@ def spoilt(draw: st.DrawFn, plan: Plan) -> Plan:
             steps = _without(steps, place)
         elif what == "swap" and place + 1 < len(steps):
             one, other = steps[place], steps[place + 1]
-            steps[place] = dataclasses.replace(one, operator=other.operator, resources=other.resources)
-            steps[place + 1] = dataclasses.replace(other, operator=one.operator, resources=one.resources)
+            steps[place] = dataclasses.replace(other, id=one.id, after=one.after)
+            steps[place + 1] = dataclasses.replace(one, id=other.id, after=other.after)
         elif what == "free":
             steps[place] = dataclasses.replace(steps[place], after=())
     return Plan(tuple(steps))

@@ -4,6 +4,7 @@ import dataclasses
 import itertools
 from collections.abc import Iterator
 
+import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
@@ -115,6 +116,7 @@ def lasts(steps: list[str]) -> bool:
     return bool(found) and found[-1] not in ENDS
 
 
+@pytest.mark.slow
 @given(chains)
 @settings(max_examples=60, deadline=None, suppress_health_check=list(HealthCheck))
 def test_planned_chains_have_the_fewest_steps_that_any_reading_needs(chains: Chains) -> None:
