@@ -129,6 +129,7 @@ def test_a_fact_that_is_in_the_way_is_removed() -> None:
     assert explain(problem).changes[0].edits == (Edit("static", None, given),)
 
 
+@pytest.mark.slow
 def test_dropping_a_chain_leaves_no_chain_that_waits_for_it() -> None:
     """Both chains end with a probe in the one gripper, and the second waits for the first."""
     one, two = (atom(f"at(probe_{n}, mars_gripper)") for n in (1, 2))
