@@ -2,7 +2,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test slow check golden bench mutation wheel clean
+.PHONY: demo test slow long check golden bench mutation wheel clean
 .DEFAULT_GOAL := test
 
 # What is compiled: plain Python with its types beside it.
@@ -26,6 +26,9 @@ test: $(VENV)/ready
 
 slow: $(VENV)/ready
 	$(BIN)/python -m pytest -m slow
+
+long: $(VENV)/ready
+	$(BIN)/python -m pytest -n auto -m long
 
 check: $(VENV)/ready
 	$(BIN)/ruff check .

@@ -37,13 +37,13 @@ def test_recovery_starts_from_the_true_world_and_works_in_it(name: str, exceptio
     holds_good(_case(name, exception, cause, Objective.REPAIR))
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize(("name", "exception", "cause"), list(_cases(Objective.ISOLATE)))
 def test_recovery_works_beside_a_cause_that_is_there_still(name: str, exception: str, cause: str) -> None:
     holds_good(_case(name, exception, cause, Objective.ISOLATE))
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("objective", list(Objective))
 @pytest.mark.parametrize("seed", range(20))
 def test_the_law_holds_for_fault_bases_that_nobody_would_write(seed: int, objective: Objective) -> None:

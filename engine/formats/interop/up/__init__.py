@@ -8,7 +8,7 @@ from typing import Any
 
 from engine.formats.interop.up.engine import StageFunctions, UpEngine
 from engine.kernels.cancellation import Interrupted
-from engine.model.outcome import Outcome
+from engine.model.outcome import Infeasible, Outcome
 from engine.pipelines import planning
 from engine.pipelines.gate import PlanGate
 from engine.pipelines.optimum import proved
@@ -43,7 +43,10 @@ def _revise(
     options: dict[str, Any],
 ) -> Outcome:
     limits = Limits(interrupted=interrupted, **options)
-    return revise(Course.of(former, plan), (), problem.initial, limits, compare).outcome
+    found = revise(Course.of(former, plan), (), problem.initial, limits, compare)
+    if found.given_up:  # a plan for some of the goals is no answer here
+        return Infeasible(f"{found.given_up[0].goal} cannot be reached")
+    return found.outcome
 
 
 def _instances(problem: Problem) -> tuple[Function, ...]:

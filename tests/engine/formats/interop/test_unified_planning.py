@@ -306,7 +306,7 @@ def test_an_anytime_planner_may_be_left() -> None:
 
 def test_results_are_written_to_a_stream_and_what_is_not_used_is_said() -> None:
     stream = io.StringIO()
-    with pytest.warns(UserWarning, match="neither a heuristic nor a plan"):
+    with pytest.warns(UserWarning, match="neither a heuristic nor an initial plan"):
         result = CellwrightEngine().solve(corridor(), heuristic=lambda _: 0.0, output_stream=stream)
     assert stream.getvalue() == f"{result}\n"
 

@@ -16,7 +16,7 @@ QUICK = {"bulkhead/one_point", "bulkhead/both_tools"}
 ALL = [
     f"{name}/{file.stem}" for name, path in bundled().items() for file in sorted(path.glob("problems/*.yaml"))
 ]
-BUNDLED = [pytest.param(name, marks=[] if name in QUICK else [pytest.mark.slow]) for name in ALL]
+BUNDLED = [pytest.param(name, marks=[] if name in QUICK else [pytest.mark.long]) for name in ALL]
 
 
 def without_one_fact(problem: Problem) -> Iterator[tuple[str, Problem]]:
@@ -37,7 +37,7 @@ def told(problem: Problem) -> Outcome | set[str]:
         return {each.code for each in error.diagnostics}
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("target", BUNDLED)
 def test_a_missing_static_fact_is_named_or_an_equally_small_change_found(target: str) -> None:
     problem = load_problem(target)
