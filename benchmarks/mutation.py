@@ -183,7 +183,8 @@ def _warm(file: str) -> None:
 
     graph = grimp.build_graph("kb", "engine", cache_dir=None)
     name = file.removesuffix(".py").removesuffix("/__init__").replace("/", ".")
-    barred = graph.find_downstream_modules(name) | {name}
+    within = {name, *graph.find_descendants(name)}  # each imports the package that it lies in
+    barred = within.union(*map(graph.find_downstream_modules, within))
     for each in sorted(graph.modules - barred):
         parents = each.split(".")
         if barred & {".".join(parents[:depth]) for depth in range(1, len(parents))} or ".cli" in each:
