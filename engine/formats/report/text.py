@@ -19,6 +19,7 @@ from engine.model.histories import History, histories
 from engine.model.outcome import Found, GaveUp, Infeasible, Outcome, Statistics
 from engine.model.purposes import purposes
 from engine.model.schedule import Timetable
+from engine.model.wording import counted
 from kb.model.plan import Plan
 from kb.model.problem import Problem
 
@@ -42,7 +43,7 @@ def plan_table(plan: Plan, problem: Problem, timetable: Timetable | None = None)
         return Text("Nothing to do: the goals hold already.")
     timed = any(step.duration for step in plan.steps)
     unit = problem.domain.time_unit
-    said = [_counted(len(plan.steps), "step"), f"cost {plan.cost}"]
+    said = [counted(len(plan.steps), "step"), f"cost {plan.cost}"]
     starts = timetable.starts if timetable else earliest_starts(plan)
     chart: list[RenderableType] = []
     if timetable:
@@ -56,10 +57,6 @@ def plan_table(plan: Plan, problem: Problem, timetable: Timetable | None = None)
     told: list[RenderableType] = [Text(), _Histories(made, unit)] if made else []
     between = chart or ([Text()] if made else [])
     return Group(steps, *told, *between, Text(", ".join(said)))
-
-
-def _counted(number: int, noun: str) -> str:
-    return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
 
 
 @dataclass(frozen=True, slots=True)
