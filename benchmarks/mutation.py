@@ -22,6 +22,10 @@ from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    import grimp
 
 TOP = Path(__file__).resolve().parents[1]
 PASS = 0.85
@@ -183,17 +187,25 @@ def _warm(file: str) -> None:
 
     graph = grimp.build_graph("kb", "engine", cache_dir=None)
     name = file.removesuffix(".py").removesuffix("/__init__").replace("/", ".")
-    within = {name, *graph.find_descendants(name)}  # each imports the package that it lies in
-    barred = within.union(*map(graph.find_downstream_modules, within))
+    barred = _importers(graph, name)
     for each in sorted(graph.modules - barred):
-        parents = each.split(".")
-        if barred & {".".join(parents[:depth]) for depth in range(1, len(parents))} or ".cli" in each:
+        if ".cli" in each:
             continue
         try:
             importlib.import_module(each)
         except ImportError:
             continue  # what is optional is not installed
     assert name not in sys.modules, name
+
+
+def _importers(graph: "grimp.ImportGraph", name: str) -> set[str]:
+    """A module, and what imports it. Whoever imports a module imports the packages that it lies in, too."""
+    found, new = set[str](), {name}
+    while new:
+        found |= new
+        within = new.union(*map(graph.find_descendants, new))
+        new = within.union(*map(graph.find_downstream_modules, within)) - found
+    return found
 
 
 def _run(tests: Sequence[str], limit: int) -> tuple[str, float]:
