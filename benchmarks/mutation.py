@@ -42,7 +42,7 @@ MODULES: dict[
     "checker": (
         ("engine/stages/validation/*.py",),
         (
-            *(f"{VALIDATION}/test_{name}.py" for name in ("rules", "claims", "chains", "semantics", "datalog")),
+            *(f"{VALIDATION}/test_{name}.py" for name in ("rules", "false_claims", "chains", "semantics", "datalog")),
             "tests/properties/test_checker.py",
         ),
     ),
