@@ -5,7 +5,7 @@ from functools import cached_property
 import numpy as np
 
 from engine.kernels.geometry.checks import first_contacts
-from engine.kernels.geometry.layout import Pairs
+from engine.kernels.geometry.layout import Pairs, Pieces
 from engine.model.geometry import Contact, Floats, Longs, Scene, Truths
 from engine.ports import CollisionChecker
 from engine.stages.geometry.collision.carriers import checked_poses, only, pose_batch, split
@@ -34,6 +34,11 @@ class BuiltinChecker:
             return self._touchable
         poses = pose_batch(self._scene, sampled(self._scene.joints))
         return likeliest_first(poses, self._pieces, self._touchable)
+
+    @property
+    def packed(self) -> tuple[Pieces, Pairs]:
+        """The scene as kernels read it: its pieces, and the pairs that can touch."""
+        return self._pieces, self._touchable
 
     @property
     def scene(self) -> Scene:
