@@ -11,7 +11,8 @@ class Query:
     """A motion from `start` (k,) to any of the `goals` (n, k).
 
     Lines are looked at every `step` (rad, m); nothing may come within `margin_m`. `seed` decides the samples. The work is
-    bounded by `budget`, the configurations looked at, and by `bridges`, the short cuts that are tried.
+    bounded by `budget`, the configurations looked at, and by `bridges`, the short cuts that are tried. `moving` numbers the
+    joints that may move; all may if none is given.
     """
 
     start: Floats
@@ -22,6 +23,7 @@ class Query:
     budget: int = 1_000_000
     bridges: int = 60
     proved: bool = True
+    moving: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -133,7 +133,7 @@ def _motion(p: Proof, i: int, j: int) -> float:
     A joint that moves both alike counts for neither.
     """
     if p.room.carrier[i] == 0 or p.room.carrier[j] == 0:
-        return p.whole[i] + p.whole[j] + p.margin
+        return float(p.whole[i] + p.whole[j] + p.margin)
     total = p.margin
     for x in range(p.count):
         if p.reach[x, i] == 0.0 or p.reach[x, j] == 0.0:

@@ -46,5 +46,5 @@ def inverse(index: int, base: int) -> float:
 
 def coordinate(h: Halton, x: int) -> float:
     """One coordinate of the point that was drawn last."""
-    value = inverse(h.drawn, h.bases[x]) + h.shift[x]
+    value: float = inverse(h.drawn, h.bases[x]) + h.shift[x]
     return value - 1.0 if value >= 1.0 else value

@@ -18,6 +18,8 @@ cdef class Route:
 cpdef void shorten(Route r, Edges e, Py_ssize_t tries, long long budget) except *
 @cython.locals(i=Py_ssize_t, j=Py_ssize_t, free=int)
 cdef int _skip_corners(Route r, Edges e, long long budget) except -1 nogil
+@cython.locals(i=Py_ssize_t, close=bint, free=int)
+cdef int _drop_close(Route r, Edges e) except -1 nogil
 cdef void _cut(Route r, Py_ssize_t i, Py_ssize_t j, Py_ssize_t middle) noexcept nogil
 cdef void _measure(Route r) noexcept nogil
 @cython.locals(one=double, other=double, kept=double, i=Py_ssize_t, j=Py_ssize_t, free=int)

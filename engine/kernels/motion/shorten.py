@@ -50,6 +50,7 @@ def shorten(r: Route, e: Edges, tries: int, budget: int) -> None:
                 break
             _measure(r)
             _bridge(r, e, 1.0 if n % 2 else 0.25)
+        _drop_close(r, e)
 
 
 def _skip_corners(r: Route, e: Edges, budget: int) -> int:
@@ -64,6 +65,20 @@ def _skip_corners(r: Route, e: Edges, budget: int) -> int:
                 break
             j -= 1
         i += 1
+    return 0
+
+
+def _drop_close(r: Route, e: Edges) -> int:
+    """Leave out corners that are nearer than a step to the one before, where the line past them is free."""
+    i = 1
+    while i < r.size - 1:
+        close = edges.length(r._rows, i - 1, r._rows, i, r.count) < e.step
+        close = close or edges.length(r._rows, i, r._rows, i + 1, r.count) < e.step
+        free = e.free(r._rows, i - 1, r._rows, i + 1) if close else 0
+        if free:
+            _cut(r, i - 1, i + 1, 0)
+        else:
+            i += 1
     return 0
 
 
@@ -103,7 +118,9 @@ def _bridge(r: Route, e: Edges, window: float) -> int:
     if i == j or edges.length(r.ends, 0, r.ends, 1, r.count) > 0.9999 * (other - one):
         return 0
     free = e.free(r.ends, 0, r.ends, 1)
-    if free:
+    if free and other >= whole:
+        _cut(r, i, j + 1, 1)
+    elif free:
         _cut(r, i, j + 1, 2)
     return free
 

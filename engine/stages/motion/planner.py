@@ -99,10 +99,11 @@ def bounds(joints: Joints, query: Query) -> tuple[Floats, Floats]:
     beyond = np.where(joints.prismatic, 1.0, np.pi)
     low = np.where(np.isfinite(joints.lower), joints.lower, ends.min(axis=0) - beyond)
     high = np.where(np.isfinite(joints.upper), joints.upper, ends.max(axis=0) + beyond)
-    return low, high
+    still = np.ones(joints.count, dtype=bool)
+    still[list(query.moving or range(joints.count))] = False
+    return np.where(still, query.start, low), np.where(still, query.start, high)
 
 
 def shifted(seed: int, count: int) -> Floats:
     """How far a seed shifts the samples in each dimension (count,), from 0 to 1."""
-    found: Floats = (seed * GOLDEN ** np.arange(1, count + 1)) % 1.0
-    return found
+    return np.array([(seed * GOLDEN**n) % 1.0 for n in range(1, count + 1)], dtype=float)

@@ -21,6 +21,7 @@ class Ground:
         if checker.scene.free:
             raise ValueError("a free scene has no joints that a motion could be planned for")
         self.checker = checker
+        self._kept: dict[float, tuple[Pieces, Pairs]] = {}
         joints = checker.scene.joints
         self._mechanism = Mechanism(
             joints.parent,
@@ -48,7 +49,7 @@ class Ground:
 
     def lines(self, step: float, margin_m: float = 0.0) -> Edges:
         """Lines checked by compiled kernels, where the checker has them, else by the checker, from Python."""
-        pieces, pairs = self._packed
+        pieces, pairs = self._packed(margin_m)
         if isinstance(self.checker, BuiltinChecker):
             return Edges(self._mechanism, pieces, pairs, step, margin_m)
 
@@ -64,19 +65,23 @@ class Ground:
 
     def proof(self, margin_m: float, finest_m: float) -> Proof:
         """A proof by the built-in kernels, whatever the checker is."""
-        return Proof(self._mechanism, *self._packed, self._reach, margin_m, finest_m)
+        return Proof(self._mechanism, *self._packed(margin_m), self._reach, margin_m, finest_m)
 
-    @cached_property
-    def _packed(self) -> tuple[Pieces, Pairs]:
-        """The scene as kernels read it."""
+    def _packed(self, margin_m: float) -> tuple[Pieces, Pairs]:
+        """The scene as kernels read it, packed once for each margin."""
+        if margin_m not in self._kept:
+            self._kept[margin_m] = self._pack(margin_m)
+        return self._kept[margin_m]
+
+    def _pack(self, margin_m: float) -> tuple[Pieces, Pairs]:
         if isinstance(self.checker, BuiltinChecker):
-            return self.checker.packed
+            return self.checker.packed(margin_m)
         pieces, bound_of = bounded(self.scene)
         return pieces, grouped(self.scene.pairs, bound_of)
 
     @cached_property
     def _reach(self) -> Floats:
-        return reaches(self.scene.joints, self._packed[0])
+        return reaches(self.scene.joints, self._packed(0.0)[0])
 
 
 def reaches(joints: Joints, pieces: Pieces) -> Floats:
