@@ -44,6 +44,13 @@ class Wish(StrEnum):
     MAKESPAN = "makespan"
 
 
+class Ordering(StrEnum):
+    """Who decides the order of measurements."""
+
+    SEQUENCE = "sequence"
+    FREE = "free"
+
+
 class PlanForm(StrEnum):
     """How a plan is written: as a table, as data, as a picture of its partial order, or in the format of PDDL planners."""
 
@@ -76,6 +83,14 @@ def plan(
             help="what the plan should have least of; without it makespan, then cost, where steps take time, else cost",
         ),
     ] = None,
+    order: Annotated[
+        Ordering | None,
+        typer.Option(
+            "--order",
+            help="who orders measurements: the sequencer, or the planner alone (free); without it the sequencer, "
+            "unless --objective, --strategy, --race or --anytime asks the planner",
+        ),
+    ] = None,
     store: Library = "",
     folded: Annotated[
         bool,
@@ -86,6 +101,9 @@ def plan(
     wanted = PlanRequest(target, goals, command, task)
     _refuse_misfits(wanted, pddl, strategy if race else "auto")
     _refuse_unseen(format, stats, folded, store)
+    asked = {"--objective": objective, "--race": race, "--anytime": anytime, "--strategy": strategy != "auto"}
+    if order is Ordering.SEQUENCE:
+        refuse_idle({**asked, "--pddl": pddl}, "with --order sequence: only the planner's own order is sought")
     work = SearchOptions(
         time_limit,
         memory_limit,
@@ -96,6 +114,7 @@ def plan(
         store,
         folded,
         objective or (Wish.COST if strategy == "shortest" else None),
+        order or (Ordering.FREE if pddl or any(asked.values()) else Ordering.SEQUENCE),
     )
     give(lambda: _plan(wanted, format, stats, work), Form.JSON if format is PlanForm.JSON else Form.TEXT)
 
@@ -144,6 +163,7 @@ class SearchOptions:
     store: str = ""
     folded: bool = False
     objective: "Wish | None" = None
+    order: Ordering = Ordering.SEQUENCE
 
 
 def _read_task(wanted: "PlanRequest") -> "PddlProblem | None":
@@ -159,7 +179,7 @@ def _plan(wanted: PlanRequest, form: PlanForm, stats: bool, work: SearchOptions)
     from engine.faces.cli.origin import planned
     from engine.formats.report import json
     from engine.pipelines import planning
-    from engine.pipelines.objective import Objective
+    from engine.pipelines.objective import Objective, Order
     from engine.stages.planning import LITTLE, RESTARTS, ROOM, Limits
 
     _require_strategy(work.strategy)
@@ -178,7 +198,7 @@ def _plan(wanted: PlanRequest, form: PlanForm, stats: bool, work: SearchOptions)
             improved=interrupted.tell if work.anytime else lambda _: None,
         )
         wish = Objective(work.objective.value) if work.objective else None
-        run, origin = planned(problem, limits, wish, work.store, work.folded)
+        run, origin = planned(problem, limits, wish, Order(work.order.value), work.store, work.folded)
     outcome = run.outcome
     return Answer(
         json.status(outcome),
@@ -191,10 +211,12 @@ def _plan(wanted: PlanRequest, form: PlanForm, stats: bool, work: SearchOptions)
 
 def _document(run: "Run", problem: "Problem", origin: "Mapping[str, Any]", stats: bool) -> dict[str, Any]:
     """The outcome as data, with its statistics if they were asked for."""
-    from engine.formats.report import json
+    from engine.formats.report import itinerary, json
     from engine.formats.report.gantt import proof_entry
 
     content = {**json.outcome(run.outcome, problem, starts=run.starts), **origin}
+    if run.itinerary:
+        content |= itinerary.entry(run)
     if run.timetable:
         content["makespan"] = proof_entry(run.timetable.schedule, run.timetable.scope)
     return {**content, "statistics": json.statistics(run.outcome.statistics)} if stats else content
@@ -228,11 +250,13 @@ def _text(
     from rich.console import Group
 
     from engine.faces.cli.origin import origin_text
-    from engine.formats.report import text
+    from engine.formats.report import itinerary, text
 
     parts = [text.outcome(run.outcome, problem, run.timetable), *origin_text(origin)]
     if folded and origin.get("source", {}).get("parts"):
         parts = parts[1:]
+    if run.itinerary:
+        parts.append(itinerary.text(run, problem.domain.time_unit))
     return Group(*parts, *([text.statistics(run.outcome.statistics)] if stats else []))
 
 

@@ -11,12 +11,14 @@ from dataclasses import dataclass
 
 from engine.model.outcome import Found, GaveUp, Infeasible, Outcome, Statistics
 from engine.pipelines.gate import PlanGate
+from engine.pipelines.inspection import chooses_tools
 from engine.pipelines.parts.chain import Chain
 from engine.pipelines.parts.itinerary import Itinerary, Part, itinerary
 from engine.pipelines.parts.joining import joined
 from engine.pipelines.parts.memory import Memory, Notebook
+from engine.pipelines.planning import LARGE
 from engine.stages.grounding.initial import initial_state
-from engine.stages.grounding.limits import require_affordable_statics
+from engine.stages.grounding.limits import require_affordable_statics, size
 from engine.stages.grounding.program import Vocabulary
 from engine.stages.macros.lifted.situation import Situation
 from engine.stages.macros.lifted.world import CellDomain
@@ -26,6 +28,7 @@ from engine.stages.sequencing import Limits as TourLimits
 from kb.diagnostics import InvalidInput
 from kb.model.conditions import goal_parts
 from kb.model.problem import Problem
+from kb.terms import Function, natural_key
 
 __all__ = ["Itinerary", "Memory", "Notebook", "Part", "Sequenced", "by_sequence"]
 
@@ -46,34 +49,19 @@ def by_sequence(
     None as well for a problem that is no inspection. Raises `InvalidInput`.
     """
     started = time.perf_counter()
+    if not chooses_tools(problem.domain):
+        return None
     require_affordable_statics(problem)
     way = itinerary(problem, TourLimits(seed=limits.seed, interrupted=limits.interrupted), store)
     if way is None:
         return None
-    sequencing = time.perf_counter() - started
-    outcome = _planned(problem, way, limits, memory or Notebook(), Counter(sequencing=sequencing))
+    seconds = Counter(sequencing=time.perf_counter() - started)
+    started = time.perf_counter()
+    line = Chain(problem, _start(problem), memory or Notebook(), limits, seconds=seconds)
+    way = _better_way(way, line)
+    seconds["start"] = time.perf_counter() - started
+    outcome = _planned(problem, way, line)
     return None if outcome is None else Sequenced(outcome, way)
-
-
-def _planned(
-    problem: Problem, way: Itinerary, limits: Limits, memory: Memory, seconds: Counter[str]
-) -> Outcome | None:
-    started = time.perf_counter()
-    start = _start(problem)
-    seconds["state"] = time.perf_counter() - started
-    line = Chain(problem, start, memory, limits, seconds=seconds)
-    failed = line.run((*way.parts, *way.rest))
-    if failed is not None:
-        return _refused(way, *failed)
-    started = time.perf_counter()
-    goals = (goal_literal(goal) for goal in goal_parts(problem.goal))
-    plan = joined(start, line.steps, [goal for goal in goals if goal is not None])
-    seconds["joining"] = time.perf_counter() - started
-    started = time.perf_counter()
-    plan, wrong = PlanGate().settled(problem, plan)
-    seconds["check"] = time.perf_counter() - started
-    counts = {"measurements": len(way.visits), **line.counts}
-    return None if wrong else Found(plan, Statistics(counts, dict(seconds)))
 
 
 def _start(problem: Problem) -> Situation:
@@ -83,11 +71,57 @@ def _start(problem: Problem) -> Situation:
     return Situation.of(CellDomain(problem), state)
 
 
-def _refused(way: Itinerary, part: Part, outcome: Outcome) -> Outcome | None:
-    """Why there is no plan, if that is certain: what a part needs can never be, or the time is up."""
+def _better_way(way: Itinerary, line: Chain) -> Itinerary:
+    """The tour, or the same the other way round if that is better for the changes of tools; only their parts are tried."""
+    if way.fixed:
+        return way
+    ways = (way, way.turned())
+    tried = [line.trial([part for part in each.parts(line.problem) if part.name in each.ends]) for each in ways]
+    return ways[1] if tried[1] < tried[0] else way
+
+
+def _planned(problem: Problem, way: Itinerary, line: Chain) -> Outcome | None:
+    start, seconds = line.here, line.seconds
+    failed = line.run(way.parts(problem))
+    if failed is not None:
+        return _refused(line, start, way, *failed)
+    started = time.perf_counter()
+    goals = (goal_literal(goal) for goal in goal_parts(problem.goal))
+    plan = joined(start, line.steps, [goal for goal in goals if goal is not None])
+    seconds["joining"] = time.perf_counter() - started
+    started = time.perf_counter()
+    plan, wrong = PlanGate().settled(problem, plan)
+    seconds["check"] = time.perf_counter() - started
+    counts = {"measurements": len(way.visits), **line.counts}
+    if wrong:
+        return _together(problem, wrong[0].message)
+    return Found(plan, Statistics(counts, dict(seconds)))
+
+
+def _refused(
+    line: Chain, start: Situation, way: Itinerary, part: Part, outcome: Outcome
+) -> Outcome | None:
+    """Why there is no plan, if that is certain or too much to ask: what a part asks for alone has no plan either."""
     if isinstance(outcome, GaveUp):
         return outcome
-    if isinstance(outcome, Infeasible) and way.partition.impossible and not part.name:
-        said = "; ".join(f"{name}: {why}" for name, why in way.partition.impossible.items())
-        return Infeasible(f"{outcome.reason} ({said})", outcome.statistics)
-    return None
+    alone = line.alone(part, start)
+    if isinstance(alone, Infeasible):
+        reasons = way.partition.impossible
+        known = [f"{name}: {reasons[name]}" for name in sorted(reasons, key=natural)]
+        said = f"; {', '.join(known)}" if known and not part.name else ""
+        about = f"{part.name}: " if part.name else ""
+        return Infeasible(f"{about}{alone.reason}{said}", alone.statistics)
+    return _together(line.problem, f"{part.name or 'what the goals ask for beside measurements'} has no plan")
+
+
+def _together(problem: Problem, why: str) -> Outcome | None:
+    """What is left to say if parts do not follow one another: nothing if the whole problem can be planned at once."""
+    if size(problem) <= LARGE:
+        return None
+    reason = f"in the order of the sequence {why}, and the problem is too large to be planned as a whole"
+    return GaveUp(reason, "memory")
+
+
+def natural(name: str) -> tuple[tuple[int, int, str], ...]:
+    """A sort key under which `m2` comes before `m10`."""
+    return natural_key(Function(name))

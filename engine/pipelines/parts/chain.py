@@ -23,6 +23,7 @@ from kb.model.problem import Problem
 from kb.terms import Atom
 
 LARGEST = 100  # steps of a plan that is learned
+MUCH = 1 << 62
 
 
 @dataclass
@@ -45,6 +46,21 @@ class Chain:
                 return part, outcome
             self.steps += outcome.plan.steps
         return None
+
+    def alone(self, part: Part, start: Situation) -> Outcome:
+        """The planner's answer for one part from a situation."""
+        own = replace(self.problem, goal=And(part.goals), chains=())
+        return searched(own.replace(tuple(start.facts)), self.limits, statics=self._statics)[0]
+
+    def trial(self, parts: Sequence[Part]) -> tuple[int, int]:
+        """How long the plan of some parts lasts from here, and what it costs; very much if there is none."""
+        other = Chain(self.problem, self.here, self.memory, self.limits)
+        failed = other.run(parts)
+        self.counts["parts planned"] += other.counts["parts planned"]
+        self.counts["operators"] = max(self.counts["operators"], other.counts["operators"])
+        if failed is not None:
+            return MUCH, MUCH
+        return sum(step.duration for step in other.steps), sum(step.cost for step in other.steps)
 
     def _serve(self, part: Part) -> Outcome:
         """A plan for one part from here; then `here` is where it leads."""

@@ -1,7 +1,8 @@
 """The parts of an inspection in the order of the sequencer: one part for each measurement that the goals ask for."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection
 from dataclasses import dataclass, replace
+from itertools import groupby
 
 from engine.model.tour import Tour, TourProblem
 from engine.pipelines.inspection import Partition, chooses_tools, measurements_of, partition, tour_problem
@@ -25,37 +26,82 @@ class Part:
 
 @dataclass(frozen=True)
 class Itinerary:
-    """The parts of an inspection in their order, and the tour that gives it.
+    """The measurements of an inspection in the order of a tour, each with its tool.
 
-    `visits` are the measurements of the tour, with their tools, in its order. `rest` is what the goals ask for beside it.
+    `kept` says that the order was kept in a store. An order that is not `fixed` costs the same the other way round.
     """
 
-    parts: tuple[Part, ...]
-    rest: tuple[Part, ...]
     visits: tuple[tuple[str, str], ...]
     partition: Partition
     problem: TourProblem
     tour: Tour
     kept: bool = False
+    fixed: bool = True
+
+    @property
+    def ends(self) -> set[str]:
+        """The first two and the last of each run of measurements with one tool."""
+        runs = [[name for name, _ in run] for _, run in groupby(self.visits, key=lambda visit: visit[1])]
+        return {name for run in runs for name in (*run[:2], run[-1])}
+
+    def turned(self) -> "Itinerary":
+        """The same tour the other way round."""
+        tour = replace(self.tour, order=self.tour.order[::-1])
+        return replace(self, visits=self.visits[::-1], tour=tour)
+
+    def parts(self, problem: Problem) -> tuple[Part, ...]:
+        """The goals by the visit after which they can hold; what the goals ask for beside the visits comes last."""
+        place = {name: number for number, (name, _) in enumerate(self.visits)}
+        goals: dict[int, list[Condition]] = {}
+        rest: list[Condition] = []
+        for goal in goal_parts(problem.goal):
+            about = max((place[name] for name in _named(goal, place)), default=None)
+            if about is None:
+                rest.append(goal)
+            else:
+                goals.setdefault(about, []).append(_by_tool(problem, goal, self.visits[about]))
+        parts = [Part(self.visits[number][0], tuple(own)) for number, own in sorted(goals.items())]
+        return (*parts, Part("", tuple(rest))) if rest else tuple(parts)
 
 
 def itinerary(problem: Problem, limits: Limits = Limits(), store: str = "") -> Itinerary | None:
-    """The parts of an inspection; None for another problem, or if fewer than two measurements can be put in order.
+    """The order of an inspection; None for another problem, or if fewer than two measurements can be put in order.
 
-    The sequence that is kept in `store` is used if there is one. Raises `InvalidInput`.
+    The sequence that is kept in `store` is used, and one is kept there if there is none. Raises `InvalidInput`.
     """
     if problem.chains or not chooses_tools(problem.domain):
         return None
-    placed = with_places(problem)
     wanted = _wanted(problem)
+    if len(wanted) < 2:
+        return None
+    placed = with_places(problem)
     parts = _only(partition(placed), wanted)
     if sum(map(len, parts.groups.values())) < 2:
         return None
-    asked, tour, kept = _tour(placed, parts, limits, store)
-    if tour is None:
+    return _kept(placed, parts, limits, store) if store else _made(placed, parts, limits)
+
+
+def _made(problem: Problem, parts: Partition, limits: Limits) -> Itinerary | None:
+    asked = tour_problem(problem, parts)
+    tour = sequence(asked, limits)
+    if not isinstance(tour, Tour):
         return None
-    visits = _from_here(problem, [(asked.visits[n].name, asked.visits[n].tool) for n in tour.order], tour, asked)
-    return _divided(problem, visits, Itinerary((), (), tuple(visits), parts, asked, tour, kept))
+    visits = tuple((asked.visits[n].name, asked.visits[n].tool) for n in tour.order)
+    even = all(asked.changes.get((b, a)) == cost for (a, b), cost in asked.changes.items())
+    bound = asked.closed or asked.ordered or asked.start is not None or asked.end is not None
+    return Itinerary(visits, parts, asked, tour, fixed=bound or not even)
+
+
+def _kept(problem: Problem, parts: Partition, limits: Limits, store: str) -> Itinerary:
+    """The order of the kept sequence, without what the goals do not ask for."""
+    progress = carry_on(store, problem, limits=limits)
+    wanted = {name for names in parts.groups.values() for name in names}
+    visits = tuple((each.name, each.tool) for each in progress.plan.rest if each.name in wanted)
+    reasons = {**progress.plan.impossible, **progress.plan.bad, **parts.impossible}
+    out = {name: why for name, why in reasons.items() if name in wanted | set(parts.impossible)}
+    return Itinerary(
+        visits, replace(parts, impossible=out), progress.problem, progress.tour, progress.way == "kept"
+    )
 
 
 def _wanted(problem: Problem) -> set[str]:
@@ -64,7 +110,7 @@ def _wanted(problem: Problem) -> set[str]:
     return {name for goal in goal_parts(problem.goal) for name in _named(goal, known)}
 
 
-def _named(goal: Condition, known: set[str]) -> set[str]:
+def _named(goal: Condition, known: Collection[str]) -> set[str]:
     return {name for literal in literals_of(goal) for name in _constants(literal.atom) if name in known}
 
 
@@ -81,39 +127,6 @@ def _only(parts: Partition, wanted: set[str]) -> Partition:
     return replace(parts, groups={t: names for t, names in groups.items() if names}, impossible=impossible)
 
 
-def _tour(
-    problem: Problem, parts: Partition, limits: Limits, store: str
-) -> tuple[TourProblem, Tour | None, bool]:
-    if store:
-        progress = carry_on(store, problem, limits=limits)
-        return progress.problem, progress.tour, progress.way == "kept"
-    asked = tour_problem(problem, parts)
-    found = sequence(asked, limits)
-    return asked, found if isinstance(found, Tour) else None, False
-
-
-def _from_here(
-    problem: Problem, visits: Sequence[tuple[str, str]], tour: Tour, asked: TourProblem
-) -> list[tuple[str, str]]:
-    """The visits, or an open tour the other way round if it then begins with the tool in hand and costs as much."""
-    return list(visits)
-
-
-def _divided(problem: Problem, visits: Sequence[tuple[str, str]], made: Itinerary) -> Itinerary:
-    """The goals by the visit after which they can hold; goals about no visit come last, each by itself."""
-    place = {name: number for number, (name, _) in enumerate(visits)}
-    goals: dict[int, list[Condition]] = {}
-    rest: list[Condition] = []
-    for goal in goal_parts(problem.goal):
-        about = [place[name] for name in _named(goal, set(place))]
-        if about:
-            goals.setdefault(max(about), []).append(_by_tool(problem, goal, visits[max(about)]))
-        else:
-            rest.append(goal)
-    parts = tuple(Part(visits[number][0], tuple(own)) for number, own in sorted(goals.items()))
-    return replace(made, parts=parts, rest=(Part("", tuple(rest)),) if rest else ())
-
-
 def _by_tool(problem: Problem, goal: Condition, visit: tuple[str, str]) -> Condition:
     """A goal to measure something by any tool, as one to measure it by the tool that the rules have chosen."""
     literal, words = goal_literal(goal), problem.domain.conventions
@@ -127,8 +140,3 @@ def _by_tool(problem: Problem, goal: Condition, visit: tuple[str, str]) -> Condi
         for each, type_ in zip(literal.atom.arguments, types, strict=True)
     ]
     return Literal(Function(literal.atom.name, tuple(given)))
-
-
-def without_goals(reasons: Mapping[str, str]) -> str:
-    """A sentence about measurements that cannot be made."""
-    return "; ".join(f"{name}: {why}" for name, why in reasons.items())
