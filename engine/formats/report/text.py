@@ -4,10 +4,13 @@ The library rich decides on colours: none in a pipe, none with NO_COLOR. Tables 
 because rich would break atoms in the middle of words.
 """
 
+import itertools
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
-from rich.console import Console, ConsoleOptions, Group, RenderableType
+from rich.console import Console, ConsoleOptions, Group, RenderableType, RenderResult
+from rich.segment import Segment
+from rich.style import Style
 from rich.table import Table
 from rich.text import Text
 
@@ -25,6 +28,8 @@ from kb.model.problem import Problem
 LIST = 12  # characters of a line of step numbers
 LEGIBLE = 40  # characters that operators and their reasons need side by side
 WIDEST = 10_000
+MANY, NAMED = 40, 10  # consumers of a condition; of more than MANY, so many are named
+LONG = 300  # steps; longer tables are written line by line
 JUDGED = 60  # the number of steps that determine the widths of columns
 
 
@@ -73,12 +78,29 @@ class _Steps:
     purposes: Mapping[StepId, Mapping[str, Sequence[str]]]
     unit: str
 
-    def __rich_console__(self, console: Console, options: ConsoleOptions) -> Iterator[RenderableType]:
+    def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
         names, rows = self._narrow()
         spare = options.max_width - sum(
             max(map(_width, cells)) + 2 for cells in zip(names, *rows, strict=True)
         )
-        yield self._stacked(options.max_width) if spare < LEGIBLE else self._table(names, rows, spare)
+        if spare < LEGIBLE:
+            yield self._stacked(options.max_width)
+        elif len(self.plan.steps) > LONG:
+            yield from self._lines(names, rows, spare)
+        else:
+            yield self._table(names, rows, spare)
+
+    def _lines(self, names: Sequence[str], rows: Sequence[tuple[str, ...]], spare: int) -> Iterator[Segment]:
+        """The table of a long plan, line by line: rich would take longer for it than the plan took."""
+        reasons = [_reasons(self.purposes.get(step.id, {})) for step in self.plan.steps]
+        operators, achieved = _widths([str(step.operator) for step in self.plan.steps], reasons, spare - 2)
+        fixed = [max(map(_width, cells)) for cells in zip(names, *rows, strict=True)]
+        widths = (fixed[0], operators, *fixed[1:], achieved)
+        yield Segment(_line((names[0], "operator", *names[1:], "achieves"), widths), Style(bold=True))
+        for step, (number, *rest), reason in zip(self.plan.steps, rows, reasons, strict=True):
+            cells = (number, wrapped(str(step.operator), operators), *rest, _stacked(reason, achieved))
+            columns = itertools.zip_longest(*(cell.splitlines() for cell in cells), fillvalue="")
+            yield Segment("".join(_line(line, widths) for line in columns))
 
     def _stacked(self, width: int) -> Table:
         """The steps for a narrow terminal: the content of the table in lines below each step."""
@@ -121,6 +143,16 @@ class _Steps:
         return ("step", "after") + ((f"start ({self.unit})", "lasts") if self.unit else ()), rows
 
 
+def _line(cells: Sequence[str], widths: Sequence[int]) -> str:
+    """Cells in columns, numbers to the right."""
+    right = {0, *range(3, len(cells) - 1)}
+    placed = (
+        cell.rjust(width) if place in right else cell.ljust(width)
+        for place, (cell, width) in enumerate(zip(cells, widths, strict=True))
+    )
+    return "  ".join(placed).rstrip() + "\n"
+
+
 def _span(start: int, duration: int, unit: str) -> str:
     return f"from {start} for {duration} {unit}"
 
@@ -131,10 +163,15 @@ def _width(cell: str) -> int:
 
 def _reasons(achieved: Mapping[str, Sequence[str]]) -> list[str]:
     """The conditions that a step achieves, each with its consumers in order, the goal last."""
-    return [
-        f"{condition} for {', '.join(sorted(users, key=lambda user: (user == 'goal', len(user), user)))}"
-        for condition, users in achieved.items()
-    ]
+    return [f"{condition} for {_users(users)}" for condition, users in achieved.items()]
+
+
+def _users(users: Sequence[str]) -> str:
+    """The consumers of a condition; of very many the first ones, how many more there are, and the last."""
+    known = sorted(users, key=lambda user: (user == "goal", len(user), user))
+    if len(known) > MANY:
+        known = [*known[:NAMED], f"{len(known) - NAMED - 1} more", known[-1]]
+    return ", ".join(known)
 
 
 def _widths(operators: Sequence[str], reasons: Sequence[Sequence[str]], spare: int) -> tuple[int, int]:
