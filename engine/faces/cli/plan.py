@@ -44,11 +44,24 @@ class Wish(StrEnum):
     MAKESPAN = "makespan"
 
 
+<<<<<<< HEAD
 class Ordering(StrEnum):
     """Who decides the order of measurements."""
 
     SEQUENCE = "sequence"
     FREE = "free"
+=======
+Objective = Annotated[
+    Wish | None,
+    typer.Option(
+        "--objective",
+        help="what the plan should have least of; without it makespan, then cost, where steps take time, else cost",
+    ),
+]
+Folded = Annotated[
+    bool, typer.Option("--folded", help="with --store: print the MACROPs in the plan instead of its steps")
+]
+>>>>>>> main
 
 
 class PlanForm(StrEnum):
@@ -76,6 +89,7 @@ def plan(
     anytime: Anytime = False,
     memory_limit: MemoryLimit = None,
     seed: Seed = 0,
+<<<<<<< HEAD
     objective: Annotated[
         Wish | None,
         typer.Option(
@@ -91,11 +105,11 @@ def plan(
             "unless --objective, --strategy, --race or --anytime asks the planner",
         ),
     ] = None,
+=======
+    objective: Objective = None,
+>>>>>>> main
     store: Library = "",
-    folded: Annotated[
-        bool,
-        typer.Option("--folded", help="with --store: print the MACROPs in the plan instead of its steps"),
-    ] = False,
+    folded: Folded = False,
 ) -> None:
     """Print a plan for TARGET, or, with --pddl, for the PDDL domain TARGET and the PDDL problem TASK."""
     wanted = PlanRequest(target, goals, command, task)

@@ -4,6 +4,7 @@ There is one row per job, then one per unit of each resource, which shows what i
 letters as well as colours, so that a chart can be read without colours.
 """
 
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
@@ -13,7 +14,7 @@ from rich.console import Console, ConsoleOptions, Group, RenderableType
 from rich.text import Text
 
 from engine.model.schedule import Schedule, Timetable
-from engine.model.shop import Hold, Shop
+from engine.model.shop import Hold, Resource, Shop
 
 STYLES = ("blue", "red", "green", "magenta", "yellow", "cyan", "bright_blue", "bright_red")
 SHOP = "of all schedules of this shop"
@@ -30,7 +31,7 @@ class BarKind(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Bar:
-    """A bar from `start` to `end`. `job` is the number of its job, -1 if it has none."""
+    """A bar from `start` to `end`. `job` is the number of its job, -1 if it has none; `unit` the name of its unit, if known."""
 
     start: int
     end: int
@@ -38,6 +39,7 @@ class Bar:
     kind: BarKind
     job: int = -1
     detail: str = ""
+    unit: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,10 +63,22 @@ def rows(shop: Shop, schedule: Schedule) -> tuple[Row, ...]:
         bars = sorted(
             _resource_bars(shop, schedule, resource.name, number), key=lambda bar: (bar.start, bar.end)
         )
-        units = _units(bars)
-        names = _unit_names(resource.name, resource.units, len(units))
-        found += [Row(name, tuple(unit)) for name, unit in zip(names, units, strict=True)]
+        found += (
+            _named_units(bars, resource) if all(bar.unit for bar in bars) else _equal_units(bars, resource)
+        )
     return tuple(found)
+
+
+def _named_units(bars: Sequence[Bar], resource: Resource) -> list[Row]:
+    """A row for each unit that is used, in the order of the resource."""
+    own = {name: tuple(bar for bar in bars if bar.unit == name) for name in resource.units}
+    return [Row(name, unit) for name, unit in own.items() if unit]
+
+
+def _equal_units(bars: Sequence[Bar], resource: Resource) -> list[Row]:
+    units = _units(bars)
+    names = _unit_names(resource.name, resource.units, len(units))
+    return [Row(name, tuple(unit)) for name, unit in zip(names, units, strict=True)]
 
 
 def _stage_bar(shop: Shop, schedule: Schedule, name: str, job: int) -> Bar:
@@ -74,8 +88,9 @@ def _stage_bar(shop: Shop, schedule: Schedule, name: str, job: int) -> Bar:
 
 
 def _short(stage: str, job: str) -> str:
-    """The name of a stage without the name of its job."""
-    return stage.removeprefix(job).lstrip(" .:") or stage
+    """The name of a stage without the name of its job, and without its number there if more is said."""
+    own = stage.removeprefix(job).lstrip(" .:") or stage
+    return own if own == stage else re.sub(r"^\d+ (?=\S)", "", own)
 
 
 def _resource_bars(shop: Shop, schedule: Schedule, resource: str, number: Mapping[str, int]) -> Iterator[Bar]:
@@ -98,7 +113,9 @@ def _hold_bar(shop: Shop, schedule: Schedule, hold: Hold, number: Mapping[str, i
     end = schedule.starts[hold.end.stage] + hold.end.offset if hold.end else schedule.makespan
     moment = hold.begin or hold.end
     owner = shop.owners[moment.stage].name if moment else ""
-    return Bar(begin, end, owner, BarKind.HOLD, number.get(owner, -1), f"{owner} in {hold.resource}")
+    unit = schedule.units.get(hold, "")
+    said = f"{owner} in {unit or hold.resource}"
+    return Bar(begin, end, owner, BarKind.HOLD, number.get(owner, -1), said, unit)
 
 
 def _units(bars: Sequence[Bar]) -> list[list[Bar]]:
@@ -189,7 +206,12 @@ def summary(schedule: Schedule, unit: str = "", scope: str = "") -> str:
 def charted(made: Timetable, unit: str) -> list[RenderableType]:
     """The chart of a timetable, its makespan, and why it has a row for each step where it has."""
     parts = charted_shop(made.shop, made.schedule, unit, made.scope)
-    return [*parts, Text(f"Scheduled step by step, not in blocks: {made.note}.")] if made.note else parts
+    return [*parts, Text(kept_order(made))] if made.note else parts
+
+
+def kept_order(made: Timetable) -> str:
+    """Why the steps of a timetable have rows of their own and keep the order of the plan where they do."""
+    return f"Scheduled step by step, not in blocks: {made.note}."
 
 
 def charted_shop(shop: Shop, schedule: Schedule, unit: str = "", scope: str = SHOP) -> list[RenderableType]:

@@ -4,8 +4,12 @@ The library rich decides on colours: none in a pipe, none with NO_COLOR. Tables 
 because rich would break atoms in the middle of words.
 """
 
+<<<<<<< HEAD
 import itertools
 from collections.abc import Iterator, Mapping, Sequence
+=======
+from collections.abc import Iterator, Sequence
+>>>>>>> main
 from dataclasses import dataclass
 
 from rich.console import Console, ConsoleOptions, Group, RenderableType, RenderResult
@@ -14,23 +18,25 @@ from rich.style import Style
 from rich.table import Table
 from rich.text import Text
 
-from engine.formats.report.gantt import Gantt, summary
+from engine.formats.report.gantt import Gantt, kept_order, summary
 from engine.formats.report.rows import TextTable, headed
-from engine.formats.report.wrapping import wrapped
+from engine.formats.report.steps import StepTable, span
 from engine.model.forecast import earliest_starts, makespan
 from engine.model.histories import History, histories
 from engine.model.outcome import Found, GaveUp, Infeasible, Outcome, Statistics
 from engine.model.purposes import purposes
 from engine.model.schedule import Timetable
-from kb.model.plan import Plan, StepId
+from engine.model.wording import counted
+from kb.model.plan import Plan
 from kb.model.problem import Problem
 
-LIST = 12  # characters of a line of step numbers
-LEGIBLE = 40  # characters that operators and their reasons need side by side
 WIDEST = 10_000
+<<<<<<< HEAD
 MANY, NAMED = 40, 10  # consumers of a condition; of more than MANY, so many are named
 LONG = 300  # steps; longer tables are written line by line
 JUDGED = 60  # the number of steps that determine the widths of columns
+=======
+>>>>>>> main
 
 
 def outcome(result: Outcome, problem: Problem, timetable: Timetable | None = None) -> RenderableType:
@@ -50,21 +56,23 @@ def plan_table(plan: Plan, problem: Problem, timetable: Timetable | None = None)
         return Text("Nothing to do: the goals hold already.")
     timed = any(step.duration for step in plan.steps)
     unit = problem.domain.time_unit
-    said = [_counted(len(plan.steps), "step"), f"cost {plan.cost}"]
+    said = [counted(len(plan.steps), "step"), f"cost {plan.cost}"]
     starts = timetable.starts if timetable else earliest_starts(plan)
     chart: list[RenderableType] = []
     if timetable:
         said.append(summary(timetable.schedule, unit, timetable.scope))
         chart = [Text(), Gantt(timetable.shop, timetable.schedule, unit), Text()]
+        chart += [Text(kept_order(timetable))] if timetable.note else []
     elif timed:
         said.append(f"{makespan(plan)} {unit} if every step starts as early as possible")
     made = histories(problem, plan, starts)
-    steps = _Steps(plan, starts, purposes(problem, plan), unit if timed else "")
+    steps = StepTable(plan, starts, purposes(problem, plan), unit if timed else "")
     told: list[RenderableType] = [Text(), _Histories(made, unit)] if made else []
     between = chart or ([Text()] if made else [])
     return Group(steps, *told, *between, Text(", ".join(said)))
 
 
+<<<<<<< HEAD
 def _counted(number: int, noun: str) -> str:
     return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
 
@@ -208,6 +216,8 @@ def _reason_text(reasons: Sequence[str], width: int) -> Text:
     return made
 
 
+=======
+>>>>>>> main
 @dataclass(frozen=True, slots=True)
 class _Histories:
     """The history of each object, in order, as a table if there is room for it."""
@@ -222,7 +232,7 @@ class _Histories:
             return
         for history in self.made:
             stages = (
-                f"{each.stage} {_span(each.start, each.duration, self.unit)}, step {each.step}"
+                f"{each.stage} {span(each.start, each.duration, self.unit)}, step {each.step}"
                 for each in history.happenings
             )
             yield headed(_named(history), stages, options.max_width)

@@ -76,7 +76,8 @@ def _better_way(way: Itinerary, line: Chain) -> Itinerary:
     if way.fixed:
         return way
     ways = (way, way.turned())
-    tried = [line.trial([part for part in each.parts(line.problem) if part.name in each.ends]) for each in ways]
+    ends = way.ends | way.turned().ends
+    tried = [line.trial([part for part in each.parts(line.problem) if part.name in ends]) for each in ways]
     return ways[1] if tried[1] < tried[0] else way
 
 

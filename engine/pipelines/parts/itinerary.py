@@ -1,6 +1,6 @@
 """The parts of an inspection in the order of the sequencer: one part for each measurement that the goals ask for."""
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from itertools import groupby
 
@@ -12,6 +12,7 @@ from engine.stages.macros.lookup.query import goal_literal
 from engine.stages.sequencing import Limits, sequence
 from kb.model.conditions import Condition, Literal, goal_parts
 from kb.model.conditions import literals as literals_of
+from kb.model.domain import OBJECT
 from kb.model.problem import Problem
 from kb.terms import ANYTHING, Function, Term
 
@@ -52,6 +53,7 @@ class Itinerary:
     def parts(self, problem: Problem) -> tuple[Part, ...]:
         """The goals by the visit after which they can hold; what the goals ask for beside the visits comes last."""
         place = {name: number for number, (name, _) in enumerate(self.visits)}
+        by_tool = _ByTool(problem)
         goals: dict[int, list[Condition]] = {}
         rest: list[Condition] = []
         for goal in goal_parts(problem.goal):
@@ -59,7 +61,7 @@ class Itinerary:
             if about is None:
                 rest.append(goal)
             else:
-                goals.setdefault(about, []).append(_by_tool(problem, goal, self.visits[about]))
+                goals.setdefault(about, []).append(by_tool.goal(goal, self.visits[about][1]))
         parts = [Part(self.visits[number][0], tuple(own)) for number, own in sorted(goals.items())]
         return (*parts, Part("", tuple(rest))) if rest else tuple(parts)
 
@@ -127,16 +129,30 @@ def _only(parts: Partition, wanted: set[str]) -> Partition:
     return replace(parts, groups={t: names for t, names in groups.items() if names}, impossible=impossible)
 
 
-def _by_tool(problem: Problem, goal: Condition, visit: tuple[str, str]) -> Condition:
-    """A goal to measure something by any tool, as one to measure it by the tool that the rules have chosen."""
-    literal, words = goal_literal(goal), problem.domain.conventions
-    if literal is None or not literal.positive or literal.atom.name != words.measured:
-        return goal
-    tool = Function(visit[1])
-    types = problem.domain.predicates[words.measured].arguments
-    own = {**problem.domain.objects, **problem.objects}.get(visit[1], "")
-    given = [
-        tool if each == ANYTHING and own and problem.domain.is_subtype(own, type_) and type_ != "object" else each
-        for each, type_ in zip(literal.atom.arguments, types, strict=True)
-    ]
-    return Literal(Function(literal.atom.name, tuple(given)))
+class _ByTool:
+    """Goals to measure something by any tool, as goals to measure it by the tool that the rules have chosen."""
+
+    def __init__(self, problem: Problem) -> None:
+        domain = problem.domain
+        self.measured = domain.conventions.measured
+        declared = domain.predicates.get(self.measured)
+        self.types = declared.arguments if declared else ()
+        self.objects, self.domain = {**domain.objects, **problem.objects}, domain
+
+    def goal(self, goal: Condition, tool: str) -> Condition:
+        """The goal by a tool."""
+        literal = goal_literal(goal)
+        if literal is None or not literal.positive or literal.atom.name != self.measured:
+            return goal
+        given = [
+            Function(tool) if fits and each == ANYTHING else each
+            for each, fits in zip(literal.atom.arguments, self._places(tool), strict=True)
+        ]
+        return Literal(Function(self.measured, tuple(given)))
+
+    def _places(self, tool: str) -> Sequence[bool]:
+        """For each argument of the predicate whether it can be the tool."""
+        own = self.objects.get(tool)
+        return [
+            own is not None and type_ != OBJECT and self.domain.is_subtype(own, type_) for type_ in self.types
+        ]
