@@ -83,9 +83,7 @@ def plan(
     return _run(problem, task, outcome, limits, objective)
 
 
-def sequenced(
-    problem: Problem, limits: Limits, memory: Memory | None = None, store: str = ""
-) -> Run | None:
+def sequenced(problem: Problem, limits: Limits, memory: Memory | None = None, store: str = "") -> Run | None:
     """The run of an inspection in the order of its sequence; None if the problem is none, or has no such plan.
 
     MACROPs are found in `memory` and learned there, and a sequence is kept in `store`, if they are given.

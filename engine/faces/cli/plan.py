@@ -44,13 +44,6 @@ class Wish(StrEnum):
     MAKESPAN = "makespan"
 
 
-<<<<<<< HEAD
-class Ordering(StrEnum):
-    """Who decides the order of measurements."""
-
-    SEQUENCE = "sequence"
-    FREE = "free"
-=======
 Objective = Annotated[
     Wish | None,
     typer.Option(
@@ -61,7 +54,23 @@ Objective = Annotated[
 Folded = Annotated[
     bool, typer.Option("--folded", help="with --store: print the MACROPs in the plan instead of its steps")
 ]
->>>>>>> main
+
+
+class Ordering(StrEnum):
+    """Who decides the order of measurements."""
+
+    SEQUENCE = "sequence"
+    FREE = "free"
+
+
+Order = Annotated[
+    Ordering | None,
+    typer.Option(
+        "--order",
+        help="who orders measurements: the sequencer, or the planner alone (free); without it the sequencer, unless "
+        "--objective, --strategy, --race or --anytime asks the planner",
+    ),
+]
 
 
 class PlanForm(StrEnum):
@@ -89,25 +98,8 @@ def plan(
     anytime: Anytime = False,
     memory_limit: MemoryLimit = None,
     seed: Seed = 0,
-<<<<<<< HEAD
-    objective: Annotated[
-        Wish | None,
-        typer.Option(
-            "--objective",
-            help="what the plan should have least of; without it makespan, then cost, where steps take time, else cost",
-        ),
-    ] = None,
-    order: Annotated[
-        Ordering | None,
-        typer.Option(
-            "--order",
-            help="who orders measurements: the sequencer, or the planner alone (free); without it the sequencer, "
-            "unless --objective, --strategy, --race or --anytime asks the planner",
-        ),
-    ] = None,
-=======
     objective: Objective = None,
->>>>>>> main
+    order: Order = None,
     store: Library = "",
     folded: Folded = False,
 ) -> None:
@@ -115,9 +107,10 @@ def plan(
     wanted = PlanRequest(target, goals, command, task)
     _refuse_misfits(wanted, pddl, strategy if race else "auto")
     _refuse_unseen(format, stats, folded, store)
-    asked = {"--objective": objective, "--race": race, "--anytime": anytime, "--strategy": strategy != "auto"}
+    searching = {"--objective": objective, "--race": race, "--anytime": anytime, "--pddl": pddl}
+    searching["--strategy"] = strategy != "auto"
     if order is Ordering.SEQUENCE:
-        refuse_idle({**asked, "--pddl": pddl}, "with --order sequence: only the planner's own order is sought")
+        refuse_idle(searching, "with --order sequence: the planner seeks no order then")
     work = SearchOptions(
         time_limit,
         memory_limit,
@@ -128,7 +121,7 @@ def plan(
         store,
         folded,
         objective or (Wish.COST if strategy == "shortest" else None),
-        order or (Ordering.FREE if pddl or any(asked.values()) else Ordering.SEQUENCE),
+        order or (Ordering.FREE if any(searching.values()) else Ordering.SEQUENCE),
     )
     give(lambda: _plan(wanted, format, stats, work), Form.JSON if format is PlanForm.JSON else Form.TEXT)
 
@@ -192,8 +185,8 @@ def _plan(wanted: PlanRequest, form: PlanForm, stats: bool, work: SearchOptions)
     from engine.faces.cli.interruption import Interruption, limit_memory
     from engine.faces.cli.origin import planned
     from engine.formats.report import json
+    from engine.pipelines import objective as objectives
     from engine.pipelines import planning
-    from engine.pipelines.objective import Objective, Order
     from engine.stages.planning import LITTLE, RESTARTS, ROOM, Limits
 
     _require_strategy(work.strategy)
@@ -211,8 +204,9 @@ def _plan(wanted: PlanRequest, form: PlanForm, stats: bool, work: SearchOptions)
             seed=work.seed,
             improved=interrupted.tell if work.anytime else lambda _: None,
         )
-        wish = Objective(work.objective.value) if work.objective else None
-        run, origin = planned(problem, limits, wish, Order(work.order.value), work.store, work.folded)
+        wish = objectives.Objective(work.objective.value) if work.objective else None
+        order = objectives.Order(work.order.value)
+        run, origin = planned(problem, limits, wish, order, work.store, work.folded)
     outcome = run.outcome
     return Answer(
         json.status(outcome),

@@ -12,8 +12,8 @@ from engine.formats.report.rows import TextTable
 from engine.model.outcome import Found
 from engine.pipelines.objective import Run
 from kb.model.plan import Plan
-from kb.terms import natural_key
 from kb.terms import Function as Name
+from kb.terms import natural_key
 
 LISTED = 12  # measurements of one reason that are named
 
@@ -59,7 +59,9 @@ def text(run: Run, unit: str) -> RenderableType:
     if way is None:
         return Text()
     kept = ", as kept" if way.kept else ""
-    said: list[RenderableType] = [Text(f"In the order of the sequence{kept}: {tour.summary(way.tour, way.problem)}")]
+    said: list[RenderableType] = [
+        Text(f"In the order of the sequence{kept}: {tour.summary(way.tour, way.problem)}")
+    ]
     said += [Text(line) for line in _left_out(way.partition.impossible)]
     if isinstance(run.outcome, Found) and run.timetable is not None:
         said.insert(0, _times(run.outcome.plan, unit))

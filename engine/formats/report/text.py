@@ -4,17 +4,10 @@ The library rich decides on colours: none in a pipe, none with NO_COLOR. Tables 
 because rich would break atoms in the middle of words.
 """
 
-<<<<<<< HEAD
-import itertools
-from collections.abc import Iterator, Mapping, Sequence
-=======
 from collections.abc import Iterator, Sequence
->>>>>>> main
 from dataclasses import dataclass
 
-from rich.console import Console, ConsoleOptions, Group, RenderableType, RenderResult
-from rich.segment import Segment
-from rich.style import Style
+from rich.console import Console, ConsoleOptions, Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
@@ -31,12 +24,6 @@ from kb.model.plan import Plan
 from kb.model.problem import Problem
 
 WIDEST = 10_000
-<<<<<<< HEAD
-MANY, NAMED = 40, 10  # consumers of a condition; of more than MANY, so many are named
-LONG = 300  # steps; longer tables are written line by line
-JUDGED = 60  # the number of steps that determine the widths of columns
-=======
->>>>>>> main
 
 
 def outcome(result: Outcome, problem: Problem, timetable: Timetable | None = None) -> RenderableType:
@@ -72,152 +59,6 @@ def plan_table(plan: Plan, problem: Problem, timetable: Timetable | None = None)
     return Group(steps, *told, *between, Text(", ".join(said)))
 
 
-<<<<<<< HEAD
-def _counted(number: int, noun: str) -> str:
-    return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
-
-
-@dataclass(frozen=True, slots=True)
-class _Steps:
-    """The table of steps, made when the width is known. Without a `unit` it shows no times."""
-
-    plan: Plan
-    starts: Mapping[StepId, int]
-    purposes: Mapping[StepId, Mapping[str, Sequence[str]]]
-    unit: str
-
-    def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
-        names, rows = self._narrow()
-        spare = options.max_width - sum(
-            max(map(_width, cells)) + 2 for cells in zip(names, *rows, strict=True)
-        )
-        if spare < LEGIBLE:
-            yield self._stacked(options.max_width)
-        elif len(self.plan.steps) > LONG:
-            yield from self._lines(names, rows, spare)
-        else:
-            yield self._table(names, rows, spare)
-
-    def _lines(self, names: Sequence[str], rows: Sequence[tuple[str, ...]], spare: int) -> Iterator[Segment]:
-        """The table of a long plan, line by line: rich would take longer for it than the plan took."""
-        reasons = [_reasons(self.purposes.get(step.id, {})) for step in self.plan.steps]
-        operators, achieved = _widths([str(step.operator) for step in self.plan.steps], reasons, spare - 2)
-        fixed = [max(map(_width, cells)) for cells in zip(names, *rows, strict=True)]
-        widths = (fixed[0], operators, *fixed[1:], achieved)
-        yield Segment(_line((names[0], "operator", *names[1:], "achieves"), widths), Style(bold=True))
-        for step, (number, *rest), reason in zip(self.plan.steps, rows, reasons, strict=True):
-            cells = (number, wrapped(str(step.operator), operators), *rest, _stacked(reason, achieved))
-            columns = itertools.zip_longest(*(cell.splitlines() for cell in cells), fillvalue="")
-            yield Segment("".join(_line(line, widths) for line in columns))
-
-    def _stacked(self, width: int) -> Table:
-        """The steps for a narrow terminal: the content of the table in lines below each step."""
-        starts = self.starts
-        table = Table(box=None, pad_edge=False, show_header=False, padding=(0, 2, 0, 0))
-        table.add_column(justify="right", no_wrap=True, style="cyan")
-        table.add_column(overflow="fold")
-        room = width - 2 - max(len(str(step.id)) for step in self.plan.steps)
-        for step in self.plan.steps:
-            said = [f"after {', '.join(map(str, step.after))}"] if step.after else []
-            said += [_span(starts[step.id], step.duration, self.unit)] if self.unit else []
-            parts = ["; ".join(said), *_reasons(self.purposes.get(step.id, {}))]
-            table.add_row(str(step.id), headed(str(step.operator), filter(None, parts), room))
-        return table
-
-    def _table(self, names: Sequence[str], rows: Sequence[tuple[str, ...]], spare: int) -> Table:
-        reasons = [_reasons(self.purposes.get(step.id, {})) for step in self.plan.steps]
-        operators, achieved = _widths([str(step.operator) for step in self.plan.steps], reasons, spare - 2)
-        table = Table(box=None, pad_edge=False)
-        table.add_column(names[0], justify="right", no_wrap=True, style="cyan")
-        table.add_column("operator", overflow="fold")
-        table.add_column(names[1], overflow="fold")
-        for name in names[2:]:
-            table.add_column(name, justify="right", no_wrap=True)
-        table.add_column("achieves", overflow="fold")
-        for step, (number, *rest), reason in zip(self.plan.steps, rows, reasons, strict=True):
-            operator = Text(wrapped(str(step.operator), operators))
-            operator.highlight_regex(r"^\w+", "bold")
-            table.add_row(number, operator, *rest, _reason_text(reason, achieved))
-        return table
-
-    def _narrow(self) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
-        """Head and rows of the columns of fixed width: numbers of steps, and times."""
-        starts = self.starts
-        rows = [
-            (str(step.id), wrapped(", ".join(map(str, step.after)), LIST, 0))
-            + ((str(starts[step.id]), str(step.duration)) if self.unit else ())
-            for step in self.plan.steps
-        ]
-        return ("step", "after") + ((f"start ({self.unit})", "lasts") if self.unit else ()), rows
-
-
-def _line(cells: Sequence[str], widths: Sequence[int]) -> str:
-    """Cells in columns, numbers to the right."""
-    right = {0, *range(3, len(cells) - 1)}
-    placed = (
-        cell.rjust(width) if place in right else cell.ljust(width)
-        for place, (cell, width) in enumerate(zip(cells, widths, strict=True))
-    )
-    return "  ".join(placed).rstrip() + "\n"
-
-
-def _span(start: int, duration: int, unit: str) -> str:
-    return f"from {start} for {duration} {unit}"
-
-
-def _width(cell: str) -> int:
-    return max((len(line) for line in cell.splitlines()), default=0)
-
-
-def _reasons(achieved: Mapping[str, Sequence[str]]) -> list[str]:
-    """The conditions that a step achieves, each with its consumers in order, the goal last."""
-    return [f"{condition} for {_users(users)}" for condition, users in achieved.items()]
-
-
-def _users(users: Sequence[str]) -> str:
-    """The consumers of a condition; of very many the first ones, how many more there are, and the last."""
-    known = sorted(users, key=lambda user: (user == "goal", len(user), user))
-    if len(known) > MANY:
-        known = [*known[:NAMED], f"{len(known) - NAMED - 1} more", known[-1]]
-    return ", ".join(known)
-
-
-def _widths(operators: Sequence[str], reasons: Sequence[Sequence[str]], spare: int) -> tuple[int, int]:
-    """The widths of operators and reasons: as wide as their text, or so that the table has as few lines as possible.
-
-    For long tables, only the first steps are considered.
-    """
-    widest = max(len("operator"), *map(len, operators))
-    if widest + max(len("; ".join(reason)) for reason in reasons) <= spare:
-        return widest, spare - widest
-    rows = list(zip(operators, reasons, strict=True))[:JUDGED]
-
-    def lines(given: int) -> int:
-        return sum(
-            max(wrapped(operator, given).count("\n"), _stacked(reason, spare - given).count("\n"))
-            for operator, reason in rows
-        )
-
-    least, most = len("operator"), max(min(widest, spare - len("achieves")), len("operator"))
-    given = min(range(most, least - 1, -1), key=lines)
-    return given, max(spare - given, len("achieves"))
-
-
-def _stacked(reasons: Sequence[str], width: int) -> str:
-    """All reasons on one line if they fit; otherwise each reason begins a new line."""
-    line = "; ".join(reasons)
-    return line if len(line) <= width else "\n".join(wrapped(reason, width) for reason in reasons)
-
-
-def _reason_text(reasons: Sequence[str], width: int) -> Text:
-    made = Text(_stacked(reasons, width))
-    made.highlight_regex(r" for(?= (\d|goal\b))", "dim")
-    made.highlight_regex(r"\bgoal\b", "green")
-    return made
-
-
-=======
->>>>>>> main
 @dataclass(frozen=True, slots=True)
 class _Histories:
     """The history of each object, in order, as a table if there is room for it."""

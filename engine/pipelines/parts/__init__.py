@@ -6,7 +6,6 @@ the whole problem.
 """
 
 import time
-from collections import Counter
 from dataclasses import dataclass
 
 from engine.model.outcome import Found, GaveUp, Infeasible, Outcome, Statistics
@@ -55,11 +54,12 @@ def by_sequence(
     way = itinerary(problem, TourLimits(seed=limits.seed, interrupted=limits.interrupted), store)
     if way is None:
         return None
-    seconds = Counter(sequencing=time.perf_counter() - started)
+    sequencing = time.perf_counter() - started
     started = time.perf_counter()
-    line = Chain(problem, _start(problem), memory or Notebook(), limits, seconds=seconds)
+    line = Chain(problem, _start(problem), memory or Notebook(), limits)
+    line.seconds["sequencing"] = sequencing
     way = _better_way(way, line)
-    seconds["start"] = time.perf_counter() - started
+    line.seconds["start"] = time.perf_counter() - started
     outcome = _planned(problem, way, line)
     return None if outcome is None else Sequenced(outcome, way)
 
@@ -99,9 +99,7 @@ def _planned(problem: Problem, way: Itinerary, line: Chain) -> Outcome | None:
     return Found(plan, Statistics(counts, dict(seconds)))
 
 
-def _refused(
-    line: Chain, start: Situation, way: Itinerary, part: Part, outcome: Outcome
-) -> Outcome | None:
+def _refused(line: Chain, start: Situation, way: Itinerary, part: Part, outcome: Outcome) -> Outcome | None:
     """Why there is no plan, if that is certain or too much to ask: what a part asks for alone has no plan either."""
     if isinstance(outcome, GaveUp):
         return outcome

@@ -4,7 +4,7 @@ A MACROP that was learned from an earlier part serves if it can; else the part i
 """
 
 import time
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 
@@ -36,7 +36,7 @@ class Chain:
     limits: Limits
     steps: list[Step] = field(default_factory=list)
     counts: Counter[str] = field(default_factory=Counter)
-    seconds: Counter[str] = field(default_factory=Counter)
+    seconds: dict[str, float] = field(default_factory=lambda: defaultdict(float))
 
     def run(self, parts: Sequence[Part]) -> tuple[Part, Outcome] | None:
         """Plan all parts; the first that has no plan, and why, or None."""

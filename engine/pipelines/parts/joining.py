@@ -26,8 +26,8 @@ def joined(start: Situation, steps: Sequence[Step], goals: Iterable[Literal]) ->
             change = world.change(step.operator, facts)
             adds, ends = change.adds, change.ends
         else:
-            for condition in _conditions(known.alternatives, facts):
-                links.append(CausalLink(last.get(condition, START), condition, own))
+            needed = _conditions(known.alternatives, facts)
+            links += [CausalLink(last.get(each, START), each, own) for each in needed]
             adds, ends = known.adds, known.ended(facts, world.statics)
         last.update((atom, own) for atom in adds)
         last.update((Function("not", (atom,)), own) for atom in ends)

@@ -29,9 +29,11 @@ class Notebook:
 
     def find(self, asked: Query) -> Hit | None:
         """A checked plan for a query; None if no MACROP serves it."""
-        return next((hit for each in readings(asked) if (hit := look_up(self._index, each)) is not None), None)
+        return next(
+            (hit for each in readings(asked) if (hit := look_up(self._index, each)) is not None), None
+        )
 
-    def learn(self, macrop: Macrop, planning_s: float = 0.0) -> Hashable | None:
+    def learn(self, macrop: Macrop, planning_s: float = 0.0) -> Hashable | None:  # noqa: ARG002 - a notebook does not weigh
         """Keep a MACROP."""
         number = len(self._index) + 1
         self._index.add(number, macrop)

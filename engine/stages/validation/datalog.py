@@ -95,7 +95,9 @@ class Facts:
 
     def matching(self, pattern: Atom) -> Iterator[Atom]:
         """The atoms of a pattern's predicate, of a large one only those that share a ground argument with the pattern."""
-        yield from self._sharing(pattern) if len(self._extent(pattern.name)) > MANY else self._extent(pattern.name)
+        yield from (
+            self._sharing(pattern) if len(self._extent(pattern.name)) > MANY else self._extent(pattern.name)
+        )
         if self.below is not None:
             yield from self.below.matching(pattern)
 

@@ -66,7 +66,11 @@ class _Reading:
     def fits(self) -> bool:
         """Whether every step can be read so."""
         task = self.task
-        start = all(task.initial >> self.image[n] & 1 for n in indices(task.initial & self.relevant) if n in self.image)
+        start = all(
+            task.initial >> self.image[n] & 1
+            for n in indices(task.initial & self.relevant)
+            if n in self.image
+        )
         whole = all(n in self.image for n in indices(self.relevant))
         return whole and start and self._goals() and all(map(self._readable, task.operators))
 

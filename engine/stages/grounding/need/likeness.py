@@ -5,10 +5,18 @@ objects ties them, and then neither is left out.
 """
 
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
 
-from engine.stages.grounding.need.relevance import Relevance
-from kb.model.conditions import Aggregate, Body, BodyPart, Comparison, Condition, ForAll, Literal, Not, Parameter
+from kb.model.conditions import (
+    Aggregate,
+    Body,
+    BodyPart,
+    Comparison,
+    Condition,
+    ForAll,
+    Literal,
+    Not,
+    Parameter,
+)
 from kb.model.conditions import conditions as parts_of
 from kb.model.domain import Domain, Operator
 from kb.model.problem import Problem
@@ -17,32 +25,28 @@ from kb.terms import Atom, Function, Operation, Term
 STAND_IN = Function("?")
 
 
-@dataclass(frozen=True, slots=True)
-class Likeness:
-    """Classes of at least two objects that are alike; the objects of one class have the same type."""
-
-    classes: tuple[tuple[str, ...], ...]
-
-
-def likeness(problem: Problem, needed: Relevance, facts: Iterable[Atom]) -> Likeness:
-    """The objects of a problem that are alike, in the order in which they are listed.
-
-    `facts` are all static facts and all facts of the state that are relevant.
-    """
+def free_objects(problem: Problem) -> dict[str, str]:
+    """The objects, with their types, that neither goals nor operators and rules name, and over which nothing ranges."""
     objects = {**problem.domain.objects, **problem.objects}
     fixed = {name for term in _mentioned(problem) for name in names(term)}
     ranged = _ranged(problem)
-    free = {
-        name: type_
-        for name, type_ in objects.items()
-        if name not in fixed and not any(problem.domain.is_subtype(type_, each) for each in ranged)
+    barred = {
+        type_ for type_ in set(objects.values()) if any(problem.domain.is_subtype(type_, r) for r in ranged)
     }
+    return {name: type_ for name, type_ in objects.items() if name not in fixed and type_ not in barred}
+
+
+def alike(free: Mapping[str, str], facts: Iterable[Atom]) -> tuple[tuple[str, ...], ...]:
+    """Classes of at least two free objects that are alike, each in the order of `free`.
+
+    `facts` are all static facts and all facts of the state that are relevant.
+    """
     profiles = _profiles(free, facts)
     classes: dict[tuple[str, frozenset[Atom]], list[str]] = {}
     for name, type_ in free.items():
         if name in profiles:
             classes.setdefault((type_, frozenset(profiles[name])), []).append(name)
-    return Likeness(tuple(tuple(each) for each in classes.values() if len(each) > 1))
+    return tuple(tuple(each) for each in classes.values() if len(each) > 1)
 
 
 def _profiles(free: Mapping[str, str], facts: Iterable[Atom]) -> dict[str, set[Atom]]:
@@ -64,7 +68,9 @@ def with_name(term: Function, name: str, other: Function = STAND_IN) -> Function
         return other if term.name == name else term
     return Function(
         term.name,
-        tuple(with_name(each, name, other) if isinstance(each, Function) else each for each in term.arguments),
+        tuple(
+            with_name(each, name, other) if isinstance(each, Function) else each for each in term.arguments
+        ),
     )
 
 

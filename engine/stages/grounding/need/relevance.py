@@ -217,5 +217,3 @@ def _open(term: Term) -> Term:
             return Function(name, tuple(map(_open, arguments)))
         case _:
             return term
-
-

@@ -3,12 +3,13 @@
 The smaller problem says what is left as plain facts, so that no rule is evaluated over fewer objects than there are.
 """
 
+from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 
 from engine.stages.grounding.initial import initial_state
-from engine.stages.grounding.need.likeness import likeness, most_at_once, names
-from engine.stages.grounding.need.relevance import Relevance, relevance
+from engine.stages.grounding.need.likeness import alike, free_objects, most_at_once, names
+from engine.stages.grounding.need.relevance import relevance
 from engine.stages.grounding.program import Vocabulary
 from kb.asp import Grounder
 from kb.asp.vocabulary import VIOLATED, static_program
@@ -35,30 +36,20 @@ def thinned(problem: Problem, statics: Named | None = None) -> Thinned:
     It is the same problem if there are no such objects, or if grounding has to report something. `statics` gives the
     evaluated static facts, if they are known already.
     """
-    if not _crowded(problem):
+    free = free_objects(problem)
+    most = {type_: 1 + most_at_once(problem.domain, type_) for type_ in set(free.values())}
+    if all(count <= most[type_] for type_, count in Counter(free.values()).items()):
         return Thinned(problem)
-    needed, named = relevance(problem), statics or _evaluated(problem)
-    if any(True for _ in named(VIOLATED, 1)):
+    named, state = statics or _evaluated(problem), _state(problem)
+    if state is None or any(True for _ in named(VIOLATED, 1)):
         return Thinned(problem)
-    state = _state(problem)
-    if state is None:
-        return Thinned(problem)
+    needed = relevance(problem)
     facts = [fact for name, arity in sorted(needed.static_predicates) for fact in named(name, arity)]
-    read = [fact for fact in facts if needed.reads(fact)]
-    alike = likeness(problem, needed, (*read, *(atom for atom in state if needed.concerns(atom))))
-    types = {**problem.domain.objects, **problem.objects}
-    most = {type_: 1 + most_at_once(problem.domain, type_) for type_ in set(types.values())}
-    spares = tuple(each[: most[types[each[0]]]] for each in alike.classes)
-    gone = frozenset(
-        name for own, kept in zip(alike.classes, spares, strict=True) for name in own[len(kept) :]
-    )
+    read = (fact for fact in facts if needed.reads(fact))
+    classes = alike(free, (*read, *(atom for atom in state if needed.concerns(atom))))
+    spares = tuple(each[: most[free[each[0]]]] for each in classes)
+    gone = frozenset(name for own, kept in zip(classes, spares, strict=True) for name in own[len(kept) :])
     return Thinned(_without(problem, gone, facts, state, named), gone, spares) if gone else Thinned(problem)
-
-
-def _crowded(problem: Problem) -> bool:
-    """Whether some type has so many objects that some of them may be left out."""
-    types = [*problem.domain.objects.values(), *problem.objects.values()]
-    return any(types.count(each) > 1 + most_at_once(problem.domain, each) for each in set(types))
 
 
 def _evaluated(problem: Problem) -> Named:
@@ -103,7 +94,9 @@ class _Staying:
 
 def _numbered_terms(domain: Domain, named: Named) -> Iterable[Atom]:
     """Which terms with numbers in them have which type: facts and rules of the problem say so."""
-    if any(argument in NUMERIC_TYPES for function in domain.functions.values() for argument in function.arguments):
+    if any(
+        argument in NUMERIC_TYPES for function in domain.functions.values() for argument in function.arguments
+    ):
         for type_ in domain.types:
             if type_ not in BUILT_IN_TYPES:
                 for fact in named(type_, 1):
