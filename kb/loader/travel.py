@@ -10,10 +10,11 @@ from kb.loader.tree import Node
 from kb.model.cell import WORLD
 from kb.model.travel import DISTANCE, TIME, Travel
 from kb.syntax import SECONDS
-from kb.terms import Number
 
 MICROMETRES = {"m": 1_000_000, "cm": 10_000, "mm": 1_000, "in": 25_400}
 SPEED = re.compile(rf"([0-9]+(?:\.[0-9]+)?)\s*({'|'.join(MICROMETRES)})\s*/\s*({'|'.join(SECONDS)})")
+DURATION = re.compile(rf"([0-9]+(?:\.[0-9]+)?)\s*({'|'.join(SECONDS)})?")
+LONGEST = Fraction(86_400)  # seconds
 FASTEST = Fraction(10**10)  # micrometres per second
 SLOWEST = Fraction(1, 10**3)
 
@@ -50,23 +51,24 @@ def _speed(node: Node, reader: Reader) -> Fraction | None:
     return per_second * SECONDS[reader.time_unit]
 
 
-def _settling(reader: Reader) -> int | None:
-    """Whole units of time, 0 if nothing is said."""
-    node = reader.root.descend(("travel", "settling"))
-    if not reader.text("travel", "settling"):
-        return 0
-    expression = reader.parse("term", node)
-    if expression is None:
+def _settling(reader: Reader) -> Fraction | None:
+    """Units of the domain's time, 0 if nothing is said."""
+    said, node = reader.text("travel", "settling").strip(), reader.root.descend(("travel", "settling"))
+    if not said:
+        return Fraction(0)
+    found = DURATION.fullmatch(said)
+    if found is None:
+        hint = "write 300 ms, 0.5 s or 0"
+        reader.findings.add(node.where, "K005", f"'{said[:40]}' is not a time of 0 or more", hint)
         return None
-    value = expression.value
-    if not isinstance(value, Number):
-        reader.findings.add(node.where, "K103", f"'{node.value}' is not a time", "write 300 ms or 2 s")
+    unit = SECONDS[found[2] or reader.time_unit]
+    settling = Fraction(found[1]) * unit
+    if settling > LONGEST:
+        reader.findings.add(
+            node.where, "K113", f"the settling time {found[0]} is longer than a day", "check the unit"
+        )
         return None
-    if value.value < 0:
-        hint = "a settling time must be 0 or more"
-        reader.findings.add(node.where, "K113", f"the settling time {value} is negative", hint)
-        return None
-    return value.value
+    return settling / SECONDS[reader.time_unit]
 
 
 def _refuse_others(where: Source, names: Names) -> None:
@@ -77,5 +79,7 @@ def _refuse_others(where: Source, names: Names) -> None:
             hint = "give the other one another name"
             if name == TIME:
                 hint = "keep either `travel:`, which computes times, or the static, which is a table of them"
-            message = f"with `travel:`, durations call a number '{name}', but line {other.where.line} declares it"
+            message = (
+                f"with `travel:`, durations call a number '{name}', but line {other.where.line} declares it"
+            )
             names.findings.add(where, "K104", message, hint)

@@ -196,4 +196,6 @@ def asked(domain: Domain, term: Term | None) -> Iterator[Function]:
 def travels_itself(domain: Domain) -> bool:
     """Whether a step of the domain spends the travel time itself, so that nobody else adds it between steps."""
     name = TIME if domain.travel else domain.conventions.travel
-    return any(each.name == name for operator in domain.operators for each in asked(domain, operator.duration))
+    return any(
+        each.name == name for operator in domain.operators for each in asked(domain, operator.duration)
+    )

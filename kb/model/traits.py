@@ -32,9 +32,7 @@ def traits(operator: Operator, instance: Function, amounts: Amounts) -> Traits |
     return Traits(held, duration, cost)
 
 
-def step_of(
-    amounts: Amounts, number: StepId, instance: Function, after: tuple[StepId, ...] = ()
-) -> Step:
+def step_of(amounts: Amounts, number: StepId, instance: Function, after: tuple[StepId, ...] = ()) -> Step:
     """A step with the traits that its domain gives it; those of no operator if it is no instance, or they cannot be told.
 
     The checker refuses such a step.

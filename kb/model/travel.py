@@ -22,16 +22,17 @@ class Travel:
     """
 
     speed: Fraction
-    settling: int = 0
+    settling: Fraction = Fraction(0)
     frame: str = "world"
     where: Source = field(default=NOWHERE, compare=False)
 
     def time(self, here: Point, there: Point) -> int:
         """The time from one place to another one, in the domain's unit, rounded up to a whole number."""
-        squared = _squared(here, there) * self.speed.denominator**2
+        first, scale = self.settling.numerator * self.speed.numerator, self.settling.denominator
+        squared = _squared(here, there) * (self.speed.denominator * scale) ** 2
         root = math.isqrt(squared)
-        exact = root * root == squared
-        return self.settling + (root - 1 if exact else root) // self.speed.numerator + 1
+        below = root - 1 if root * root == squared else root  # the greatest whole number below the exact root
+        return (below + first) // (self.speed.numerator * scale) + 1
 
 
 def distance(here: Point, there: Point) -> int:

@@ -34,7 +34,8 @@ class TravelEntry(Strict):
 
     speed: str | int = Field(description="of the arm along the line: 250 mm/s, 0.2 m/s, 12 m/min")
     settling: str | int | None = Field(
-        None, description="time to start and to stop, for every way between two different places; 0 if left out"
+        None,
+        description="time to start and to stop, for every way between two different places; 0 if left out",
     )
     frame: str = Field(
         "world", description="the frame of the cell in which the positions of facts are; the places follow it"
@@ -87,7 +88,8 @@ class OperatorEntry(Strict):
         description="a number with a unit, such as 15 min, a variable, travel(From, To), or arithmetic; 0 when left out",
     )
     cost: str | int | None = Field(
-        None, description="a number, a variable, a static such as weight(Tool), or arithmetic; 1 when left out"
+        None,
+        description="a number, a variable, a static such as weight(Tool), or arithmetic; 1 when left out",
     )
     command: CommandEntry | None = Field(None, description="the command that the executive sends")
 
