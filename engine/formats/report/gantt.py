@@ -4,6 +4,7 @@ There is one row per job, then one per unit of each resource, which shows what i
 letters as well as colours, so that a chart can be read without colours.
 """
 
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
@@ -74,8 +75,9 @@ def _stage_bar(shop: Shop, schedule: Schedule, name: str, job: int) -> Bar:
 
 
 def _short(stage: str, job: str) -> str:
-    """The name of a stage without the name of its job."""
-    return stage.removeprefix(job).lstrip(" .:") or stage
+    """The name of a stage without the name of its job, and without its number there if more is said."""
+    own = stage.removeprefix(job).lstrip(" .:") or stage
+    return own if own == stage else re.sub(r"^\d+ (?=\S)", "", own)
 
 
 def _resource_bars(shop: Shop, schedule: Schedule, resource: str, number: Mapping[str, int]) -> Iterator[Bar]:
@@ -189,7 +191,12 @@ def summary(schedule: Schedule, unit: str = "", scope: str = "") -> str:
 def charted(made: Timetable, unit: str) -> list[RenderableType]:
     """The chart of a timetable, its makespan, and why it has a row for each step where it has."""
     parts = charted_shop(made.shop, made.schedule, unit, made.scope)
-    return [*parts, Text(f"Scheduled step by step, not in blocks: {made.note}.")] if made.note else parts
+    return [*parts, Text(kept_order(made))] if made.note else parts
+
+
+def kept_order(made: Timetable) -> str:
+    """Why the steps of a timetable have rows of their own and keep the order of the plan where they do."""
+    return f"Scheduled step by step, not in blocks: {made.note}."
 
 
 def charted_shop(shop: Shop, schedule: Schedule, unit: str = "", scope: str = SHOP) -> list[RenderableType]:
