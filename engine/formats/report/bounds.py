@@ -13,8 +13,8 @@ def bounds(found: Bottleneck, unit: str) -> str:
     parts += [f"waiting and ways between {found.waiting} {unit}"] if found.waiting else []
     if not parts:
         return "No step takes any time."
-    what = f"{found.resource} never rests" if found.resource else "a chain of steps bounds it"
-    return f"{what[0].upper()}{what[1:]}: {', '.join(parts)}."
+    what = f"{found.resource} never rests" if found.resource else "A chain of steps bounds it"
+    return f"{what}: {', '.join(parts)}."
 
 
 def bottleneck_entry(made: Timetable) -> dict[str, Any]:

@@ -183,7 +183,7 @@ def _line(row: Row, scale: float, width: int) -> Text:
 
 def _bar(bar: Bar, width: int) -> str:
     fill = {BarKind.STAGE: "█", BarKind.HOLD: "░", BarKind.CHANGE: "▒"}[bar.kind]
-    return f"{bar.label} ".ljust(width, fill) if len(bar.label) < width else fill * width
+    return f"{bar.label} ".ljust(width, fill) if 0 < len(bar.label) < width else fill * width
 
 
 def _style(bar: Bar) -> str:
