@@ -42,7 +42,10 @@ MODULES: dict[
     "checker": (
         ("engine/stages/validation/*.py",),
         (
-            *(f"{VALIDATION}/test_{name}.py" for name in ("rules", "claims", "chains", "semantics", "datalog")),
+            *(
+                f"{VALIDATION}/test_{name}.py"
+                for name in ("rules", "claims", "chains", "semantics", "datalog")
+            ),
             "tests/properties/test_checker.py",
         ),
     ),
@@ -73,7 +76,10 @@ MODULES: dict[
     ),
     "checks of the knowledge base": (
         ("kb/check/*.py",),
-        tuple(f"tests/kb/check/test_{name}.py" for name in ("fault_bases", "near_misses", "oversights", "domain_checks")),
+        tuple(
+            f"tests/kb/check/test_{name}.py"
+            for name in ("fault_bases", "near_misses", "oversights", "domain_checks")
+        ),
     ),
 }
 

@@ -8,7 +8,6 @@ from kb.asp import Grounder
 from kb.asp.vocabulary import static_program
 from kb.diagnostics import InvalidInput, unknown_name
 from kb.files import is_file
-from kb.loader.cell import load_cell
 from kb.model.amounts import Amounts, Facts, Standing
 from kb.model.cell import WORLD, Cell
 from kb.model.domain import Domain
@@ -70,4 +69,6 @@ def _framed(domain: Domain, frame: str) -> Cell | None:
 @lru_cache(maxsize=4)
 def _cell(path: Path, _changed: int, _size: int) -> Cell:
     """The cell in a file; a program that plans piece by piece reads it once for each version of the file."""
+    from kb.loader.cell import load_cell  # only travel needs cells, and they take a while to load
+
     return load_cell(path)
