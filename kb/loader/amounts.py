@@ -56,12 +56,12 @@ def _evaluated(problem: Problem) -> Facts:
 def _framed(domain: Domain, frame: str) -> Cell | None:
     """The cell beside a domain, which has the frame; None if there is no cell. Raises `InvalidInput`."""
     path = Path(domain.path).with_name(CELL_FILE) if domain.path else None
-    cell = None
-    if path is not None and is_file(path):
-        stamp = path.stat()
-        cell = _cell(path, stamp.st_mtime_ns, stamp.st_size)
-    if domain.travel is not None and frame != WORLD and (cell is None or not is_fixed(cell, frame)):
-        known = [name for name in (*cell.frames, *cell.bodies) if is_fixed(cell, name)] if cell else []
+    if path is None or not is_file(path):
+        return None
+    stamp = path.stat()
+    cell = _cell(path, stamp.st_mtime_ns, stamp.st_size)
+    if domain.travel is not None and not is_fixed(cell, frame):
+        known = [name for name in (*cell.frames, *cell.bodies) if is_fixed(cell, name)]
         raise InvalidInput([unknown_name("frame", frame, [WORLD, *known], domain.travel.where)])
     return cell
 
