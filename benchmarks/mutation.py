@@ -44,7 +44,7 @@ MODULES: dict[
         (
             *(
                 f"{VALIDATION}/test_{name}.py"
-                for name in ("rules", "claims", "chains", "semantics", "datalog")
+                for name in ("rules", "false_claims", "chains", "semantics", "datalog")
             ),
             "tests/properties/test_checker.py",
         ),

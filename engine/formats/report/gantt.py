@@ -16,7 +16,7 @@ from rich.text import Text
 from engine.formats.report.bounds import bounds
 from engine.model.bottleneck import bottleneck
 from engine.model.schedule import Schedule, Timetable
-from engine.model.shop import Hold, Shop
+from engine.model.shop import Hold, Resource, Shop
 
 STYLES = ("blue", "red", "green", "magenta", "yellow", "cyan", "bright_blue", "bright_red")
 SHOP = "of all schedules of this shop"
@@ -33,7 +33,7 @@ class BarKind(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Bar:
-    """A bar from `start` to `end`. `job` is the number of its job, -1 if it has none."""
+    """A bar from `start` to `end`. `job` is the number of its job, -1 if it has none; `unit` the name of its unit, if known."""
 
     start: int
     end: int
@@ -41,6 +41,7 @@ class Bar:
     kind: BarKind
     job: int = -1
     detail: str = ""
+    unit: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,10 +65,22 @@ def rows(shop: Shop, schedule: Schedule) -> tuple[Row, ...]:
         bars = sorted(
             _resource_bars(shop, schedule, resource.name, number), key=lambda bar: (bar.start, bar.end)
         )
-        units = _units(bars)
-        names = _unit_names(resource.name, resource.units, len(units))
-        found += [Row(name, tuple(unit)) for name, unit in zip(names, units, strict=True)]
+        found += (
+            _named_units(bars, resource) if all(bar.unit for bar in bars) else _equal_units(bars, resource)
+        )
     return tuple(found)
+
+
+def _named_units(bars: Sequence[Bar], resource: Resource) -> list[Row]:
+    """A row for each unit that is used, in the order of the resource."""
+    own = {name: tuple(bar for bar in bars if bar.unit == name) for name in resource.units}
+    return [Row(name, unit) for name, unit in own.items() if unit]
+
+
+def _equal_units(bars: Sequence[Bar], resource: Resource) -> list[Row]:
+    units = _units(bars)
+    names = _unit_names(resource.name, resource.units, len(units))
+    return [Row(name, tuple(unit)) for name, unit in zip(names, units, strict=True)]
 
 
 def _stage_bar(shop: Shop, schedule: Schedule, name: str, job: int) -> Bar:
@@ -102,7 +115,9 @@ def _hold_bar(shop: Shop, schedule: Schedule, hold: Hold, number: Mapping[str, i
     end = schedule.starts[hold.end.stage] + hold.end.offset if hold.end else schedule.makespan
     moment = hold.begin or hold.end
     owner = shop.owners[moment.stage].name if moment else ""
-    return Bar(begin, end, owner, BarKind.HOLD, number.get(owner, -1), f"{owner} in {hold.resource}")
+    unit = schedule.units.get(hold, "")
+    said = f"{owner} in {unit or hold.resource}"
+    return Bar(begin, end, owner, BarKind.HOLD, number.get(owner, -1), said, unit)
 
 
 def _units(bars: Sequence[Bar]) -> list[list[Bar]]:

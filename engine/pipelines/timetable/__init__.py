@@ -29,7 +29,7 @@ from engine.stages.planning.improvement.deorder import deorder
 from engine.stages.planning.variants import plainly
 from engine.stages.scheduling import ScheduleLimits, schedule
 from engine.stages.scheduling.blocks import Unstructured
-from engine.stages.scheduling.rebuild import Mislaid, TimedStep, timed_steps
+from engine.stages.scheduling.rebuild import Mislaid, TimedStep, timed_steps, units
 from engine.stages.scheduling.work import CellWork, Wishes, cell_work
 from kb.diagnostics import InvalidInput
 from kb.model.plan import Plan, StepId
@@ -176,7 +176,8 @@ def _as_plan(gate: PlanGate, steps: Steps, work: CellWork, found: Scheduled) -> 
     if wrong := gate.findings(steps.problem, plan):
         raise Mislaid(wrong[0].message)
     _require_order(plan, starts, made)
-    return Timetable(plan, starts, work.shop, found.schedule, BLOCKS, statistics=found.statistics)
+    settled = replace(found.schedule, units=units(work, found.schedule))
+    return Timetable(plan, starts, work.shop, settled, BLOCKS, statistics=found.statistics)
 
 
 def _require_order(plan: Plan, starts: Mapping[StepId, int], steps: Sequence[TimedStep]) -> None:

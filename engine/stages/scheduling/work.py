@@ -17,7 +17,7 @@ from engine.stages.scheduling.blocks import Block, arm_of, atoms_about, cut, men
 from engine.stages.scheduling.detours import necessary, straightened
 from engine.stages.scheduling.places import Exchange, Touch, holds_of
 from engine.stages.scheduling.settings import Mechanism, mechanisms
-from kb.terms import Function, Term
+from kb.terms import Function, Term, natural_key
 
 REST = "other work"  # the job of the blocks that serve no object
 
@@ -252,7 +252,7 @@ class _Assembly:
         return Resource(str(self.arm), 1, travel)
 
     def _resource(self, name: str, places: Mapping[str, tuple[Term, ...]]) -> Resource:
-        units = tuple(map(str, places.get(name, ())))
+        units = tuple(map(str, sorted(places.get(name, ()), key=natural_key)))
         return Resource(name, max(1, len(units)), units=units)
 
 

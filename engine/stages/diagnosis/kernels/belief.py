@@ -62,8 +62,8 @@ class Beliefs:
         self._likelihoods, self._shown = real(likelihoods), whole(shown)
         self._ends, self._repairs = whole(ends.view(np.uint8)), whole(repairs.view(np.uint8))
         self._costs, self._following = real(costs), whole(following)
-        self._losses, self._known = real(losses), real(known)
-        self._shifts, self._widths = whole(shifts), whole(widths)
+        self._losses, self._known, self._shifts = real(losses), real(known), whole(shifts)
+        self._widths = whole(widths)
 
 
 class Trail:
