@@ -13,6 +13,7 @@ from kb.files import read_file
 from kb.loader import find, load
 from kb.model.domain import Domain
 from kb.model.problem import Problem
+from kb.targets import reference
 from kb.terms import Function
 
 
@@ -25,7 +26,7 @@ def import_file(path: Path, domain: str, unit: str = "mm") -> tuple[Inspection, 
     cell = load(find(domain)).domain
     parts = partition(_problem(inspection, cell))
     possible = (name for names in parts.groups.values() for name in names)
-    return inspection, parts, problem_text(inspection, domain, cell.conventions, sorted(possible))
+    return inspection, parts, problem_text(inspection, reference(cell), cell.conventions, sorted(possible))
 
 
 def _problem(inspection: Inspection, domain: Domain) -> Problem:
