@@ -78,6 +78,7 @@ class Product:
         self._found = {each.attributes["id"]: each for each in _all(root) if "id" in each.attributes}
         self._faces: dict[str, Face | None] = {}
         self._motions = dict(self._body_motions(root))
+        self._reversed = frozenset(_reversed(root))
         self._meeting: dict[str, tuple[str, ...]] | None = None
 
     def kind(self, name: str) -> str:
@@ -162,9 +163,9 @@ class Product:
         for motion in (self._motion(of), self._motions.get(name, STILL)):
             base = moved(base, *motion) if motion is not STILL else base
         loops = [self._found[each] for each in self._loop_ids(element) if each in self._found]
-        return _bounded(
-            name, base, [found for each in loops if (found := self._loop(each, base)).edges], element
-        )
+        whole = [found for each in loops if (found := self._loop(each, base)).edges]
+        turned = is_true(element, "turned") != (name in self._reversed)
+        return _bounded(name, base, whole, is_true(element, "hasOuter", otherwise=True), turned)
 
     def _loop_ids(self, face: Element) -> list[str]:
         group = face.at("LoopIds")
@@ -201,6 +202,15 @@ def _all(element: Element) -> Iterator[Element]:
         stack += found.children
 
 
+def _reversed(root: Element) -> Iterator[str]:
+    """The ids of the faces whose shell is turned against them."""
+    shells = root.at("Product", "TopologySet", "ShellSet")
+    for shell in shells.children if shells is not None else ():
+        group = shell.at("FaceIds")
+        if group is not None and is_true(shell, "turned"):
+            yield from (each.text.strip() for each in group.all("Id"))
+
+
 def _coedges(loop: Element | None) -> Iterator[Element]:
     group = loop.at("CoEdges") if loop is not None else None
     return group.all("CoEdge") if group is not None else iter(())
@@ -235,11 +245,11 @@ def _angle_is_sure(base: Surface, flat: Floats, axis: int) -> Truths:
     return found
 
 
-def _bounded(name: str, base: Surface, loops: Sequence[Loop], element: Element) -> Face:
+def _bounded(name: str, base: Surface, loops: Sequence[Loop], has_outer: bool, turned: bool) -> Face:
     """The face between loops. An edge that a face uses twice is a seam, not a border."""
-    outer, holes = bounds(loops, base, is_true(element, "hasOuter", otherwise=True))
+    outer, holes = bounds(loops, base, has_outer)
     used = Counter(edge for loop in loops for edge, _ in loop.edges)
     border = [flat for loop in loops for edge, flat in loop.edges if not edge or used[edge] == 1]
     apart = float(np.ptp(base.at(np.concatenate(outer)), axis=0).max()) / FINE
     edges = np.concatenate([dense(base, each, apart) for each in border]) if border else np.zeros((0, 3))
-    return Face(name, base, outer, holes, edges, apart, is_true(element, "turned"))
+    return Face(name, base, outer, holes, edges, apart, turned)

@@ -81,7 +81,7 @@ class Part:
             return "its faces have no material between their loops"
         return Placement(
             [(position * self.metres, normal) for position, normal in found.points],
-            f"no point of it is {_mm(self.edge_m)} away from its edges: its points are {_mm(found.gap * self.metres)} away"
+            f"has no place {_mm(self.edge_m)} away from its edges: its points are {_mm(found.gap * self.metres)} away"
             if found.narrow
             else "",
         )
