@@ -8,14 +8,12 @@ from engine.formats.interop.qif import inspection_of
 from engine.formats.interop.tables import read_table, unit_m
 from engine.model.measurement import Inspection, MeasurementPoint
 from engine.pipelines.inspection import Partition, measurements_of, partition
-from kb.asp import ground_term
 from kb.diagnostics import Diagnostic, InvalidInput, Source, nearest
 from kb.files import read_file
 from kb.loader import find, load
 from kb.model.domain import Domain
 from kb.model.problem import Problem
 from kb.targets import reference
-from kb.terms import Function
 
 HINTS = "measure it otherwise, or add points with `cellwright measurement add`"
 
@@ -64,12 +62,11 @@ def remarks(inspection: Inspection, path: Path) -> tuple[Diagnostic, ...]:
 
 def _problem(inspection: Inspection, domain: Domain) -> Problem:
     words = domain.conventions
-    facts = (ground_term(fact) for fact in all_facts(inspection, words))
     return Problem(
         inspection.name,
         domain,
         dict.fromkeys(names(inspection), words.measurement),
-        tuple(fact for fact in facts if isinstance(fact, Function)),
+        tuple(all_facts(inspection, words)),
     )
 
 

@@ -8,21 +8,27 @@ from collections.abc import Iterable, Iterator
 
 from engine.model.measurement import Inspection, MeasurementPoint, Triple
 from kb.model.conventions import Conventions
+from kb.terms import Function, Number, Text
+
+
+def atoms(point: MeasurementPoint, words: Conventions) -> list[Function]:
+    """The facts of a problem about a point."""
+    name = Function(point.name)
+    found = [
+        Function(words.needs, (name, Function(words.kind(point.kind)))),
+        Function(words.position, (name, *_whole(point.position, 1e6))),
+        Function(words.normal, (name, *_whole(point.normal, 1e3))),
+    ]
+    if point.tolerance_m is not None:
+        found.append(Function(words.tolerance, (name, Number(round(point.tolerance_m * 1e6)))))
+    if point.bore_m is not None:
+        found.append(Function(words.bore, (name, Number(round(point.bore_m * 1e6)))))
+    return found
 
 
 def facts(point: MeasurementPoint, words: Conventions) -> list[str]:
-    """The facts of a problem about a point."""
-    name = point.name
-    found = [
-        f"{words.needs}({name}, {words.kind(point.kind)})",
-        f"{words.position}({name}, {_whole(point.position, 1e6)})",
-        f"{words.normal}({name}, {_whole(point.normal, 1e3)})",
-    ]
-    if point.tolerance_m is not None:
-        found.append(f"{words.tolerance}({name}, {round(point.tolerance_m * 1e6)})")
-    if point.bore_m is not None:
-        found.append(f"{words.bore}({name}, {round(point.bore_m * 1e6)})")
-    return found
+    """The facts of a problem about a point, as texts."""
+    return list(map(str, atoms(point, words)))
 
 
 def goal(name: str, words: Conventions) -> str:
@@ -30,8 +36,9 @@ def goal(name: str, words: Conventions) -> str:
     return f"{words.measured}(_, _, {words.place(name)})"
 
 
-def _whole(v: Triple, scale: float) -> str:
-    return ", ".join(str(round(each * scale)) for each in v)
+def _whole(v: Triple, scale: float) -> tuple[Number, Number, Number]:
+    x, y, z = (Number(round(each * scale)) for each in v)
+    return x, y, z
 
 
 def names(inspection: Inspection) -> list[str]:
@@ -39,13 +46,14 @@ def names(inspection: Inspection) -> list[str]:
     return [*(point.name for point in inspection.points), *(each.feature for each in inspection.excluded)]
 
 
-def all_facts(inspection: Inspection, words: Conventions) -> Iterator[str]:
+def all_facts(inspection: Inspection, words: Conventions) -> Iterator[Function]:
     """The facts of a problem about all points and all excluded features."""
     for point in inspection.points:
-        yield from facts(point, words)
+        yield from atoms(point, words)
     for each in inspection.excluded:
-        yield f"{words.needs}({each.feature}, {words.profile})"
-        yield f'{words.impossible}({each.feature}, "{each.reason}")'
+        name = Function(each.feature)
+        yield Function(words.needs, (name, Function(words.profile)))
+        yield Function(words.impossible, (name, Text(each.reason)))
 
 
 def problem_text(inspection: Inspection, domain: str, words: Conventions, wanted: Iterable[str]) -> str:

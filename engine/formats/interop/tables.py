@@ -100,7 +100,7 @@ def _row(
         return _wrong(where, *bad)
     values = {key: float(cells[key]) for key in NUMBERS if cells.get(key)}
     values |= {key: values[key] * unit for key in LENGTHS if key in values}
-    if (message := _senseless(cells.get("name", ""), values)) is not None:
+    if (message := _senseless(cells.get("name", ""), cells.get("kind", ""), values)) is not None:
         return _wrong(where, *message)
     length = math.hypot(values["nx"], values["ny"], values["nz"])
     name = cells["name"]
@@ -128,10 +128,12 @@ def _bad_numbers(cells: Mapping[str, str]) -> Iterator[tuple[str, str]]:
             yield "a number is not finite", f"the column '{key}' needs a number such as 1.5"
 
 
-def _senseless(name: str, values: Mapping[str, float]) -> tuple[str, str] | None:
+def _senseless(name: str, kind: str, values: Mapping[str, float]) -> tuple[str, str] | None:
     """Why a row describes no point, and what to try; None if it does."""
     if not NAME.fullmatch(name) or name == "not":
         return f"'{name}' is not a name", "a small letter, then letters, digits and _"
+    if kind and not NAME.fullmatch(kind):
+        return f"'{kind}' is not a kind of measurement", "profile, thickness, or a kind of the domain"
     if not any(values[key] for key in ("nx", "ny", "nz")):
         return "the normal has no length", "give the direction away from the material"
     if max(abs(values[key]) for key in LENGTHS if key in values) > FARTHEST_M:

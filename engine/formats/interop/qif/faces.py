@@ -5,7 +5,7 @@ space, the edges in space are taken instead. Loops that go round a cylinder, a s
 """
 
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -28,7 +28,7 @@ STILL: Motion = (np.eye(3), np.zeros(3))
 class Face:
     """The material between `outer` and `holes`: closed polygons in the parameters of the surface.
 
-    `border` holds points (n, 3) along the real edges, at most `apart` from one another. `turned` says that the normal of the
+    `gaps` says how far points (n, 3) are at least from the real edges, infinite without any. `turned` says that the normal of the
     surface points into the material.
     """
 
@@ -36,8 +36,8 @@ class Face:
     surface: Surface
     outer: tuple[Floats, ...]
     holes: tuple[Floats, ...]
-    border: Floats
-    apart: float
+    gaps: Callable[[Floats], Floats]
+    size: float
     turned: bool
 
     def within(self, parameters: Floats) -> Truths:
@@ -250,6 +250,22 @@ def _bounded(name: str, base: Surface, loops: Sequence[Loop], has_outer: bool, t
     outer, holes = bounds(loops, base, has_outer)
     used = Counter(edge for loop in loops for edge, _ in loop.edges)
     border = [flat for loop in loops for edge, flat in loop.edges if not edge or used[edge] == 1]
-    apart = float(np.ptp(base.at(np.concatenate(outer)), axis=0).max()) / FINE
-    edges = np.concatenate([dense(base, each, apart) for each in border]) if border else np.zeros((0, 3))
-    return Face(name, base, outer, holes, edges, apart, turned)
+    size = float(np.ptp(base.at(np.concatenate(outer)), axis=0).max())
+    edges = [dense(base, each, size / FINE) for each in border]
+    return Face(name, base, outer, holes, _gaps(edges, size / FINE), size, turned)
+
+
+def _gaps(edges: Sequence[Floats], apart: float) -> Callable[[Floats], Floats]:
+    """The least that the distance (n,) to edges can be, known from points along them that are at most `apart`."""
+    from scipy.spatial import cKDTree
+
+    if not edges:
+        return lambda places: np.full(len(places), np.inf)
+    near = cKDTree(np.concatenate(edges))
+
+    def gaps(places: Floats) -> Floats:
+        far, _ = near.query(places)
+        found: Floats = np.sqrt(np.maximum(far**2 - (apart / 2) ** 2, 0.0))
+        return found
+
+    return gaps

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from engine.formats.interop.qif.faces import Face
-from engine.formats.interop.qif.regions import distances, spread
+from engine.formats.interop.qif.regions import spread
 from engine.kernels.arrays import Floats, Truths
 
 Placed = list[tuple[Floats, Floats]]  # positions and normals
@@ -44,14 +44,7 @@ def _of_face(face: Face, rows: int) -> tuple[Floats, Floats, Floats, Floats]:
     parameters, areas = face.candidates(rows)
     places = face.surface.at(parameters)
     normals, size = face.normals(parameters)
-    return places, normals, _gaps(face, places), areas * size
-
-
-def _gaps(face: Face, places: Floats) -> Floats:
-    """The least that the distance to an edge can be, known from points along it."""
-    far = distances(places, face.border)
-    found: Floats = np.sqrt(np.maximum(far**2 - (face.apart / 2) ** 2, 0.0))
-    return found
+    return places, normals, face.gaps(places), areas * size
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -92,7 +85,7 @@ def _on_one(faces: Sequence[Face], place: Floats, least: float) -> tuple[Floats,
         parameters = face.lifted(face.surface.parameters(place[None]))
         there = face.surface.at(parameters)
         beside = float(np.linalg.norm(there[0] - place))
-        if beside <= OFF * face.apart * 400 and face.within(parameters)[0] and _gaps(face, there)[0] >= least:
+        if beside <= OFF * face.size and face.within(parameters)[0] and face.gaps(there)[0] >= least:
             return there[0], face.normals(parameters)[0][0]
     return None
 

@@ -76,18 +76,3 @@ def spread(candidates: Floats, count: int, taken: Floats | None = None) -> list[
         chosen.append(int(np.argmax(near)))
         near = np.minimum(near, ((candidates - candidates[chosen[-1]]) ** 2).sum(axis=1))
     return chosen
-
-
-def distances(points: Floats, places: Floats) -> Floats:
-    """The distance (n,) from each point (n, k) to the nearest of the places (m, k); infinite without places."""
-    if not len(places):
-        return np.full(len(points), np.inf)
-    found, step = [], max(1, CHUNK // len(places))
-    middle = places.mean(axis=0)
-    places, points = places - middle, points - middle
-    size = (places**2).sum(axis=1)
-    for i in range(0, len(points), step):
-        part = points[i : i + step]
-        nearest = np.argmin(size - 2 * part @ places.T, axis=1)
-        found.append(np.linalg.norm(part - places[nearest], axis=1))
-    return np.concatenate(found) if found else np.zeros(0)
