@@ -10,6 +10,7 @@ from engine.kernels.arrays import Floats, Longs
 
 NEAR = 1e-3  # of a period: gaps this near to whole periods are seams
 PARTS = 16
+CLEARLY = 1e-6  # of the domain: a piece is turned only if it then fits better by more than this
 MOST = 20_000  # points along one edge
 
 
@@ -41,13 +42,13 @@ def bounds(
 def _joined(pieces: Sequence[Floats], base: Surface) -> Floats:
     """Pieces one behind the other. Pieces that run the other way are turned, gaps of whole periods are closed."""
     first = pieces[0]
-    if len(pieces) > 1 and _gap(first, pieces[1], base) > _gap(first[::-1], pieces[1], base):
+    if len(pieces) > 1 and _gap(first, pieces[1], base) > _gap(first[::-1], pieces[1], base) + CLEARLY:
         first = first[::-1]
     found = [first]
     for piece in pieces[1:]:
         last = found[-1][-1]
         forth, back = (_distance(last, end, base) for end in (piece[0], piece[-1]))
-        piece = piece if forth <= back + 1e-12 else piece[::-1]
+        piece = piece if forth <= back + CLEARLY else piece[::-1]
         found.append(piece - _whole(piece[0] - last, base) * np.array(base.periods))
     return np.concatenate(found)
 
