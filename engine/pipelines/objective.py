@@ -5,7 +5,6 @@ and the one whose steps take least time.
 """
 
 import time
-from collections import Counter
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from enum import StrEnum
@@ -16,22 +15,23 @@ from engine.model.task import Task
 from engine.pipelines.gate import accepted
 from engine.pipelines.parts import Itinerary, Memory, by_sequence
 from engine.pipelines.planning import planned
-from engine.pipelines.timetable import by_other_means, own_order, timed
-from engine.pipelines.timetable.orders import in_its_order, least_makespan
+from engine.pipelines.timetable import by_other_means, keeping, own_order, timed
+from engine.pipelines.timetable.kept import LONG
+from engine.pipelines.timetable.orders import least_makespan
 from engine.stages.grounding import ground
+from engine.stages.grounding.limits import size
 from engine.stages.planning import Limits
 from engine.stages.planning import plan as plan_task
 from engine.stages.scheduling import ScheduleLimits
 from kb.model.plan import Plan, StepId
 from kb.model.problem import Problem
-from kb.terms import Term
 
 WORK = 3.0  # of the solver, about seconds of one core
 CHOOSING = 2.0  # at most of it, and a sixth, spent on other means
 SOON = 5_000  # expansions after which no second plan is looked for
 SECOND = 2_000  # expansions that a second plan may take
 PLANS = "of all plans"
-LONG = 400  # steps; longer plans keep their order
+SMALL = 500  # instances of operators of a problem whose sequence the planner may prove to be cheapest
 
 
 class Objective(StrEnum):
@@ -93,17 +93,17 @@ def sequenced(problem: Problem, limits: Limits, memory: Memory | None = None, st
         return None
     if not isinstance(found.outcome, Found) or not _lasts(found.outcome.plan):
         return Run(found.outcome, None, found.itinerary)
-    plan = found.outcome.plan
-    return Run(found.outcome, in_its_order(problem, plan, bound=_busiest(plan)), found.itinerary)
+    outcome = _proved(problem, found.outcome, limits)
+    return Run(outcome, keeping(problem, outcome.plan), found.itinerary)
 
 
-def _busiest(plan: Plan) -> int:
-    """How long the resource is held that is held longest: no order of the steps ends before."""
-    loads: Counter[Term] = Counter()
-    for step in plan.steps:
-        for resource in step.resources:
-            loads[resource] += step.duration
-    return max(loads.values(), default=0)
+def _proved(problem: Problem, outcome: Found, limits: Limits) -> Found:
+    """The outcome for a small problem with the proof that no plan costs less, if the planner finds such a proof."""
+    if size(problem) > SMALL:
+        return outcome
+    free, _ = planned(problem, limits)
+    optimal = isinstance(free, Found) and free.optimal and free.plan.cost == outcome.plan.cost
+    return replace(outcome, optimal=optimal)
 
 
 def scheduled(problem: Problem, outcome: Outcome, limits: Limits, objective: Objective | None) -> Run:
@@ -149,8 +149,11 @@ def _fastest(
     problem: Problem, task: Task, outcome: Found, limits: Limits, work: ScheduleLimits
 ) -> tuple[Timetable, Infeasible | GaveUp | None]:
     """The best timetable of the plan and of others found from there on; and why a plan has none, if one has none."""
-    own, bound = own_order(problem, task, outcome.plan), least_makespan(task)
-    if len(outcome.plan.steps) > LONG or (own.schedule.makespan <= bound and not own.unwatched):
+    bound = least_makespan(task)
+    if len(outcome.plan.steps) > LONG:
+        return _judged(keeping(problem, outcome.plan), bound), None
+    own = own_order(problem, task, outcome.plan)
+    if own.schedule.makespan <= bound and not own.unwatched:
         return _judged(own, bound), None
     plans = list(_plans(problem, task, outcome, limits))
     made = [timed(problem, task, each, work) for each in plans]

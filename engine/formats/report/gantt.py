@@ -13,6 +13,8 @@ from typing import Any
 from rich.console import Console, ConsoleOptions, Group, RenderableType
 from rich.text import Text
 
+from engine.formats.report.bounds import bounds
+from engine.model.bottleneck import bottleneck
 from engine.model.schedule import Schedule, Timetable
 from engine.model.shop import Hold, Resource, Shop
 
@@ -155,12 +157,37 @@ class Gantt:
         yield Text(" " * (names + 1) + _ticks(self.schedule.makespan, scale, width, self.unit), style="dim")
 
 
+def joined(bars: Sequence[Bar], least: float) -> list[Bar]:
+    """Bars in the order of time, with those that are too short to be seen joined.
+
+    Neighbours become one bar as long as it stays shorter than `least` units of time. So there are at most two bars for
+    each `least` units, however many steps there are.
+    """
+    groups: list[list[Bar]] = []
+    for bar in bars:
+        if groups and bar.end - groups[-1][0].start < least:
+            groups[-1].append(bar)
+        else:
+            groups.append([bar])
+    return [group[0] if len(group) == 1 else _together(group) for group in groups]
+
+
+def _together(bars: Sequence[Bar]) -> Bar:
+    """One bar in the place of several short ones."""
+    longest = max(bars, key=lambda bar: bar.end - bar.start)
+    detail = f"{len(bars)} bars, from {bars[0].detail} to {bars[-1].detail}"
+    return Bar(bars[0].start, max(bar.end for bar in bars), "", longest.kind, longest.job, detail)
+
+
 def _line(row: Row, scale: float, width: int) -> Text:
-    """One row of bars. A bar shorter than one character gets a free character if there is one."""
+    """One row of bars. A bar shorter than one character gets a free character if there is one, unless bars crowd."""
     text, column = Text(), 0
-    for bar in row.bars:
+    crowded = len(row.bars) > width // 2
+    for bar in joined(row.bars, 1 / scale) if crowded else row.bars:
         first = max(column, min(width - 1, round(bar.start * scale)))
         last = max(first + 1, min(width, round(bar.end * scale)))
+        if crowded and round(bar.end * scale) <= column:
+            continue
         if first >= width:
             break
         text.append(" " * (first - column))
@@ -171,7 +198,7 @@ def _line(row: Row, scale: float, width: int) -> Text:
 
 def _bar(bar: Bar, width: int) -> str:
     fill = {BarKind.STAGE: "█", BarKind.HOLD: "░", BarKind.CHANGE: "▒"}[bar.kind]
-    return f"{bar.label} ".ljust(width, fill) if len(bar.label) < width else fill * width
+    return f"{bar.label} ".ljust(width, fill) if 0 < len(bar.label) < width else fill * width
 
 
 def _style(bar: Bar) -> str:
@@ -206,7 +233,8 @@ def summary(schedule: Schedule, unit: str = "", scope: str = "") -> str:
 def charted(made: Timetable, unit: str) -> list[RenderableType]:
     """The chart of a timetable, its makespan, and why it has a row for each step where it has."""
     parts = charted_shop(made.shop, made.schedule, unit, made.scope)
-    return [*parts, Text(kept_order(made))] if made.note else parts
+    notes = [kept_order(made)] if made.note else []
+    return [*parts, *map(Text, (bounds(bottleneck(made.plan, made.starts), unit), *notes))]
 
 
 def kept_order(made: Timetable) -> str:
@@ -230,8 +258,8 @@ def proof_entry(schedule: Schedule, scope: str = SHOP) -> dict[str, Any]:
     }
 
 
-def schedule_entry(shop: Shop, schedule: Schedule, scope: str = SHOP) -> dict[str, Any]:
-    """A schedule for programs: totals, stages in the order of their starts, changes of devices, and holds."""
+def schedule_entry(shop: Shop, schedule: Schedule, scope: str = SHOP, staged: bool = True) -> dict[str, Any]:
+    """A schedule for programs: totals, stages in the order of their starts if `staged`, and changes of devices."""
     stages = [
         {
             "job": shop.owners[name].name,
@@ -240,7 +268,7 @@ def schedule_entry(shop: Shop, schedule: Schedule, scope: str = SHOP) -> dict[st
             "end": schedule.starts[name] + stage.duration,
             "resources": list(stage.resources),
         }
-        for name, stage in shop.stages.items()
+        for name, stage in (shop.stages.items() if staged else ())
     ]
     changes = [
         {
@@ -255,6 +283,10 @@ def schedule_entry(shop: Shop, schedule: Schedule, scope: str = SHOP) -> dict[st
     return {
         **proof_entry(schedule, scope),
         "tardiness": schedule.tardiness,
-        "stages": sorted(stages, key=lambda each: (each["start"], each["end"], each["stage"])),
+        **({"stages": sorted(stages, key=_by_start)} if staged else {}),
         "changes": changes,
     }
+
+
+def _by_start(stage: Mapping[str, Any]) -> tuple[Any, ...]:
+    return stage["start"], stage["end"], stage["stage"]

@@ -141,10 +141,13 @@ class _Search:
 
 
 def amounts(domain: Domain, schema: Schema) -> Iterator[tuple[str, int]]:
-    """The static predicates that the duration and the cost of an operator name, with their arities."""
+    """The static predicates that the duration and the cost of an operator name, with their arities, but for travel.
+
+    Travel ties all places to one another, and changes no plan but only how long it lasts.
+    """
     for term in (schema.operator.duration, schema.operator.cost):
         for part in _functions(term):
-            if part.name in domain.predicates:
+            if part.name in domain.predicates and part.name != domain.conventions.travel:
                 yield part.name, len(domain.predicates[part.name].arguments)
 
 

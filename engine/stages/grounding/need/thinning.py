@@ -69,7 +69,9 @@ def _without(
 ) -> Problem:
     """The problem without some objects, with all its static facts evaluated."""
     domain = problem.domain
-    given = [*facts, *problem.statics, *_numbered_terms(domain, named)]
+    words = domain.conventions
+    ways = (*named(words.position, 4), *named(words.travel, 3))
+    given = [*facts, *ways, *problem.statics, *_numbered_terms(domain, named)]
     staying = _Staying(gone)
     return replace(
         problem,
