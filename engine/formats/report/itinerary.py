@@ -43,7 +43,7 @@ def entry(run: Run) -> dict[str, Any]:
     way = run.itinerary
     if way is None:
         return {}
-    found = {**tour.entry(way.tour, way.problem), "kept": way.kept}
+    found = {**tour.entry(way.tour, way.problem), "kept": way.kept, "altered": way.altered}
     content: dict[str, Any] = {"sequence": {**found, "partition": inspection.entry(way.partition)}}
     if isinstance(run.outcome, Found):
         content["times"] = {
@@ -58,7 +58,13 @@ def text(run: Run, unit: str) -> RenderableType:
     way = run.itinerary
     if way is None:
         return Text()
-    kept = ", as kept" if way.kept else ""
+    kept = (
+        ", as kept"
+        if way.kept
+        else ", turned where changes of tools then take less time"
+        if way.altered
+        else ""
+    )
     said: list[RenderableType] = [
         Text(f"In the order of the sequence{kept}: {tour.summary(way.tour, way.problem)}")
     ]

@@ -29,6 +29,8 @@ from kb.model.conditions import goal_parts
 from kb.model.problem import Problem
 from kb.terms import Function, natural_key
 
+MOST_RUNS = 8  # of one tool, each of which is tried the other way round
+
 __all__ = ["Itinerary", "Memory", "Notebook", "Part", "Sequenced", "by_sequence"]
 
 
@@ -72,13 +74,23 @@ def _start(problem: Problem) -> Situation:
 
 
 def _better_way(way: Itinerary, line: Chain) -> Itinerary:
-    """The tour, or the same the other way round if that is better for the changes of tools; only their parts are tried."""
+    """The tour, or the same with runs of one tool the other way round if changes of tools then take less time.
+
+    The tour counts a change of tools as a way; what it really takes, only plans tell. The parts at the ends of runs are tried.
+    """
     if way.fixed:
         return way
-    ways = (way, way.turned())
-    ends = way.ends | way.turned().ends
-    tried = [line.trial([part for part in each.parts(line.problem) if part.name in ends]) for each in ways]
-    return ways[1] if tried[1] < tried[0] else way
+    ends, least = way.ends, line.trial(_at(way, way.ends, line))
+    for turn in (range(len(way.visits)), *way.runs[:MOST_RUNS]):
+        other = way.turned(turn)
+        value = line.trial(_at(other, ends, line))
+        if value < least:
+            way, least = other, value
+    return way
+
+
+def _at(way: Itinerary, names: set[str], line: Chain) -> list[Part]:
+    return [part for part in way.parts(line.problem) if part.name in names]
 
 
 def _planned(problem: Problem, way: Itinerary, line: Chain) -> Outcome | None:

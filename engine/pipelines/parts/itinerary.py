@@ -4,7 +4,7 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from itertools import groupby
 
-from engine.model.tour import Tour, TourProblem
+from engine.model.tour import Tour, TourProblem, cost_of
 from engine.pipelines.inspection import Partition, chooses_tools, measurements_of, partition, tour_problem
 from engine.pipelines.inspection.keeping import carry_on
 from engine.pipelines.inspection.places import with_places
@@ -30,7 +30,8 @@ class Part:
 class Itinerary:
     """The measurements of an inspection in the order of a tour, each with its tool.
 
-    `kept` says that the order was kept in a store. An order that is not `fixed` costs the same the other way round.
+    `kept` says that the order was kept in a store. Of an order that is not `fixed`, visits by one tool may come the other way
+    round; `altered` says that some do.
     """
 
     visits: tuple[tuple[str, str], ...]
@@ -39,17 +40,33 @@ class Itinerary:
     tour: Tour
     kept: bool = False
     fixed: bool = True
+    altered: bool = False
+
+    @property
+    def runs(self) -> list[range]:
+        """The places of each run of visits with one tool."""
+        found, first = list[range](), 0
+        for _, run in groupby(self.visits, key=lambda visit: visit[1]):
+            last = first + len(list(run))
+            found.append(range(first, last))
+            first = last
+        return found
 
     @property
     def ends(self) -> set[str]:
-        """The first two and the last of each run of measurements with one tool."""
-        runs = [[name for name, _ in run] for _, run in groupby(self.visits, key=lambda visit: visit[1])]
-        return {name for run in runs for name in (*run[:2], run[-1])}
+        """The first two and the last two visits of each run."""
+        return {self.visits[place][0] for run in self.runs for place in (*run[:2], *run[-2:])}
 
-    def turned(self) -> "Itinerary":
-        """The same tour the other way round."""
-        tour = replace(self.tour, order=self.tour.order[::-1])
-        return replace(self, visits=self.visits[::-1], tour=tour)
+    def turned(self, run: range) -> "Itinerary":
+        """The same with some visits the other way round: ways between visits by one tool stay as they are."""
+        order = [*range(run.start), *reversed(run), *range(run.stop, len(self.visits))]
+        tour = tuple(self.tour.order[place] for place in order)
+        return replace(
+            self,
+            visits=tuple(self.visits[place] for place in order),
+            tour=replace(self.tour, order=tour, cost=cost_of(self.problem, tour)),
+            altered=True,
+        )
 
     def parts(self, problem: Problem) -> tuple[Part, ...]:
         """The goals by the visit after which they can hold; what the goals ask for beside the visits comes last."""
