@@ -93,6 +93,7 @@ CODES = {
     "K804": "not a QIF file",
     "K805": "not a table of measurements",
     "K806": "not a job shop file",
+    "K807": "a feature that is not measured as asked",
     "K901": "wrong probabilities",
     "K902": "causes that no test distinguishes and no repair cures together",
     "K903": "a cause that nothing repairs",

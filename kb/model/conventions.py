@@ -124,6 +124,12 @@ class Conventions:
     bore: str = _static(
         "bore", "measurement, int", WRITTEN, "how wide the hole is that a measurement lies in, in micrometres"
     )
+    alignment: str = _static(
+        "alignment",
+        "measurement, int",
+        "sequence, import",
+        "in which step of the alignment a measurement is made: 1 first; all of them come before the others",
+    )
     impossible: str = _static(
         "impossible", "measurement, text", EVERYWHERE, "why no tool can take a measurement"
     )

@@ -106,8 +106,20 @@ def tour_problem(problem: Problem, parts: Partition) -> TourProblem:
     words, grounder = problem.domain.conventions, _grounded(problem)
     where = _positions(grounder, words)
     changes = {(str(a), str(b)): int(_number(way)) for a, b, way in grounder.atoms(words.change, 3)}
-    visits = (Visit(name, where.get(name), tool) for tool, names in parts.groups.items() for name in names)
+    phases = _phases(grounder, words)
+    visits = (
+        Visit(name, where.get(name), tool, phase=phases.get(name, 0))
+        for tool, names in parts.groups.items()
+        for name in names
+    )
     return ordered(problem, problem.name, tuple(visits), changes, facts=grounder.atoms)
+
+
+def _phases(grounder: Grounder, words: Conventions) -> dict[str, int]:
+    """The steps of the alignment, as phases below 0: the measurements that are no part of it come last."""
+    steps = {str(name): int(_number(step)) for name, step in grounder.atoms(words.alignment, 2)}
+    last = max(steps.values(), default=0)
+    return {name: step - last - 1 for name, step in steps.items()}
 
 
 def positions(problem: Problem) -> dict[str, tuple[float, ...]]:
