@@ -212,7 +212,11 @@ def _steadier(problem: TourProblem, order: tuple[int, ...], found: object) -> To
     cost = cost_of(problem, order) if order else 0
     if not isinstance(found, Tour):
         return Tour(order, cost, 0)
-    return found if found.cost < cost or (order and violations(problem, order)) else replace(found, order=order, cost=cost)
+    return (
+        found
+        if found.cost < cost or (order and violations(problem, order))
+        else replace(found, order=order, cost=cost)
+    )
 
 
 def _compared(old: SequencePlan, made: Progress, problem: Problem) -> Progress:

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -18,7 +19,9 @@ def refused(problem: TourProblem) -> str | None:
     """Why no order keeps the phases and the ends; None if one does."""
     phases = [visit.phase for visit in problem.visits]
     if problem.start is not None and phases[problem.start] > min(phases):
-        return f"{problem.visits[problem.start].name} cannot be first: visits of an earlier phase come before it"
+        return (
+            f"{problem.visits[problem.start].name} cannot be first: visits of an earlier phase come before it"
+        )
     if problem.end is not None and phases[problem.end] < max(phases):
         return f"{problem.visits[problem.end].name} cannot be last: visits of a later phase come after it"
     return None
@@ -27,7 +30,7 @@ def refused(problem: TourProblem) -> str | None:
 def in_pairs(problem: TourProblem) -> TourProblem:
     """The problem with its phases as precedence: of each visit before each one of the next phase."""
     groups = _groups(problem)
-    pairs = tuple((a, b) for now, then in zip(groups, groups[1:], strict=False) for a in now for b in then)
+    pairs = tuple((a, b) for now, then in pairwise(groups) for a in now for b in then)
     visits = tuple(replace(visit, phase=0) for visit in problem.visits)
     return replace(problem, visits=visits, precedence=(*problem.precedence, *pairs))
 
