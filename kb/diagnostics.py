@@ -28,6 +28,7 @@ CODES = {
     "K112": "a name that is reserved or not allowed",
     "K113": "a number out of range",
     "K114": "an entry that does nothing",
+    "K115": "a duration or cost that cannot be told",
     "K201": "error in an ASP file",
     "K202": "ASP that domain files may not use",
     "K203": "include outside the domain folder or not found",
