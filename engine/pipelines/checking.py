@@ -84,12 +84,12 @@ def _checked_cell(cell: Path, domain: Domain, reach: bool, atoms: Collection[Ato
 
 def _checked_frame(domain: Domain) -> list[Diagnostic]:
     """The error about the frame of a domain's travel, if the cell has no such frame."""
-    if domain.travel is None:
+    if domain.motion is None:
         return []
     try:
         standing(domain)("")
     except InvalidInput as error:
-        return [each for each in error.diagnostics if each.where == domain.travel.where]
+        return [each for each in error.diagnostics if each.where == domain.motion.where]
     return []
 
 

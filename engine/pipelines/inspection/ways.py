@@ -12,18 +12,21 @@ import numpy as np
 from engine.model.tour import TourProblem, Visit
 from kb.diagnostics import Diagnostic, InvalidInput, Source
 from kb.loader.amounts import amounts_of
-from kb.model.amounts import Amounts, Facts, NoAmount
-from kb.model.domain import Domain, Kind
+from kb.model.amounts import Amounts, Facts, NoAmount, travels_itself
+from kb.model.domain import Kind
 from kb.model.problem import Problem
 from kb.terms import Function, Term
 
 Changes = Mapping[tuple[str, str], int]
 
 
-def has_table(domain: Domain) -> bool:
-    """Whether a static of the domain is a table of travel times between places."""
-    declared = domain.predicates.get(domain.conventions.travel)
-    return declared is not None and declared.kind is Kind.STATIC and len(declared.arguments) == 3
+def has_table(problem: Problem, facts: Facts) -> bool:
+    """Whether travel times are put in order: facts give some, or durations ask for them and nothing else gives any."""
+    domain, travel = problem.domain, problem.domain.conventions.travel
+    declared = domain.predicates.get(travel)
+    if declared is None or declared.kind is not Kind.STATIC or len(declared.arguments) != 3:
+        return False
+    return any(True for _ in facts(travel, 3)) or (domain.motion is None and travels_itself(domain))
 
 
 def ordered(
@@ -32,13 +35,14 @@ def ordered(
     visits: tuple[Visit, ...],
     changes: Changes,
     start: int | None = None,
-    facts: Facts | None = None,
+    *,
+    facts: Facts,
 ) -> TourProblem:
-    """An open tour of measurements; `facts` gives the static facts if they are known. Raises `InvalidInput`.
+    """An open tour of measurements; `facts` gives the static facts. Raises `InvalidInput`.
 
     Straight ways and changes of tools are in micrometres, those of a table in the domain's unit of time.
     """
-    if not has_table(problem.domain):
+    if not has_table(problem, facts):
         return straight(name, visits, changes, start)
     amounts, places = amounts_of(problem, facts), _places(problem, [each.name for each in visits])
     times = np.array([[_time(problem, amounts, a, b) for b in places] for a in places], np.int64)
@@ -49,7 +53,7 @@ def ordered(
 
 
 def straight(name: str, visits: tuple[Visit, ...], changes: Changes, start: int | None = None) -> TourProblem:
-    """An open tour of visits with known positions in metres. Travel costs are straight distances in micrometres."""
+    """An open tour of visits with known positions in metres. Motion costs are straight distances in micrometres."""
     places = np.array([visit.position for visit in visits], float).reshape(-1, 3)
     travel = (
         np.stack([np.linalg.norm(places - place, axis=1) for place in places]) if visits else np.zeros((0, 0))
@@ -63,9 +67,9 @@ def time_between(problem: Problem, tour: TourProblem, order: Sequence[int]) -> i
 
     It is in the domain's unit of time. Raises `InvalidInput` if a time cannot be told.
     """
-    if problem.domain.travel is None and not has_table(problem.domain):
-        return None
     amounts = amounts_of(problem)
+    if problem.domain.motion is None and not has_table(problem, amounts.facts):
+        return None
     ends = [*order, *order[:1]] if tour.closed and len(order) > 1 else order
     legs = ((tour.visits[a], tour.visits[b]) for a, b in pairwise(ends))
     return sum(
