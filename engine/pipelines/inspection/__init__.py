@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from engine.model.metric import Metric
 from engine.model.tour import TourProblem, Visit
 from kb.asp import Grounder
 from kb.asp.vocabulary import static_program
@@ -19,6 +20,7 @@ from kb.model.domain import Domain
 from kb.model.problem import Problem
 from kb.terms import Number, Term, Text
 
+DENSE = 1000  # costs between more visits are computed when they are needed
 NO_TOOL = "no tool takes a measurement of this kind"
 NO_POSITION = "its position is not known"
 
@@ -122,11 +124,8 @@ def straight(
     name: str, visits: tuple[Visit, ...], changes: Mapping[tuple[str, str], int], start: int | None = None
 ) -> TourProblem:
     """An open tour of visits with known positions in metres. Travel costs are straight distances in micrometres."""
-    places = np.array([visit.position for visit in visits], float).reshape(-1, 3)
-    travel = (
-        np.stack([np.linalg.norm(places - place, axis=1) for place in places]) if visits else np.zeros((0, 0))
-    )
-    ways = np.rint(travel * 1e6).astype(np.int64)
+    lines = Metric("micrometres", np.array([visit.position for visit in visits], float).reshape(-1, 3))
+    ways = lines if len(visits) > DENSE else lines.matrix()
     return TourProblem(name, visits, ways, closed=False, start=start, changes=changes, unit="µm")
 
 
