@@ -1,6 +1,6 @@
 """Costs between points that are computed when they are needed: memory grows with the number of points alone."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -26,6 +26,10 @@ class Metric:
         u, v = self.points[a], self.points[b]
         found = KINDS[self.kind](u, v).astype(np.int64)
         return np.where(np.asarray(a) == np.asarray(b), 0, found)
+
+    def part(self, members: Sequence[int]) -> "Metric":
+        """The costs between some of the points."""
+        return Metric(self.kind, self.points[list(members)])
 
     def matrix(self) -> Longs:
         """All costs (n, n)."""
@@ -80,7 +84,8 @@ def _geographical(u: Floats, v: Floats) -> Floats:
     (a, c), (b, d) = np.moveaxis(radians(u), -1, 0), np.moveaxis(radians(v), -1, 0)
     q1, q2, q3 = np.cos(c - d), np.cos(a - b), np.cos(a + b)
     cosine = np.clip(0.5 * ((1.0 + q1) * q2 - (1.0 - q1) * q3), -1.0, 1.0)
-    return np.trunc(RADIUS_KM * np.arccos(cosine) + 1.0)
+    found: Floats = np.trunc(RADIUS_KM * np.arccos(cosine) + 1.0)
+    return found
 
 
 def radians(coordinates: Floats) -> Floats:

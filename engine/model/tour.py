@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from itertools import pairwise
 
 import numpy as np
 
@@ -11,6 +12,7 @@ from engine.kernels.arrays import Longs as Longs
 from engine.model.metric import Metric
 
 Window = tuple[int, int]
+ENDLESS = 2**40  # the end of a window that has none: later than any tour
 
 
 @dataclass(frozen=True, slots=True)
@@ -19,7 +21,7 @@ class Visit:
 
     `position` serves for pictures and for first tours. `tool` is the tool that the visit needs. The visit
     begins within `window` (earliest, latest; both count from the start of the tour) and lasts `duration`.
-    Times are in the unit of the costs.
+    Times are in the unit of the costs. All visits of a lower `phase` come first.
     """
 
     name: str
@@ -27,6 +29,7 @@ class Visit:
     tool: str = ""
     duration: int = 0
     window: Window | None = None
+    phase: int = 0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -82,12 +85,17 @@ class TourProblem:
         return any(visit.window is not None for visit in self.visits)
 
     @property
+    def phased(self) -> bool:
+        """Whether some visits come before others because of their phases."""
+        return len({visit.phase for visit in self.visits}) > 1
+
+    @property
     def ordered(self) -> bool:
-        """Whether some orders are forbidden, by precedence or windows.
+        """Whether some orders are forbidden, by precedence, phases or windows.
 
         Then it also matters where a tour begins.
         """
-        return bool(self.precedence) or self.timed
+        return bool(self.precedence) or self.timed or self.phased
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -152,6 +160,17 @@ def times_of(problem: TourProblem, order: tuple[int, ...]) -> list[tuple[int, in
     return found
 
 
+def slack_of(problem: TourProblem, order: tuple[int, ...]) -> list[int]:
+    """How much later each visit of an order may begin so that no window is missed; ENDLESS or so if none can be."""
+    slack, found = ENDLESS, list[int]()
+    for at, (arrives, begins) in zip(reversed(order), reversed(times_of(problem, order)), strict=True):
+        window = problem.visits[at].window
+        slack = min(slack, ENDLESS if window is None else window[1] - begins)
+        found.append(slack)
+        slack += begins - arrives
+    return found[::-1]
+
+
 def violations(problem: TourProblem, order: tuple[int, ...]) -> list[str]:
     """How an order violates the problem; empty if it is a valid tour."""
     names = [visit.name for visit in problem.visits]
@@ -167,6 +186,11 @@ def violations(problem: TourProblem, order: tuple[int, ...]) -> list[str]:
         f"{names[second]} comes before {names[first]}"
         for first, second in problem.precedence
         if place[first] >= place[second]
+    ]
+    found += [
+        f"{names[second]} comes before {names[first]}"
+        for second, first in pairwise(order)
+        if problem.visits[first].phase < problem.visits[second].phase
     ]
     return found + _late(problem, order)
 

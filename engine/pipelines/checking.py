@@ -6,6 +6,7 @@ from pathlib import Path
 
 from engine.model.stages import stage_atom
 from engine.model.task import Task
+from engine.pipelines.inspection.demands import findings_of
 from engine.plugins import geometry_backend
 from engine.stages.grounding import default_instances, ground, reachable_atoms, reachable_operators
 from kb.check import check_domain, unreachable
@@ -13,6 +14,7 @@ from kb.check.faults import check_faults
 from kb.check.start import crowded, hopeless
 from kb.diagnostics import Diagnostic, InvalidInput, in_order
 from kb.loader import CELL_FILE, Loaded, find, load, problem_files
+from kb.loader.amounts import standing
 from kb.loader.faults import FAULTS_FILE, load_faults
 from kb.model.domain import Domain
 from kb.model.problem import Problem
@@ -46,6 +48,7 @@ def check(target: str, reach: bool = True) -> CheckReport:
         found += check_domain(loaded.domain, problems)
     grounded = [(each, task) for each in problems if (task := _grounded(each, found)) is not None]
     tasks = [task for _, task in grounded]
+    found += [each for problem in problems for each in findings_of(problem)]
     lost = [problem for problem, task in grounded if _starts_badly(problem, task, problems, found)]
     if loaded is not None and loaded.problem is None and len(tasks) == len(problems) > len(lost):
         reached = frozenset[str]().union(*map(reachable_operators, tasks))
@@ -54,6 +57,7 @@ def check(target: str, reach: bool = True) -> CheckReport:
         paths.append(cell)
         atoms = {atom for task in tasks for atom in task.atoms}
         found += _checked_cell(cell, loaded.domain, reach, atoms)
+        found += [each for each in _checked_frame(loaded.domain) if each not in found]
     if loaded is not None and (faults := Path(loaded.domain.path).with_name(FAULTS_FILE)).is_file():
         paths.append(faults)
         found += _checked_faults(Path(loaded.domain.path))
@@ -75,6 +79,17 @@ def _checked_cell(cell: Path, domain: Domain, reach: bool, atoms: Collection[Ato
     from engine.stages.geometry.reach.checking import check_cell
 
     return check_cell(cell, domain, geometry_backend if reach else None, atoms)
+
+
+def _checked_frame(domain: Domain) -> list[Diagnostic]:
+    """The error about the frame of a domain's travel, if the cell has no such frame."""
+    if domain.travel is None:
+        return []
+    try:
+        standing(domain)("")
+    except InvalidInput as error:
+        return [each for each in error.diagnostics if each.where == domain.travel.where]
+    return []
 
 
 def _checked_faults(domain: Path) -> list[Diagnostic]:

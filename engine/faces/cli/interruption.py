@@ -8,6 +8,8 @@ from contextlib import contextmanager, suppress
 from types import FrameType, TracebackType
 from typing import TYPE_CHECKING, Any
 
+from engine.model.wording import counted
+
 if TYPE_CHECKING:
     from kb.model.plan import Plan
 
@@ -49,7 +51,12 @@ class Interruption:
         if self._progress:
             self._progress.clear()
         seconds = time.monotonic() - self.started
-        _say(f"{len(plan.steps)} steps, cost {plan.cost}, after {seconds:.1f} s\n")
+        _say(f"{counted(len(plan.steps), 'step')}, cost {plan.cost}, after {seconds:.1f} s\n")
+
+    def tell_cost(self, cost: int) -> None:
+        """Show the cost of the best tour so far in the line of progress."""
+        if self._progress:
+            self._progress.news = f", best cost {cost}"
 
     @contextmanager
     def while_waiting(self) -> Iterator[None]:
@@ -74,12 +81,13 @@ class _ProgressLine:
 
     def __init__(self) -> None:
         self.started = self.shown = time.monotonic()
+        self.news = ""
 
     def tick(self) -> None:
         now = time.monotonic()
         if now - self.shown >= 0.5:
             self.shown = now
-            _say(f"\rsearching {now - self.started:5.1f} s; Ctrl-C stops with the best plan so far ")
+            _say(f"\rsearching {now - self.started:5.1f} s{self.news}; Ctrl-C stops with the best so far ")
 
     def clear(self) -> None:
         if self.shown > self.started:

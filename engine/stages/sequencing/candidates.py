@@ -53,7 +53,7 @@ def _plane(positions: NDArray[np.floating]) -> Floats:
     """Coordinates in the plane in which the points lie widest (m, 2)."""
     middle = np.asarray(positions, float) - positions.mean(axis=0)
     if middle.shape[1] == 2:
-        return middle
+        return np.asarray(middle, np.float64)
     _, _, axes = np.linalg.svd(middle.T @ middle)
     found: Floats = middle @ axes[:2].T
     return found
@@ -71,9 +71,7 @@ def _sorted(
     return np.take_along_axis(near, order, 1)[:, :width]
 
 
-def _picked(
-    plane: Floats, part: NDArray[np.intp], near: Longs, count: int
-) -> tuple[Ints, NDArray[np.bool_]]:
+def _picked(plane: Floats, part: NDArray[np.intp], near: Longs, count: int) -> tuple[Ints, NDArray[np.bool_]]:
     """`count` of the near cities, first in each quadrant, then in order; and whether all quadrants were found."""
     step = plane[near] - plane[part][:, None]
     quarter = 2 * (step[..., 0] >= 0) + (step[..., 1] >= 0)

@@ -39,7 +39,8 @@ class Costs:
     def between(self, a: NDArray[Any], b: NDArray[Any]) -> Longs:
         """The cost from each city of `a` to the city of `b` at the same place; shapes are broadcast."""
         if self.matrix is not None:
-            return self.matrix[a, b].astype(np.int64)
+            looked_up: Longs = self.matrix[a, b].astype(np.int64)
+            return looked_up
         assert self.metric is not None
         last = len(self.metric) - 1
         inner_a, inner_b = np.minimum(a, last), np.minimum(b, last)

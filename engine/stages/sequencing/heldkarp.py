@@ -65,7 +65,9 @@ def bound(costs: Costs, near: Ints, tour: Ints, interrupted: Interrupted = never
     """A lower bound on all closed tours of n >= 8 cities. `near` (n, k) are candidates, `tour` is a good tour."""
     n, upper, best = len(costs), costs.of_tour(tour), 0.0
     cities = np.repeat(np.arange(n, dtype=np.int64), near.shape[1])
-    edges = _edges(costs, np.concatenate((_codes(cities, near.ravel(), n), _codes(tour, np.roll(tour, -1), n))))
+    edges = _edges(
+        costs, np.concatenate((_codes(cities, near.ravel(), n), _codes(tour, np.roll(tour, -1), n)))
+    )
     penalty, steps = np.zeros(n), max(20, min(STEPS, EFFORT // n))
     penalty = _coarsely(edges, penalty, float(upper), steps, interrupted)
     for _ in range(ROUNDS):
@@ -82,7 +84,8 @@ def bound(costs: Costs, near: Ints, tour: Ints, interrupted: Interrupted = never
 
 def _codes(a: NDArray[np.integer], b: NDArray[np.integer], n: int) -> Longs:
     """A number for each edge, the same in both directions."""
-    return np.minimum(a, b).astype(np.int64) * n + np.maximum(a, b)
+    found: Longs = np.minimum(a, b).astype(np.int64) * n + np.maximum(a, b)
+    return found
 
 
 def _edges(costs: Costs, codes: Longs) -> _Edges:
@@ -108,7 +111,9 @@ def _coarsely(edges: _Edges, penalty: Floats, upper: float, steps: int, interrup
         kept.eliminate_zeros()
         _, cluster = connected_components(kept, directed=False)
         size = float(longest[: count - 1].mean() + edges.least(penalty)) / 8
-        penalty = _climbed(edges, penalty, upper, steps // (2 * len(counts)), interrupted, max(size, 1.0), cluster)
+        penalty = _climbed(
+            edges, penalty, upper, steps // (2 * len(counts)), interrupted, max(size, 1.0), cluster
+        )
     return penalty
 
 
@@ -126,13 +131,14 @@ def _climbed(
     The size is doubled while this helps at first. Then size and period are shortened again and again. The cities of a
     `cluster` (n,) move together.
     """
-    degree, last = np.zeros(len(penalty), np.int32), np.zeros(len(penalty))
+    degree = np.zeros(len(penalty), np.int32)
+    last: NDArray[np.floating] = np.zeros(len(penalty))
     kept, best, first, period = penalty, -np.inf, size == 0, max(10, steps // 3)
     size = size or max(1.0 / GRAIN, upper / len(penalty) / 50)
     while period > 2 and size >= 0.5 / GRAIN:
         for step in range(period):
             value = edges.weigh(penalty, degree)
-            turn = degree - 2.0
+            turn: NDArray[np.floating] = degree - 2.0
             if value > best:
                 best, kept = value, penalty
                 size = 2 * size if first else size

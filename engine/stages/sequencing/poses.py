@@ -75,7 +75,9 @@ def _of_fields(problem: PoseProblem, limits: Limits) -> list[PoseRing]:
     """A tour in each of the smoothest pose fields, with the poses chosen again for its order."""
     table, offset = _table(problem)
     n, start = len(problem.visits), nearest_first(_straight(problem))
-    costs = [of_matrix(times(table, rows)) for rows in fields(table, offset, _straight(problem, FAR_M))[:FIELDS]]
+    costs = [
+        of_matrix(times(table, rows)) for rows in fields(table, offset, _straight(problem, FAR_M))[:FIELDS]
+    ]
     quick = Limits(1, limits.seed, limits.interrupted)
     found = [(search_order(cost, start, quick), index) for index, cost in enumerate(costs)]
     found.sort(key=lambda each: (each[0].cost, each[1]))

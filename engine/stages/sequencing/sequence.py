@@ -13,7 +13,7 @@ from engine.kernels.arrays import Floats, Ints, Longs
 from engine.model.metric import Metric
 from engine.model.outcome import GaveUp, Infeasible
 from engine.model.tour import Tour, TourProblem, cost_of, violations
-from engine.stages.sequencing import heldkarp, symmetric
+from engine.stages.sequencing import heldkarp, phases, symmetric
 from engine.stages.sequencing.chain1987 import chain
 from engine.stages.sequencing.costs import Costs, of_matrix
 from engine.stages.sequencing.curve import along_hilbert
@@ -38,18 +38,32 @@ def sequence(problem: TourProblem, limits: Limits = Limits(), method: str = "aut
     n = len(problem.visits)
     if n == 0:
         return Tour((), 0, 0, method=method)
-    if (reason := _contradiction(problem)) is not None:
+    if (reason := phases.refused(problem) or _contradiction(problem)) is not None:
         return Infeasible(reason)
-    if n == 1:
-        single = Tour((0,), 0, 0, method=method)
-        return Infeasible(wrong[0]) if (wrong := violations(problem, (0,))) else single
-    plain = not problem.ordered and _symmetric(problem)
+    if problem.phased and (problem.precedence or problem.timed or n <= SMALL):
+        problem = phases.in_pairs(problem)
+    if problem.phased:
+        return phases.by_phases(problem, limits, method, sequence)
+    return _alone(problem, method) if n == 1 else _in_one(problem, limits, method)
+
+
+def _alone(problem: TourProblem, method: str) -> Answer:
+    """The tour of one visit."""
+    wrong = violations(problem, (0,))
+    return Infeasible(wrong[0]) if wrong else Tour((0,), 0, 0, method=method)
+
+
+def _in_one(problem: TourProblem, limits: Limits, method: str) -> Answer:
+    """The tour of two visits or more without phases."""
+    n, plain = len(problem.visits), not problem.ordered and _symmetric(problem)
     if method == "chain1987" and not plain:
         return GaveUp(
             "the chain of 1987 works only with symmetric costs, without windows and precedence", "method"
         )
     if n > MATRIX and (method != "auto" or not plain):
-        return GaveUp(f"{_beyond(method, plain)} needs all costs between visits: at most {MATRIX} visits", "memory")
+        return GaveUp(
+            f"{_beyond(method, plain)} needs all costs between visits: at most {MATRIX} visits", "memory"
+        )
     if (n <= SMALL and method != "chain1987") or not plain:
         return solve_directed(problem, limits, exact=n <= SMALL or method == "exact")
     return _plain(problem, limits, method)
@@ -88,19 +102,19 @@ def _plain(problem: TourProblem, limits: Limits, method: str) -> Tour:
     costs, extra = (_costs(problem), 0) if circle else _with_ends(problem)
     start = _start(problem, costs, method)
     if method == "chain1987":
-        return _bounded(problem, _made(problem, costs, start, 0, method), costs, extra, limits)
+        return _bounded(problem, _made(problem, start, 0, method), costs, extra, limits)
     near = symmetric.candidates(costs, _positions(problem) if circle else None)
     provable = n <= PROVABLE or method == "exact"
     quick = symmetric.search(costs, start, replace(limits, work=1), near)
     lower = 0 if provable else heldkarp.bound(costs, near, quick.order, limits.interrupted)
     found = symmetric.search(costs, quick.order, limits, near)
-    made = _made(problem, costs, found.order, found.work, method)
+    made = _made(problem, found.order, found.work, method)
     if provable:
         return _bounded(problem, made, costs, extra, limits)
     return replace(made, lower_bound=max(0, min(lower + extra, made.cost)))
 
 
-def _made(problem: TourProblem, costs: Costs, tour: Ints, work: int, method: str) -> Tour:
+def _made(problem: TourProblem, tour: Ints, work: int, method: str) -> Tour:
     """The tour of the problem that a closed tour of cities stands for."""
     order = _unrolled(problem, tour)
     if violations(problem, order):

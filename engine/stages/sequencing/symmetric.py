@@ -92,7 +92,11 @@ class _Search:
         n, huge = len(self.best), len(self.best) >= HUGE and self.rounds == 0
         kicks = min(total - self.done, n * min(LONGEST, FIRST << self.rounds) + 1000)
         warmth = (COLD if huge else WARM) * max(self.cost, 1) / n
-        cooling, kicker, late = (1.0 if huge else (COLD / WARM) ** (1 / kicks)), self._kicker(self.best.copy()), False
+        cooling, kicker, late = (
+            (1.0 if huge else (COLD / WARM) ** (1 / kicks)),
+            self._kicker(self.best.copy()),
+            False,
+        )
         end = self.done + kicks
         while self.done < end and not self.limits.interrupted():
             if not late and not huge and 10 * (end - self.done) <= kicks:

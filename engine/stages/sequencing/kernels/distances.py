@@ -76,7 +76,7 @@ class Distances:
         if self.kind == ROUNDED:
             return int(math.sqrt(x * x + y * y + z * z) + 0.5)
         if self.kind == RAISED:
-            return int(math.ceil(math.sqrt(x * x + y * y + z * z)))
+            return int(math.ceil(math.sqrt(x * x + y * y + z * z)))  # noqa: RUF046  C's is no whole number
         if self.kind == MICROMETRES:
             return self._even(math.sqrt(x * x + y * y + z * z) * LARGER)
         if self.kind == MANHATTAN:
@@ -96,9 +96,7 @@ class Distances:
         return low
 
 
-def _check(
-    cost: NDArray[Any], metric: str, points: Floats, group: Ints, extra: Longs, ends: Longs
-) -> None:
+def _check(cost: NDArray[Any], metric: str, points: Floats, group: Ints, extra: Longs, ends: Longs) -> None:
     """Raises ValueError if arrays do not fit together: compiled loops do not check this."""
     m, kinds = len(points), len(extra)
     square = cost.ndim == 2 and cost.shape[0] == cost.shape[1]

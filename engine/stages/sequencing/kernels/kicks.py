@@ -117,7 +117,7 @@ class Kicker:
 
     def _cuts_fixed(self) -> bool:
         """Whether a cut parts two cities that must stay together."""
-        for place in range(4):
+        for place in range(4):  # noqa: SIM110  a generator would not be compiled
             if self.ring.fixed(self._beside(place, 0), self._beside(place, 1)):
                 return True
         return False

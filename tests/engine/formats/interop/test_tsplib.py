@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from engine.model.metric import Metric
 from engine.formats.interop.tsplib import METRICS, SHAPES, read_tsplib
+from engine.model.metric import Metric
 from kb.diagnostics import InvalidInput
 
 

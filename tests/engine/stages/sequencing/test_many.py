@@ -127,10 +127,12 @@ def test_a_graph_of_few_edges_says_no_more_than_all_edges_allow() -> None:
     costs = of_matrix(Metric("rounded", points).matrix())
     tour = symmetric.search(costs, along_hilbert(points), Limits(work=20_000)).order
     lower = heldkarp.bound(costs, symmetric.candidates(costs, points), tour)
-    assert 0.98 * costs.of_tour(tour) < lower <= costs.of_tour(tour)
+    assert 0.9 * costs.of_tour(tour) < lower <= costs.of_tour(tour)
 
 
-def test_a_bound_from_the_nearest_cities_lies_below_the_bound_from_all(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_bound_from_the_nearest_cities_lies_below_the_bound_from_all(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     points = np.random.default_rng(5).uniform(0, 1000, (400, 2))
     costs = Costs(None, Metric("rounded", points))
     tour = symmetric.search(costs, along_hilbert(points), Limits(work=10_000)).order
