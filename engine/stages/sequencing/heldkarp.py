@@ -19,7 +19,7 @@ from engine.stages.sequencing.costs import Costs
 
 GRAIN = 64.0  # penalties are whole multiples of 1 / GRAIN
 ROUNDS = 4
-STEPS, EFFORT = 1000, 6_000_000  # steps of the ascent: at most so many, or so many cities looked at
+STEPS, EFFORT = 4000, 1_500_000  # steps of the ascent: at most so many, or so many cities looked at
 DENSE = 12_000  # up to this number of cities all edges are counted one by one
 KNOWN = 60  # of more cities, on average so many near ones are counted
 QUANTILES = (1.0, 0.9999, 0.999, 0.99, 0.95, 0.9, 0.75, 0.5)  # of the weights of a tree
@@ -61,25 +61,47 @@ class _Edges:
         return found
 
 
-def bound(costs: Costs, near: Ints, tour: Ints, interrupted: Interrupted = never) -> int:
-    """A lower bound on all closed tours of n >= 8 cities. `near` (n, k) are candidates, `tour` is a good tour."""
-    n, upper, best = len(costs), costs.of_tour(tour), 0.0
+@dataclass(frozen=True, slots=True, eq=False)
+class Bound:
+    """A lower bound on all closed tours, and the penalties (n,) that prove it."""
+
+    value: int
+    penalty: Floats
+
+
+def bound(
+    costs: Costs,
+    near: Ints,
+    tour: Ints,
+    interrupted: Interrupted = never,
+    effort: int = EFFORT,
+    before: Bound | None = None,
+) -> Bound:
+    """A lower bound on all closed tours of n >= 8 cities. `near` (n, k) are candidates, `tour` is a good tour.
+
+    `effort` is the number of cities that are looked at. The ascent goes on from the bound `before`.
+    """
+    n, upper, best = len(costs), costs.of_tour(tour), -np.inf
     cities = np.repeat(np.arange(n, dtype=np.int64), near.shape[1])
     edges = _edges(
         costs, np.concatenate((_codes(cities, near.ravel(), n), _codes(tour, np.roll(tour, -1), n)))
     )
-    penalty, steps = np.zeros(n), max(20, min(STEPS, EFFORT // n))
-    penalty = _coarsely(edges, penalty, float(upper), steps, interrupted)
+    steps = max(20, min(STEPS, effort // n))
+    penalty = kept = np.zeros(n) if before is None else before.penalty
+    if before is None:
+        penalty = _coarsely(edges, penalty, float(upper), steps, interrupted)
     for _ in range(ROUNDS):
         penalty = _climbed(edges, penalty, float(upper), steps, interrupted)
         value, codes = _of_all(costs, penalty, edges)
-        best = max(best, value)
+        if value > best:
+            best, kept = value, penalty
         known = _codes(edges.first, edges.second, n)
         fresh = np.setdiff1d(codes, known)
         if not len(fresh) or interrupted() or best > upper - 1:
             break
         edges, steps = _edges(costs, np.concatenate((known, fresh))), max(20, steps // 3)
-    return min(upper, int(np.ceil(best)))
+    found = Bound(min(upper, int(np.ceil(best))), kept)
+    return before if before is not None and before.value >= found.value else found
 
 
 def _codes(a: NDArray[np.integer], b: NDArray[np.integer], n: int) -> Longs:
@@ -132,13 +154,13 @@ def _climbed(
     `cluster` (n,) move together.
     """
     degree = np.zeros(len(penalty), np.int32)
-    last: NDArray[np.floating] = np.zeros(len(penalty))
+    last: Floats = np.zeros(len(penalty))
     kept, best, first, period = penalty, -np.inf, size == 0, max(10, steps // 3)
     size = size or max(1.0 / GRAIN, upper / len(penalty) / 50)
     while period > 2 and size >= 0.5 / GRAIN:
         for step in range(period):
             value = edges.weigh(penalty, degree)
-            turn: NDArray[np.floating] = degree - 2.0
+            turn: Floats = degree - 2.0
             if value > best:
                 best, kept = value, penalty
                 size = 2 * size if first else size
@@ -147,7 +169,7 @@ def _climbed(
             if not turn.any() or best > upper - 1 or interrupted():
                 return kept
             if cluster is not None:
-                turn = np.bincount(cluster, turn)[cluster]
+                turn = np.asarray(np.bincount(cluster, turn), np.float64)[cluster]
             penalty = penalty + np.rint(GRAIN * size * (0.7 * turn + 0.3 * last)) / GRAIN
             last = turn
         period, size, first, penalty = period * 2 // 3, size / 2, False, kept

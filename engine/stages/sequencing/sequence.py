@@ -24,6 +24,8 @@ METHODS = ("auto", "chain1987", "exact")
 PROVABLE = 120  # the default method tries to prove its tour up to this number of visits
 MATRIX = 8000  # more visits have no matrix of costs, which some methods need
 CHAINED = 12  # up to this number of visits the search begins with the chain of 1987
+CLOSE = 0.01  # a bound farther below the tour is raised after the search, if there is time
+LATER = 8_000_000  # cities that are looked at then
 SMALL = 9  # up to this number of visits everything is solved exactly at once
 
 Answer = Tour | Infeasible | GaveUp
@@ -106,12 +108,15 @@ def _plain(problem: TourProblem, limits: Limits, method: str) -> Tour:
     near = symmetric.candidates(costs, _positions(problem) if circle else None)
     provable = n <= PROVABLE or method == "exact"
     quick = symmetric.search(costs, start, replace(limits, work=1), near)
-    lower = 0 if provable else heldkarp.bound(costs, near, quick.order, limits.interrupted)
+    first = None if provable else heldkarp.bound(costs, near, quick.order, limits.interrupted)
     found = symmetric.search(costs, quick.order, limits, near)
     made = _made(problem, found.order, found.work, method)
     if provable:
         return _bounded(problem, made, costs, extra, limits)
-    return replace(made, lower_bound=max(0, min(lower + extra, made.cost)))
+    assert first is not None
+    if not limits.interrupted() and found.cost - first.value > CLOSE * found.cost:
+        first = heldkarp.bound(costs, near, found.order, limits.interrupted, LATER, first)
+    return replace(made, lower_bound=max(0, min(first.value + extra, made.cost)))
 
 
 def _made(problem: TourProblem, tour: Ints, work: int, method: str) -> Tour:
@@ -138,7 +143,9 @@ def _matrix(costs: Costs) -> symmetric.Matrix:
     """All costs."""
     every = np.arange(len(costs))
     matrix = costs.between(every[:, None], every[None]) if costs.matrix is None else costs.matrix
-    return of_matrix(matrix).matrix
+    narrow = of_matrix(matrix).matrix
+    assert narrow is not None
+    return narrow
 
 
 def _costs(problem: TourProblem, ends: Longs | None = None) -> Costs:
@@ -158,7 +165,7 @@ def _costs(problem: TourProblem, ends: Longs | None = None) -> Costs:
 
 def _with_ends(problem: TourProblem) -> tuple[Costs, int]:
     """Costs with one more city, and what must be added to the cost of a tour with it."""
-    n, named = len(problem.visits), {problem.start, problem.end} - {None}
+    n, named = len(problem.visits), {each for each in (problem.start, problem.end) if each is not None}
     toward, extra = np.zeros(n + 1, np.int64), 0
     if named:
         dear = 4 * _dearest(problem) + 1
