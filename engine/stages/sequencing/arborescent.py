@@ -11,11 +11,14 @@ from scipy.sparse.csgraph import shortest_path
 
 from engine.kernels.arrays import Longs, Truths
 from engine.kernels.cancellation import Interrupted, never
-from engine.model.tour import TourProblem
+from engine.model.tour import TourProblem, cost_of, violations
 from engine.stages.sequencing import symmetric
+from engine.stages.sequencing.costs import of_matrix
+from engine.stages.sequencing.limits import Limits
 
 LATEST = 2**60
 ROUNDS = 3  # in which times and precedence sharpen each other
+NEARLY_NONE = 1e-3  # a time of 0 would be no edge; so many of these are less than 1
 PATHS = 400  # up to this number of visits times follow from shortest paths
 EFFORT, STEPS = 200_000_000, 2000  # edges that the ascent looks at, and its steps
 
@@ -36,6 +39,38 @@ def lower_bound(problem: TourProblem, upper: int, interrupted: Interrupted = nev
     return max(0, min(best, upper))
 
 
+def searched(problem: TourProblem, order: tuple[int, ...], limits: Limits) -> tuple[tuple[int, ...], int]:
+    """An order of a problem without windows and precedence that costs no more than a given one, and the kicks made.
+
+    It is a tour of the entries and exits of all cities, under costs that are the same in both directions.
+    """
+    arcs, open_ = _with_the_other(problem)
+    n, most = len(arcs), int(arcs.max(initial=0)) + 1
+    costs = of_matrix(_doubled(np.where(open_, arcs, 4 * most), most))
+    ring = np.array([*order, n - 1] if n > len(order) else order, np.int32)
+    every = np.arange(n, dtype=np.int32)
+    start = np.stack((ring + n, ring), axis=1).ravel().astype(np.int32)
+    found = symmetric.search(costs, start, limits, mates=np.concatenate((every + n, every)))
+    turned = np.roll(found.order, -int(np.flatnonzero(found.order == 2 * n - 1)[0]))
+    if turned[1] != n - 1:
+        turned[1:] = turned[:0:-1]
+    made = _begun(problem, [int(each) for each in turned if each < n])
+    if violations(problem, made) or cost_of(problem, made) > cost_of(problem, order):
+        made = order
+    return made, found.work
+
+
+def _begun(problem: TourProblem, ring: list[int]) -> tuple[int, ...]:
+    """The order of visits in a ring; where the one more city is cut out, or at the right end."""
+    if len(ring) > len(problem.visits):
+        return tuple(ring[1:])
+    if problem.start is not None:
+        at = ring.index(problem.start)
+    else:
+        at = 0 if problem.end is None else ring.index(problem.end) + 1
+    return (*ring[at:], *ring[:at])
+
+
 def _doubled(dear: Longs, most: int) -> Longs:
     """Symmetric costs (2n, 2n) between the exits (first n) and the entries of all cities; a tour costs n * most more."""
     n = len(dear)
@@ -52,7 +87,8 @@ def _with_the_other(problem: TourProblem) -> tuple[Longs, Truths]:
     n, arcs = len(problem.visits), problem.arcs.astype(np.int64)
     before = _before(problem, arcs)
     allowed = _allowed(problem, arcs, before)
-    may_begin, may_end = ~before.any(axis=0), ~before.any(axis=1)
+    may_begin = np.asarray(~before.any(axis=0), np.bool_)
+    may_end = np.asarray(~before.any(axis=1), np.bool_)
     if problem.closed:
         allowed |= may_end[:, None] & may_begin[None]
         return arcs, allowed
@@ -87,7 +123,7 @@ def _before(problem: TourProblem, arcs: Longs) -> Truths:
 def _closed(before: Truths) -> Truths:
     """What follows from before: a before b before c."""
     for _ in range(len(before).bit_length()):
-        wider = before | (before.astype(np.float32) @ before.astype(np.float32) > 0)
+        wider = before | np.asarray(before.astype(np.float32) @ before.astype(np.float32) > 0)
         if (wider == before).all():
             break
         before = wider
@@ -99,13 +135,13 @@ def _times(problem: TourProblem, arcs: Longs) -> tuple[Longs, Longs, Longs]:
     windows = [visit.window or (0, LATEST) for visit in problem.visits]
     lasts = np.array([visit.duration for visit in problem.visits], np.int64)
     steps = (arcs + lasts[:, None]).astype(float)
-    way = shortest_path(np.where(steps > 0, steps, 1e-9)).astype(np.int64)
+    way = shortest_path(np.where(steps > 0, steps, NEARLY_NONE)).astype(np.int64)
     return np.array([w[0] for w in windows]), np.array([w[1] for w in windows]), way
 
 
 def _allowed(problem: TourProblem, arcs: Longs, before: Truths) -> Truths:
     """Whether b may come directly after a (n, n): nothing has to come between them, and b is not before a."""
-    between = before.astype(np.float32) @ before.astype(np.float32) > 0
+    between: Truths = before.astype(np.float32) @ before.astype(np.float32) > 0
     allowed: Truths = ~(before.T | between)
     np.fill_diagonal(allowed, False)
     if problem.timed:

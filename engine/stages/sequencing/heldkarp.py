@@ -160,7 +160,7 @@ def _climbed(
     while period > 2 and size >= 0.5 / GRAIN:
         for step in range(period):
             value = edges.weigh(penalty, degree)
-            turn: Floats = degree - 2.0
+            turn = degree.astype(np.float64) - 2.0
             if value > best:
                 best, kept = value, penalty
                 size = 2 * size if first else size
@@ -170,7 +170,8 @@ def _climbed(
                 return kept
             if cluster is not None:
                 turn = np.asarray(np.bincount(cluster, turn), np.float64)[cluster]
-            penalty = penalty + np.rint(GRAIN * size * (0.7 * turn + 0.3 * last)) / GRAIN
+            way = GRAIN * size * (0.7 * turn + 0.3 * last)
+            penalty = penalty + np.rint(way) / GRAIN
             last = turn
         period, size, first, penalty = period * 2 // 3, size / 2, False, kept
     return kept

@@ -8,11 +8,12 @@ import numpy as np
 from engine.kernels.arrays import Longs
 from engine.model.outcome import GaveUp, Infeasible
 from engine.model.tour import Tour, TourProblem, cost_of, violations
-from engine.stages.sequencing.arborescent import lower_bound
+from engine.stages.sequencing.arborescent import lower_bound, searched
 from engine.stages.sequencing.candidates import nearest
 from engine.stages.sequencing.limits import Limits
 
 PROVABLE = 40  # a proof is tried up to this number of visits
+FEW, DOUBLED = 9, 2500  # between these numbers of visits, directed costs become costs of twice as many cities
 SLICE = 20_000
 MOST = 5_000_000  # the greatest number of moves, if the caller sets none
 FAR = 2**62
@@ -52,7 +53,10 @@ def _urgency(problem: TourProblem, visit: int) -> tuple[int, int]:
 
 def solve_directed(problem: TourProblem, limits: Limits, exact: bool = False) -> Tour | Infeasible | GaveUp:
     """The best order found. A proof is tried if there are few visits or `exact` asks for it."""
-    order, work = _annealed(problem, limits)
+    if FEW < len(problem.visits) <= DOUBLED and not problem.ordered:
+        order, work = searched(problem, best_first_order(problem) or (), limits)
+    else:
+        order, work = _annealed(problem, limits)
     kept: tuple[int, ...] | None = None if violations(problem, order) else order
     lower = 0 if kept is None else lower_bound(problem, cost_of(problem, kept), limits.interrupted)
     if (exact or len(problem.visits) <= PROVABLE) and limits.proof and not limits.interrupted():

@@ -47,8 +47,12 @@ def candidates(costs: Costs, positions: NDArray[np.floating] | None = None) -> I
     return quadrant(where, costs, COUNT)
 
 
-def search(costs: Costs, start: Order, limits: Limits, near: Ints | None = None) -> Searched:
+def search(
+    costs: Costs, start: Order, limits: Limits, near: Ints | None = None, mates: Ints | None = None
+) -> Searched:
     """The best closed tour found from `start` (n,), n >= 8. `near` (n, k) are candidate neighbours.
+
+    `mates` (n,) has the city to which the edge of a city must stay, or -1; `start` has these edges.
 
     One annealing after another begins at the best tour. Then the last tours are merged. Cities are numbered along `start`,
     so that neighbours lie near each other in memory.
@@ -61,6 +65,8 @@ def search(costs: Costs, start: Order, limits: Limits, near: Ints | None = None)
     number = np.empty(n, np.int32)
     number[cities] = np.arange(n, dtype=np.int32)
     search = _Search(costs.part(cities), np.ascontiguousarray(number[near[cities]]), limits)
+    if mates is not None:
+        search.mates = np.where(mates < 0, -1, number[mates])[cities].astype(np.int32)
     search.settle()
     while search.done < total and not limits.interrupted():
         search.anneal(total)
@@ -74,7 +80,7 @@ class _Search:
         self.costs, self.limits, self.distances = costs, limits, costs.kernel()
         n = len(costs)
         self.near, self.toll = near, costs.between(np.arange(n)[:, None], near)
-        self.best, self.loose = np.arange(n, dtype=np.int32), np.full(n, -1, np.int32)
+        self.best, self.mates = np.arange(n, dtype=np.int32), np.full(n, -1, np.int32)
         self.cost, self.done, self.rounds = costs.of_tour(self.best), 0, 0
         self.tours: list[Ints] = []
 
@@ -124,7 +130,7 @@ class _Search:
         from engine.stages.sequencing.kernels.kicks import Kicker
 
         seed = self.limits.seed + 1_000_003 * self.rounds
-        return Kicker(tour, self.distances, self.near, self.toll, self.loose, seed)
+        return Kicker(tour, self.distances, self.near, self.toll, self.mates, seed)
 
 
 def default_work(n: int) -> int:
