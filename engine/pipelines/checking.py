@@ -6,6 +6,7 @@ from pathlib import Path
 
 from engine.model.stages import stage_atom
 from engine.model.task import Task
+from engine.pipelines.inspection.demands import findings_of
 from engine.plugins import geometry_backend
 from engine.stages.grounding import default_instances, ground, reachable_atoms, reachable_operators
 from kb.check import check_domain, unreachable
@@ -50,6 +51,7 @@ def check(target: str, reach: bool = True) -> CheckReport:
     grounded = [(each, task) for each in small if (task := _grounded(each.problem, found)) is not None]
     tasks = [task for _, task in grounded]
     own = [each.problem for each in small]
+    found += [each for problem in problems for each in findings_of(problem)]
     lost = [each for each, task in grounded if _starts_badly(each.problem, task, own, found)]
     if loaded is not None and loaded.problem is None and len(tasks) == len(problems) > len(lost):
         reached = frozenset[str]().union(*map(reachable_operators, tasks))
