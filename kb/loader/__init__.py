@@ -73,6 +73,7 @@ _WITH_ITS_DOMAIN = "name the folder of this file: the file is checked with its d
 _OTHERS = {
     "cell": ("a cell", _WITH_ITS_DOMAIN),
     "faults": ("a fault base", _WITH_ITS_DOMAIN),
+    "contacts": ("a contact model", _WITH_ITS_DOMAIN),
     "arm": ("an arm", "name the domain whose cell uses it"),
     "data": (
         "an answer",
