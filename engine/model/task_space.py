@@ -176,12 +176,12 @@ class Space:
     complete: bool = True
 
     @cached_property
-    def by_input(self) -> Mapping[int, tuple[Step, ...]]:
-        """The steps by their first input."""
-        found: dict[int, list[Step]] = {}
+    def by_inputs(self) -> Mapping[tuple[int, ...], tuple[Step, ...]]:
+        """The steps by their inputs, which stand in ascending order."""
+        found: dict[tuple[int, ...], list[Step]] = {}
         for step in self.steps:
-            found.setdefault(step.inputs[0], []).append(step)
-        return {form: tuple(steps) for form, steps in found.items()}
+            found.setdefault(step.inputs, []).append(step)
+        return {inputs: tuple(steps) for inputs, steps in found.items()}
 
 
 @dataclass(frozen=True, slots=True)
@@ -210,3 +210,14 @@ class Net:
     growth: Growth = Growth(0, False, None)
     regions: tuple[Region, ...] = ()
     complete: bool = True
+
+
+@dataclass(frozen=True, slots=True)
+class Brought:
+    """What one object brings to a cell: how many places, transitions and fully specified states; which states filters removed."""
+
+    part: str
+    places: int
+    transitions: int
+    states: int
+    removed: tuple[tuple[str, str], ...]

@@ -39,12 +39,13 @@ def reachable(space: Space, most: int = MOST_STATES) -> Graph | None:
 
 def successors(space: Space, marking: Marking) -> Iterator[tuple[Step, Marking]]:
     """The steps that can be taken in a global state, and where they lead."""
-    there = Counter(marking)
-    for form in sorted(there):
-        for step in space.by_input.get(form, ()):
-            if len(step.inputs) == 1 or all(there[each] >= n for each, n in Counter(step.inputs).items()):
+    there = sorted(Counter(marking).items())
+    for n, (form, count) in enumerate(there):
+        asked = [(form,), *([(form, form)] if count > 1 else []), *((form, other) for other, _ in there[n + 1 :])]
+        for inputs in asked:
+            for step in space.by_inputs.get(inputs, ()):
                 left = list(marking)
-                for each in step.inputs:
+                for each in inputs:
                     left.remove(each)
                 yield step, tuple(sorted((*left, *step.outputs)))
 

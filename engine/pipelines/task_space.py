@@ -1,0 +1,71 @@
+"""From a contact model to the net of a cell: filters are found among the plug-ins, and the stage generates the rest."""
+
+from collections.abc import Collection
+from dataclasses import dataclass
+from pathlib import Path
+
+from engine.model.task_space import Brought, Net, Space
+from engine.plugins import contact_filter
+from engine.ports import ContactFilter
+from engine.stages.states.generation import MOST_FORMS, generate
+from engine.stages.states.nets import net_of
+from engine.stages.states.tokens import token_types
+from kb.diagnostics import Diagnostic, InvalidInput, Source, unknown_name
+from kb.loader import find, load
+from kb.loader.contacts import load_contacts
+from kb.model.contacts import ContactModel
+
+
+@dataclass(frozen=True, slots=True)
+class Wanted:
+    """What is to be generated: the whole cell or only `parts` of it (objects or classes), by class or `full`y specified."""
+
+    parts: tuple[str, ...] = ()
+    full: bool = False
+    forms: int = MOST_FORMS
+
+
+def model_of(target: str) -> tuple[ContactModel, tuple[Diagnostic, ...]]:
+    """The contact model of the domain that a target names, and warnings. Raises `InvalidInput`."""
+    return load_contacts(Path(load(find(target)).domain.path))
+
+
+def space_of(model: ContactModel, wanted: Wanted = Wanted()) -> Space:
+    """The forms and steps of a cell. Raises `InvalidInput` for unknown parts or filters, or a start that none lets pass."""
+    _require_known(model, wanted.parts)
+    filters: dict[str, ContactFilter] = {name: contact_filter(name, model) for name in model.filters}
+    individuals = {each for one in filters.values() for each in one.individuals()}
+    types = token_types(model, wanted.parts, wanted.full, individuals)
+    if not types:
+        hint = "name objects or classes with anchor points"
+        raise InvalidInput([Diagnostic(Source(model.path), "K405", "there is nothing that has anchor points", hint)])
+    return generate(model, types, filters, wanted.forms)
+
+
+def net(model: ContactModel, wanted: Wanted = Wanted()) -> Net:
+    """The net of a cell. Raises `InvalidInput` as `space_of` does."""
+    return net_of(space_of(model, wanted), wanted.full)
+
+
+def _require_known(model: ContactModel, parts: Collection[str]) -> None:
+    known = [*model.objects, *model.classes]
+    wrong = [unknown_name("object or class", each, known, Source("--reduced")) for each in parts if each not in known]
+    if wrong:
+        raise InvalidInput(wrong)
+
+
+def brought(model: ContactModel, whole: Net, part: str) -> Brought:
+    """The net of a cell compared with the net without an object, or the objects of a class. Raises `InvalidInput`."""
+    _require_known(model, [part])
+    others = tuple(each for each in model.objects if part not in (each, *model.kinds(each)))
+    before = net(model, Wanted(others))
+    known = {(each.filter, each.reason) for each in before.removed}
+    return Brought(
+        part,
+        len(whole.places) - len(before.places),
+        len(whole.transitions) - len(before.transitions),
+        whole.growth.states - before.growth.states,
+        tuple(sorted({(each.filter, each.reason) for each in whole.removed} - known)),
+    )
+
+

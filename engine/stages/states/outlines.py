@@ -1,0 +1,218 @@
+"""What matters of a cluster: its outline. Clusters with the same outline are in the same place.
+
+By default these contacts matter: in a cluster with a robot, those of the robot, of the object in its hand, and of everything
+that moves along; in other clusters all. Where an object has several anchor points of a class, nobody counts which of them
+are taken: their number is a capacity. `relevance` in the contact model says what is different in a cell.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+from engine.model.task_space import Cluster, Edge, Space
+from engine.stages.states.clusters import Named, neighbours
+from engine.stages.states.filters import describes
+from engine.stages.states.rules import Rules
+from kb.model.octuples import Octuple, void_of
+
+Mark = tuple[object, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Outline:
+    """`order` lists the nodes that matter, from the root. `core` is what distinguishes the place.
+
+    `margin` says of the other single anchor points of these nodes what is there. `counted` are the contacts that only
+    count, and `hanging` the nodes beyond them.
+    """
+
+    cluster: Cluster
+    order: tuple[int, ...]
+    core: tuple[Mark, ...]
+    edges: tuple[Edge, ...]
+    margin: dict[tuple[int, int], Mark]
+    counted: tuple[Edge, ...]
+    hanging: frozenset[int]
+
+    @property
+    def key(self) -> Mark:
+        """Equal for clusters of one place."""
+        return (tuple(self.cluster.nodes[node] for node in self.order), tuple(sorted(self.core, key=str)))
+
+
+class Outliner:
+    """Makes the outlines of the clusters of a space."""
+
+    def __init__(self, space: Space, full: bool = False) -> None:
+        self.space, self.types, self.full = space, space.types, full
+        self.rules = Rules(space.model, space.types)
+
+    def outline(self, cluster: Cluster) -> Outline:
+        """The outline of a connected cluster."""
+        near = neighbours(cluster)
+        whole = [self._seen(cluster, node, near) for node in range(len(cluster.nodes))]
+        named = Named(cluster, self.types) if self.space.model.relevance else None
+        order, core, edges = [self._root(cluster)], [], dict[Edge, None]()
+        several: list[tuple[int, Edge, int]] = []
+        for node in order:
+            for slot, at in enumerate(self.types[cluster.nodes[node]].slots):
+                if at.position not in whole[node]:
+                    continue
+                there = [(e, other) for e, other in near[node] if (node, slot) in _ends(e)]
+                verdict = self._verdict(cluster, named, node, slot, there)
+                if verdict is False:
+                    continue
+                if at.several and verdict is None:
+                    several += [(node, e, other) for e, other in there]
+                    continue
+                if not there:
+                    core.append((order.index(node), slot, "void"))
+                for edge, other in there:
+                    if other not in order:
+                        order.append(other)
+                    edges[edge] = None
+        core += [self._mark(edge, order) for edge in edges]
+        counted = tuple(e for _, e, other in several if e not in edges)
+        return self._bordered(cluster, order, core, tuple(edges), counted, whole, near)
+
+    def _bordered(
+        self,
+        cluster: Cluster,
+        order: list[int],
+        core: list[Mark],
+        edges: tuple[Edge, ...],
+        counted: tuple[Edge, ...],
+        whole: Sequence[frozenset[int]],
+        near: Sequence[Sequence[tuple[Edge, int]]],
+    ) -> Outline:
+        margin: dict[tuple[int, int], Mark] = {}
+        hanging: set[int] = {node for edge in counted for node in (edge.key, edge.lock)} - set(order)
+        beside = list(counted)
+        for number, node in enumerate(order):
+            for slot, at in enumerate(self.types[cluster.nodes[node]].slots):
+                there = [(e, other) for e, other in near[node] if (node, slot) in _ends(e) and e not in edges]
+                if at.position in whole[node] or any(e in edges for e, _ in near[node] if (node, slot) in _ends(e)):
+                    if not at.several:
+                        continue
+                if at.several:
+                    fresh = [e for e, _ in there if e not in beside]
+                    beside += fresh
+                    hanging |= {other for _, other in there} - set(order)
+                else:
+                    margin[number, slot] = tuple((cluster.nodes[other], e.kind) for e, other in there)
+        open_ = list(hanging)
+        while open_:
+            for edge, other in near[open_.pop()]:
+                if other not in order and other not in hanging:
+                    hanging.add(other)
+                    open_.append(other)
+                if edge not in beside and edge not in edges and other not in order:
+                    beside.append(edge)
+        return Outline(cluster, tuple(order), tuple(core), edges, margin, tuple(beside), frozenset(hanging))
+
+    def _mark(self, edge: Edge, order: list[int]) -> Mark:
+        return (order.index(edge.key), edge.key_slot, order.index(edge.lock), edge.lock_slot, edge.kind)
+
+    def _root(self, cluster: Cluster) -> int:
+        def rank(node: int) -> tuple[bool, bool, bool, int, int]:
+            kind = self.types[cluster.nodes[node]]
+            return not kind.driven, not kind.fixed, not kind.passive, cluster.nodes[node], node
+
+        return min(range(len(cluster.nodes)), key=rank)
+
+    def _seen(self, cluster: Cluster, node: int, near: Sequence[Sequence[tuple[Edge, int]]]) -> frozenset[int]:
+        """The positions of a node's objects whose contacts matter."""
+        kind = self.types[cluster.nodes[node]]
+        every = frozenset(range(len(kind.classes)))
+        if self.full or kind.loose or not any(self.types[each].driven for each in cluster.nodes):
+            return every
+        held = (
+            kind.slots[edge.lock_slot if edge.lock == node else edge.key_slot].position
+            for edge, other in near[node]
+            if self.types[cluster.nodes[other]].driven
+        )
+        return frozenset(held)
+
+    def _verdict(
+        self,
+        cluster: Cluster,
+        named: Named | None,
+        node: int,
+        slot: int,
+        there: Sequence[tuple[Edge, int]],
+    ) -> bool | None:
+        """What `relevance` says of a slot: whether its contacts matter; None if it says nothing. The last entry decides."""
+        if self.full:
+            return True
+        if named is None:
+            return None
+        point = named.point(node, slot)
+        shown = [named.contacts[cluster.edges.index(e)] for e, _ in there]
+        shown = shown or [Octuple(point, void_of("*"))]
+        found = None
+        for each in self.space.model.relevance:
+            template = each.contact
+            hit = any(self._about(template, contact) for contact in shown)
+            if hit and (each.during is None or self._holds(each.during, named)):
+                found = each.matters
+        return found
+
+    def _about(self, template: Octuple, contact: Octuple) -> bool:
+        if not contact.second.void:
+            return next(describes(self.space.model, template, contact), None) is not None
+        from kb.model.octuples import matches
+
+        kinds = self.space.model.kinds(contact.first.instance)
+        return any(matches(each, contact.first, kinds) is not None for each in (template.first, template.second))
+
+    def _holds(self, template: Octuple, named: Named) -> bool:
+        return any(self._about(template, contact) for contact in named.contacts.values())
+
+
+def _ends(edge: Edge) -> tuple[tuple[int, int], tuple[int, int]]:
+    return (edge.key, edge.key_slot), (edge.lock, edge.lock_slot)
+
+
+def partners(space: Space) -> dict[str, str]:
+    """For each anchor class, the class that matches it: what a free anchor point waits for."""
+    found = {"*": "*"}
+    for each in space.model.contact_classes.values():
+        found.setdefault(each.key.anchor_class, each.lock.anchor_class)
+        found.setdefault(each.lock.anchor_class, each.key.anchor_class)
+    for kind in space.types:
+        for slot in kind.slots:
+            found.setdefault(slot.anchor_class, "*")
+    return found
+
+
+def listed(outline: Outline, space: Space, uniform: frozenset[tuple[int, int]]) -> Iterator[Octuple]:
+    """The contacts and free anchor points of a cluster that its place shows; of the margin only what is `uniform`."""
+    named = Named(outline.cluster, space.types)
+    index = {id(edge): n for n, edge in enumerate(outline.cluster.edges)}
+    partner = partners(space)
+    shown = [*outline.edges, *_margin_edges(outline, uniform), *outline.counted]
+    for n in dict.fromkeys(index.get(id(edge), outline.cluster.edges.index(edge)) for edge in shown):
+        yield named.contacts[n]
+    order = {node: number for number, node in enumerate(outline.order)}
+    core = {(number, slot) for number, slot, *rest in outline.core if rest == ["void"]}
+    names = {member: node for node, member in enumerate(named.members)}
+    for void in named.voids(partner):
+        node = next(node for member, node in names.items() if void.first.instance in member)
+        slots = enumerate(space.types[outline.cluster.nodes[node]].slots)
+        slot = next(
+            n
+            for n, each in slots
+            if void.first.anchor in each.anchors and named.members[node][each.position] == void.first.instance
+        )
+        known = node in outline.hanging or (order.get(node), slot) in core | uniform
+        if known and not space.types[outline.cluster.nodes[node]].slots[slot].several:
+            yield void
+
+
+def _margin_edges(outline: Outline, uniform: frozenset[tuple[int, int]]) -> Iterator[Edge]:
+    for number, slot in sorted(uniform):
+        node = outline.order[number]
+        yield from (
+            edge
+            for edge in outline.cluster.edges
+            if (node, slot) in _ends(edge) and edge not in outline.edges
+        )
