@@ -136,7 +136,10 @@ class Transfer:
 
 @dataclass(frozen=True, slots=True)
 class Transition:
-    """An operator: it makes or breaks a contact of `contact` (a second-order template or finer)."""
+    """An operator: it makes or breaks a contact of `contact` (a second-order template or finer).
+
+    `cases` say when it can: in clusters with these contacts and free anchor points, of which the first is the one that changes.
+    """
 
     name: str
     say: str
@@ -148,6 +151,7 @@ class Transition:
     transfers: tuple[Transfer, ...]
     restrictions: tuple[Restriction, ...] = ()
     reversible: bool = True
+    cases: tuple[tuple[Octuple, ...], ...] = ()
     steps: tuple[Step, ...] = ()
 
 

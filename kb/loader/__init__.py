@@ -1,6 +1,6 @@
 """Domains and problems from files. All errors are collected and raised together as `InvalidInput`."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -48,15 +48,21 @@ def problem_files(domain: Path) -> list[Path]:
     return sorted((domain.parent / "problems").glob("*.yaml"))
 
 
-def load(path: Path) -> Loaded:
-    """The domain or problem in a file. Raises `InvalidInput` with all errors."""
+Rewrite = Callable[[Path], File | None]
+
+
+def load(path: Path, rewrite: Rewrite = lambda _: None) -> Loaded:
+    """The domain or problem in a file. `rewrite` may give another text for the file of the domain.
+
+    Raises `InvalidInput` with all errors.
+    """
     findings = Findings()
     reader = Reader.of(read_file(path), findings)
     if isinstance(reader.root.value, dict):
         if "problem" in reader.root.value:
-            return _load_problem(reader, findings)
+            return _load_problem(reader, findings, rewrite)
         _require_no_other(path, reader.root.value)
-    domain, _ = read_domain(path, findings)
+    domain, _ = read_domain(path, findings, rewrite(path))
     require(findings)
     return Loaded(domain, None, findings.warnings())
 
@@ -82,10 +88,11 @@ _OTHERS = {
 }
 
 
-def _load_problem(reader: Reader, findings: Findings) -> Loaded:
+def _load_problem(reader: Reader, findings: Findings, rewrite: Rewrite) -> Loaded:
     if not validate_shape(reader, "problem"):
         require(findings)
-    domain, names = read_domain(domain_file(reader), findings)
+    path = domain_file(reader)
+    domain, names = read_domain(path, findings, rewrite(path))
     problem = read_problem(reader, domain, names, findings)
     require(findings)
     return Loaded(domain, problem, findings.warnings())

@@ -1,12 +1,12 @@
 """Clusters of tokens: joined by a contact, parted by breaking one, brought into canonical form, and named."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from functools import lru_cache
 from math import factorial, prod
 
 from engine.model.task_space import Cluster, Edge, Form, TokenType
 from engine.stages.states.canonical import Key, canonical
-from kb.model.octuples import Octuple, Quadruple, void_of
+from kb.model.octuples import Octuple, Quadruple
 
 Types = tuple[TokenType, ...]
 
@@ -119,14 +119,6 @@ class Named:
     def objects(self) -> tuple[str, ...]:
         """The objects in it."""
         return tuple(name for member in self.members for name in member)
-
-    def voids(self, partner: Mapping[str, str]) -> Iterator[Octuple]:
-        """The free anchor points; `partner` gives the anchor class that matches each one."""
-        for node, slots in enumerate(free(self.cluster, self.types)):
-            for slot, left in slots.items():
-                at = self.types[self.cluster.nodes[node]].slots[slot]
-                for number in range(len(at.anchors) - left, len(at.anchors)):
-                    yield Octuple(self.point(node, slot, number), void_of(partner[at.anchor_class]))
 
 
 @lru_cache(maxsize=256)

@@ -9,7 +9,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from engine.model.task_space import Cluster, Edge, Space
-from engine.stages.states.clusters import Named, neighbours
+from engine.stages.states.clusters import Named, free, neighbours
 from engine.stages.states.filters import describes
 from engine.stages.states.rules import Rules
 from kb.model.octuples import Octuple, void_of
@@ -51,7 +51,7 @@ class Outliner:
         near = neighbours(cluster)
         whole = [self._seen(cluster, node, near) for node in range(len(cluster.nodes))]
         named = Named(cluster, self.types) if self.space.model.relevance else None
-        order, core, edges = [self._root(cluster)], [], dict[Edge, None]()
+        order, core, edges = self._roots(cluster), list[Mark](), dict[Edge, None]()
         several: list[tuple[int, Edge, int]] = []
         for node in order:
             for slot, at in enumerate(self.types[cluster.nodes[node]].slots):
@@ -112,12 +112,15 @@ class Outliner:
     def _mark(self, edge: Edge, order: list[int]) -> Mark:
         return (order.index(edge.key), edge.key_slot, order.index(edge.lock), edge.lock_slot, edge.kind)
 
-    def _root(self, cluster: Cluster) -> int:
-        def rank(node: int) -> tuple[bool, bool, bool, int, int]:
-            kind = self.types[cluster.nodes[node]]
-            return not kind.driven, not kind.fixed, not kind.passive, cluster.nodes[node], node
+    def _roots(self, cluster: Cluster) -> list[int]:
+        """The robots; without any, the one node that stands firmest."""
 
-        return min(range(len(cluster.nodes)), key=rank)
+        def rank(node: int) -> tuple[bool, bool, int, int]:
+            kind = self.types[cluster.nodes[node]]
+            return not kind.fixed, not kind.passive, cluster.nodes[node], node
+
+        ranked = sorted(range(len(cluster.nodes)), key=rank)
+        return [node for node in ranked if self.types[cluster.nodes[node]].driven] or ranked[:1]
 
     def _seen(self, cluster: Cluster, node: int, near: Sequence[Sequence[tuple[Edge, int]]]) -> frozenset[int]:
         """The positions of a node's objects whose contacts matter."""
@@ -184,35 +187,44 @@ def partners(space: Space) -> dict[str, str]:
     return found
 
 
-def listed(outline: Outline, space: Space, uniform: frozenset[tuple[int, int]]) -> Iterator[Octuple]:
-    """The contacts and free anchor points of a cluster that its place shows; of the margin only what is `uniform`."""
+Shown = tuple[Octuple, Edge | None]
+
+
+def needed(outline: Outline, space: Space, uniform: frozenset[tuple[int, int]]) -> Iterator[Shown]:
+    """The contacts, with their edges, and the free anchor points that matter; of the margin only what is `uniform`."""
     named = Named(outline.cluster, space.types)
-    index = {id(edge): n for n, edge in enumerate(outline.cluster.edges)}
-    partner = partners(space)
-    shown = [*outline.edges, *_margin_edges(outline, uniform), *outline.counted]
-    for n in dict.fromkeys(index.get(id(edge), outline.cluster.edges.index(edge)) for edge in shown):
-        yield named.contacts[n]
-    order = {node: number for number, node in enumerate(outline.order)}
+    edges = dict.fromkeys((*outline.edges, *_margin_edges(outline, uniform)))
+    yield from ((named.contacts[outline.cluster.edges.index(edge)], edge) for edge in edges)
     core = {(number, slot) for number, slot, *rest in outline.core if rest == ["void"]}
-    names = {member: node for node, member in enumerate(named.members)}
-    for void in named.voids(partner):
-        node = next(node for member, node in names.items() if void.first.instance in member)
-        slots = enumerate(space.types[outline.cluster.nodes[node]].slots)
-        slot = next(
-            n
-            for n, each in slots
-            if void.first.anchor in each.anchors and named.members[node][each.position] == void.first.instance
-        )
-        known = node in outline.hanging or (order.get(node), slot) in core | uniform
-        if known and not space.types[outline.cluster.nodes[node]].slots[slot].several:
+    for void, node, slot in _voids(outline, space, named):
+        number = outline.order.index(node) if node in outline.order else -1
+        if (number, slot) in core | uniform:
+            yield void, None
+
+
+def counted(outline: Outline, space: Space) -> Iterator[Octuple]:
+    """The contacts that only count, and the free anchor points of what hangs on them."""
+    named = Named(outline.cluster, space.types)
+    places = [n for n, edge in enumerate(outline.cluster.edges) if edge in outline.counted]
+    yield from (named.contacts[n] for n in places)
+    for void, node, slot in _voids(outline, space, named):
+        if node in outline.hanging and not space.types[outline.cluster.nodes[node]].slots[slot].several:
             yield void
+
+
+def _voids(outline: Outline, space: Space, named: Named) -> Iterator[tuple[Octuple, int, int]]:
+    """The free anchor points of a cluster, each with its node and slot."""
+    partner = partners(space)
+    for node, slots in enumerate(free(outline.cluster, space.types)):
+        for slot, left in slots.items():
+            at = space.types[outline.cluster.nodes[node]].slots[slot]
+            for number in range(len(at.anchors) - left, len(at.anchors)):
+                yield Octuple(named.point(node, slot, number), void_of(partner[at.anchor_class])), node, slot
 
 
 def _margin_edges(outline: Outline, uniform: frozenset[tuple[int, int]]) -> Iterator[Edge]:
     for number, slot in sorted(uniform):
         node = outline.order[number]
         yield from (
-            edge
-            for edge in outline.cluster.edges
-            if (node, slot) in _ends(edge) and edge not in outline.edges
+            edge for edge in outline.cluster.edges if (node, slot) in _ends(edge) and edge not in outline.edges
         )

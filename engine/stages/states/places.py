@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from engine.model.task_space import Cluster, Edge, Place, Space
 from engine.stages.states.clusters import counts_of
 from engine.stages.states.counting import Graph
-from engine.stages.states.outlines import Mark, Outline, Outliner, listed
+from engine.stages.states.outlines import Mark, Outline, Outliner, counted, needed
 from kb.model.octuples import Octuple, Quadruple, numbered
 
 
@@ -35,7 +35,8 @@ def places(space: Space, graph: Graph | None, full: bool = False) -> Sorted:
     for number, (key, forms) in enumerate(groups.items()):
         same = _uniform([outlines[form] for form in forms])
         largest = outlines[max(forms, key=lambda form: len(space.forms[form].cluster.nodes))]
-        contacts = tuple(_normal(space, listed(largest, space, same), full))
+        first = [contact for contact, _ in needed(largest, space, same)]
+        contacts = normal(space, [*first, *counted(largest, space)], full)
         capacity = tuple((space.types[kind].name, n) for kind, n in sorted(most[key].items()) if n)
         robot = any(space.types[kind].driven for kind in largest.cluster.nodes)
         initial = sum(start[form] for form in forms)
@@ -81,11 +82,14 @@ def _uniform(outlines: Sequence[Outline]) -> frozenset[tuple[int, int]]:
     return frozenset(at for at, mark in first.margin.items() if all(each.margin.get(at) == mark for each in others))
 
 
-def _normal(space: Space, contacts: Iterator[Octuple], full: bool) -> Iterator[Octuple]:
-    """Templates with variables for objects and, where there are several, for anchor points."""
+def normal(space: Space, contacts: Sequence[Octuple], full: bool = False) -> tuple[Octuple, ...]:
+    """Contacts in the normal form, contacts before free anchor points.
+
+    Objects are variables and, where there are several, so are anchor points; with `full`, everything has its name.
+    """
+    ordered = sorted(contacts, key=lambda each: each.second.void)
     if full:
-        yield from contacts
-        return
+        return tuple(ordered)
     several = {
         (space.types[k].classes[slot.position], anchor)
         for k in range(len(space.types))
@@ -101,7 +105,7 @@ def _normal(space: Space, contacts: Iterator[Octuple], full: bool) -> Iterator[O
         name = names.setdefault((point.instance, point.anchor), f"A{len(names) + 1}")
         return Quadruple(point.object_class, point.instance, point.anchor_class, name)
 
-    yield from numbered([Octuple(renamed(each.first), renamed(each.second)) for each in contacts])
+    return numbered([Octuple(renamed(each.first), renamed(each.second)) for each in ordered])
 
 
 def describe(space: Space, outline: Outline) -> str:

@@ -6,8 +6,8 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from engine.model.task_space import Edge, Place, Space, Step, Transfer, Transition
 from engine.stages.states.clusters import Named, neighbours
 from engine.stages.states.filters import describes
-from engine.stages.states.outlines import Outline
-from engine.stages.states.places import Sorted
+from engine.stages.states.outlines import Outline, needed
+from engine.stages.states.places import Sorted, normal
 from kb.model.contacts import Restriction
 from kb.model.octuples import ANY, Octuple, Quadruple
 
@@ -47,8 +47,25 @@ def _transition(
         tuple(_transfers(space, found, steps)),
         tuple(_restrictions(space, ends, kind, found.places[joint])),
         (not makes, kind, ends, outputs, inputs) in groups,
+        tuple(dict.fromkeys(_cases(space, found, group, steps, joint))),
         tuple(steps),
     )
+
+
+def _cases(
+    space: Space, found: Sorted, group: Group, steps: Sequence[Step], place: int
+) -> Iterator[tuple[Octuple, ...]]:
+    """What must hold in the cluster that has the contact: as little as its place says, if all of the place can do the step."""
+    makes, kind, ends, _, _ = group
+    able = {(step.outputs if makes else step.inputs)[0] for step in steps}
+    whole = able == set(found.places[place].forms)
+    for form in sorted(able)[:1] if whole else sorted(able):
+        outline = found.outlines[form]
+        margin = found.uniform[place] if whole else frozenset(outline.margin)
+        shown = list(needed(outline, space, margin))
+        for changed, edge in shown:
+            if edge in outline.edges and (edge.kind, _sides(outline.cluster.nodes, edge)) == (kind, ends):
+                yield normal(space, [changed, *(each for each, _ in shown if each != changed)])
 
 
 def contact_of(space: Space, ends: tuple[tuple[int, int], tuple[int, int]]) -> Octuple:

@@ -5,15 +5,18 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from engine.model.task_space import Brought, Net, Space
+from engine.pipelines.task_space.domains import domain_file
 from engine.plugins import contact_filter
 from engine.ports import ContactFilter
 from engine.stages.states.generation import MOST_FORMS, generate
 from engine.stages.states.nets import net_of
 from engine.stages.states.tokens import token_types
 from kb.diagnostics import Diagnostic, InvalidInput, Source, unknown_name
+from kb.files import File
 from kb.loader import find, load
 from kb.loader.contacts import load_contacts
 from kb.model.contacts import ContactModel
+from kb.targets import CONTACTS_FILE
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,3 +72,16 @@ def brought(model: ContactModel, whole: Net, part: str) -> Brought:
     )
 
 
+
+
+def generated(path: Path) -> File:
+    """The planning domain that is generated from the contact model beside a domain file. Raises `InvalidInput`."""
+    model, _ = load_contacts(path)
+    return domain_file(model, net(model), load(path).domain)
+
+
+def generated_if_bare(path: Path) -> File | None:
+    """The generated domain for a domain file without operators that has a contact model beside it, else None."""
+    if not path.with_name(CONTACTS_FILE).is_file() or load(path).domain.operators:
+        return None
+    return generated(path)
