@@ -1,11 +1,13 @@
 """`cellwright states`: the contact states of a cell as a net of places and transitions."""
 
 from enum import StrEnum
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from engine.faces.cli.answers import Answer, Form, give
+from engine.faces.cli.options import refuse_idle
 
 if TYPE_CHECKING:
     from engine.model.task_space import Net
@@ -29,6 +31,13 @@ Reduced = Annotated[
     list[str] | None, typer.Option("--reduced", metavar="PART", help="only these objects or classes; repeat it")
 ]
 Templates = Annotated[bool, typer.Option("--contacts", help="print each place with its contacts in the normal form")]
+Output = Annotated[
+    Path | None,
+    typer.Option(
+        "--output", "-o", metavar="FOLDER", help="write the planning domain that is generated, with its problems"
+    ),
+]
+_WITH_OUTPUT = "with --output, which writes the planning domain of the whole cell"
 Brings = Annotated[
     str, typer.Option("--brings", metavar="PART", help="say what an object, or a class, brings to the net")
 ]
@@ -40,11 +49,24 @@ def states(
     reduced: Reduced = None,
     contacts: Templates = False,
     brings: Brings = "",
+    output: Output = None,
     format: Annotated[NetForm, typer.Option("--format", help="how the net is written")] = NetForm.TEXT,
 ) -> None:
     """Generate the contact states of DOMAIN from its contact model, and the net of the steps between them."""
     form = Form.JSON if format is NetForm.JSON else Form.TEXT
+    if output is not None:
+        refuse_idle({"--full": full, "--reduced": reduced, "--contacts": contacts, "--brings": brings}, _WITH_OUTPUT)
+        give(lambda: _written(target, output), form)
     give(lambda: _states(target, full, tuple(reduced or ()), contacts, brings, format), form)
+
+
+def _written(target: str, output: Path) -> Answer:
+    from rich.text import Text
+
+    from engine.pipelines import task_space
+
+    files = [str(each) for each in task_space.write_domain(target, output)]
+    return Answer("ok", {"files": files}, lambda: Text("\n".join(files)))
 
 
 def _states(

@@ -1,19 +1,19 @@
 """From a contact model to the net of a cell: filters are found among the plug-ins, and the stage generates the rest."""
 
+import re
 from collections.abc import Collection
 from dataclasses import dataclass
 from pathlib import Path
 
 from engine.model.task_space import Brought, Net, Space
-from engine.pipelines.task_space.domains import domain_file
 from engine.plugins import contact_filter
 from engine.ports import ContactFilter
 from engine.stages.states.generation import MOST_FORMS, generate
 from engine.stages.states.nets import net_of
 from engine.stages.states.tokens import token_types
 from kb.diagnostics import Diagnostic, InvalidInput, Source, unknown_name
-from kb.files import File
-from kb.loader import find, load
+from kb.files import File, read_file
+from kb.loader import find, load, problem_files
 from kb.loader.contacts import load_contacts
 from kb.model.contacts import ContactModel
 from kb.targets import CONTACTS_FILE
@@ -76,12 +76,36 @@ def brought(model: ContactModel, whole: Net, part: str) -> Brought:
 
 def generated(path: Path) -> File:
     """The planning domain that is generated from the contact model beside a domain file. Raises `InvalidInput`."""
+    from engine.pipelines.task_space.domains import domain_file
+
     model, _ = load_contacts(path)
     return domain_file(model, net(model), load(path).domain)
 
 
 def generated_if_bare(path: Path) -> File | None:
     """The generated domain for a domain file without operators that has a contact model beside it, else None."""
-    if not path.with_name(CONTACTS_FILE).is_file() or load(path).domain.operators:
+    if not path.with_name(CONTACTS_FILE).is_file() or _OPERATORS.search(read_file(path).text):
         return None
     return generated(path)
+
+
+_OPERATORS = re.compile(r"^(operators|['\"]operators['\"])\s*:", re.MULTILINE)
+
+
+def write_domain(target: str, folder: Path) -> tuple[Path, ...]:
+    """Write the generated domain into a folder, with its rules and problems. Returns the files. Raises `InvalidInput`.
+
+    Files that are there are not overwritten.
+    """
+    path = Path(load(find(target)).domain.path)
+    texts = {Path(path.name): generated(path).text}
+    for each in sorted((*path.parent.glob("*.lp"), *problem_files(path))):
+        texts[each.relative_to(path.parent)] = read_file(each).text
+    there = [folder / name for name in texts if (folder / name).exists()]
+    if there:
+        message = f"{there[0]} is there already"
+        raise InvalidInput([Diagnostic(Source(str(folder)), "K403", message, "name a new folder")])
+    for name, text in texts.items():
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_text(text, "utf-8")
+    return tuple(folder / name for name in texts)

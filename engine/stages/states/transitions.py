@@ -21,7 +21,25 @@ def transitions(space: Space, found: Sorted, used: Iterable[Step]) -> tuple[Tran
         groups.setdefault(_group(found, step), []).append(step)
     ordered = sorted(groups, key=lambda each: (each[3], each[4], not each[0], each[1:3]))
     names = _names(space, found, {group: groups[group] for group in ordered})
-    return tuple(_transition(space, found, group, groups[group], names[group], groups) for group in ordered)
+    able: Able = {}
+    for steps in groups.values():
+        for step in steps:
+            able.setdefault((*_group(found, step)[:3], _place(found, step)), set()).add(_with_contact(step))
+    return tuple(
+        _transition(space, found, group, groups[group], names[group], groups, able) for group in ordered
+    )
+
+
+Able = dict[tuple[bool, str, tuple[tuple[int, int], tuple[int, int]], int], set[int]]
+
+
+def _with_contact(step: Step) -> int:
+    """The form in which the contact of a step holds."""
+    return (step.outputs if step.makes else step.inputs)[0]
+
+
+def _place(found: Sorted, step: Step) -> int:
+    return found.place_of[_with_contact(step)]
 
 
 def _group(found: Sorted, step: Step) -> Group:
@@ -31,11 +49,18 @@ def _group(found: Sorted, step: Step) -> Group:
 
 
 def _transition(
-    space: Space, found: Sorted, group: Group, steps: Sequence[Step], name: str, groups: Mapping[Group, object]
+    space: Space,
+    found: Sorted,
+    group: Group,
+    steps: Sequence[Step],
+    name: str,
+    groups: Mapping[Group, object],
+    able: Able,
 ) -> Transition:
     makes, kind, ends, inputs, outputs = group
     contact_class = space.model.contact_classes[kind]
-    joint = found.place_of[(steps[0].outputs if makes else steps[0].inputs)[0]]
+    joint = _place(found, steps[0])
+    whole = able[makes, kind, ends, joint] == set(found.places[joint].forms)
     return Transition(
         name,
         f"{contact_class.make if makes else contact_class.unmake} {' - '.join(_ends(space, ends))}",
@@ -47,21 +72,20 @@ def _transition(
         tuple(_transfers(space, found, steps)),
         tuple(_restrictions(space, ends, kind, found.places[joint])),
         (not makes, kind, ends, outputs, inputs) in groups,
-        tuple(dict.fromkeys(_cases(space, found, group, steps, joint))),
+        tuple(dict.fromkeys(_cases(space, found, group, steps, whole))),
         tuple(steps),
     )
 
 
 def _cases(
-    space: Space, found: Sorted, group: Group, steps: Sequence[Step], place: int
+    space: Space, found: Sorted, group: Group, steps: Sequence[Step], whole: bool
 ) -> Iterator[tuple[Octuple, ...]]:
-    """What must hold in the cluster that has the contact: as little as its place says, if all of the place can do the step."""
-    makes, kind, ends, _, _ = group
-    able = {(step.outputs if makes else step.inputs)[0] for step in steps}
-    whole = able == set(found.places[place].forms)
-    for form in sorted(able)[:1] if whole else sorted(able):
+    """What must hold in the cluster that has the contact: as little as its place says, if the `whole` place can do the step."""
+    _, kind, ends, _, _ = group
+    able = sorted({_with_contact(step) for step in steps})
+    for form in able[:1] if whole else able:
         outline = found.outlines[form]
-        margin = found.uniform[place] if whole else frozenset(outline.margin)
+        margin = found.uniform[_place(found, steps[0])] if whole else frozenset(outline.margin)
         shown = list(needed(outline, space, margin))
         for changed, edge in shown:
             if edge in outline.edges and (edge.kind, _sides(outline.cluster.nodes, edge)) == (kind, ends):
@@ -146,7 +170,7 @@ def _name(space: Space, found: Sorted, group: Group, step: Step) -> str:
     if not any(space.types[each].driven for each, _ in ends):
         return "_".join([verb, *names])
     handled = names[1] if space.types[ends[0][0]].driven else names[0]
-    outline = found.outlines[(step.outputs if makes else step.inputs)[0]]
+    outline = found.outlines[_with_contact(step)]
     return "_".join(dict.fromkeys([verb, handled, *_where(space, outline, kind, ends)]))
 
 
