@@ -121,6 +121,7 @@ class Place:
     robot: bool
     forms: tuple[int, ...]
     initial: int = 0  # clusters in it at the start
+    tokens: tuple[tuple[str, int], ...] = ()  # tokens in it at the start, by type
 
 
 @dataclass(frozen=True, slots=True)

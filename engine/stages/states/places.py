@@ -40,8 +40,13 @@ def places(space: Space, graph: Graph | None, full: bool = False) -> Sorted:
         capacity = tuple((space.types[kind].name, n) for kind, n in sorted(most[key].items()) if n)
         robot = any(space.types[kind].driven for kind in largest.cluster.nodes)
         initial = sum(start[form] for form in forms)
+        there = Counter[int]()
+        for form in forms:
+            for kind, n in counts_of(space.forms[form].cluster.nodes).items():
+                there[kind] += n * start[form]
+        tokens = tuple((space.types[kind].name, n) for kind, n in sorted(there.items()) if n)
         said = describe(space, largest)
-        made.append(Place(f"P{number + 1}", said, contacts, capacity, robot, tuple(forms), initial))
+        made.append(Place(f"P{number + 1}", said, contacts, capacity, robot, tuple(forms), initial, tokens))
         uniform.append(same)
         place_of |= {form: number for form in forms}
     return Sorted(tuple(made), place_of, outlines, tuple(uniform))
