@@ -38,6 +38,10 @@ Output = Annotated[
     ),
 ]
 _WITH_OUTPUT = "with --output, which writes the planning domain of the whole cell"
+Goals = Annotated[
+    list[str] | None,
+    typer.Option("--goal", metavar="CONTACT", help="find the shortest sequence of operators to this contact; repeat it"),
+]
 Brings = Annotated[
     str, typer.Option("--brings", metavar="PART", help="say what an object, or a class, brings to the net")
 ]
@@ -49,6 +53,7 @@ def states(
     reduced: Reduced = None,
     contacts: Templates = False,
     brings: Brings = "",
+    goal: Goals = None,
     output: Output = None,
     format: Annotated[NetForm, typer.Option("--format", help="how the net is written")] = NetForm.TEXT,
 ) -> None:
@@ -57,7 +62,27 @@ def states(
     if output is not None:
         refuse_idle({"--full": full, "--reduced": reduced, "--contacts": contacts, "--brings": brings}, _WITH_OUTPUT)
         give(lambda: _written(target, output), form)
+    if goal:
+        refuse_idle({"--full": full, "--contacts": contacts, "--brings": brings}, "with --goal, which prints a sequence")
+        give(lambda: _sequence(target, tuple(reduced or ()), goal), form)
     give(lambda: _states(target, full, tuple(reduced or ()), contacts, brings, format), form)
+
+
+def _sequence(target: str, parts: tuple[str, ...], goals: list[str]) -> Answer:
+    from rich.text import Text
+
+    from engine.faces.cli.exits import GAVE_UP, INFEASIBLE
+    from engine.pipelines import task_space
+
+    model, warnings = task_space.model_of(target)
+    found, _ = task_space.sequence(model, goals, task_space.Wanted(parts))
+    if found.firings is None:
+        said = "no contact state that can be reached has it" if found.exhausted else "the search was stopped"
+        status, code = ("infeasible", INFEASIBLE) if found.exhausted else ("gave up", GAVE_UP)
+        return Answer(status, {"sequence": None}, lambda: Text(said), code, warnings)
+    steps = [str(each) for each in found.firings]
+    text = "\n".join(f"{n:3} {each}" for n, each in enumerate(steps, 1)) or "it holds already"
+    return Answer("found", {"sequence": steps}, lambda: Text(text), 0, warnings)
 
 
 def _written(target: str, output: Path) -> Answer:

@@ -1,22 +1,32 @@
 """From a contact model to the net of a cell: filters are found among the plug-ins, and the stage generates the rest."""
 
 import re
-from collections.abc import Collection
-from dataclasses import dataclass
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from engine.model.task_space import Brought, Net, Space
 from engine.plugins import contact_filter
 from engine.ports import ContactFilter
+from engine.stages.states.counting import individuals
+from engine.stages.states.firing import Player
 from engine.stages.states.generation import MOST_FORMS, generate
 from engine.stages.states.nets import net_of
+from engine.stages.states.sequences import Found
+from engine.stages.states.sequences import sequence as search
 from engine.stages.states.tokens import token_types
 from kb.diagnostics import Diagnostic, InvalidInput, Source, unknown_name
 from kb.files import File, read_file
 from kb.loader import find, load, problem_files
+from kb.loader.contact_templates import Templates
 from kb.loader.contacts import load_contacts
+from kb.loader.reader import Findings, require
+from kb.loader.tree import Node
 from kb.model.contacts import ContactModel
+from kb.model.octuples import Octuple
 from kb.targets import CONTACTS_FILE
+
+MOST_PLACES = 5_000  # fully specified; they and their transitions are listed one by one
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,8 +56,40 @@ def space_of(model: ContactModel, wanted: Wanted = Wanted()) -> Space:
 
 
 def net(model: ContactModel, wanted: Wanted = Wanted()) -> Net:
-    """The net of a cell. Raises `InvalidInput` as `space_of` does."""
+    """The net of a cell. Raises `InvalidInput` as `space_of` does, and if `full` there are too many places to list."""
+    if wanted.full:
+        _require_listable(model, wanted)
     return net_of(space_of(model, wanted), wanted.full)
+
+
+def _require_listable(model: ContactModel, wanted: Wanted) -> None:
+    space = space_of(model, replace(wanted, full=False))
+    count = sum(individuals(space, form) for form in space.forms)
+    if count > MOST_PLACES or not space.complete:
+        message = f"{'' if space.complete else 'more than '}{count:,} fully specified places are too many to list"
+        hint = "leave --full out: the net by contact class is small, and its states are counted all the same"
+        raise InvalidInput([Diagnostic(Source(model.path), "K007", message, hint)])
+
+
+def sequence(
+    model: ContactModel, goals: Sequence[str], wanted: Wanted = Wanted()
+) -> tuple[Found, Player]:
+    """The shortest sequence of operators to contact states that are written as octuples, and the net in play.
+
+    Raises `InvalidInput`.
+    """
+    space = space_of(model, wanted)
+    player = Player(space, net_of(space))
+    return search(player, [_goal(model, each) for each in goals]), player
+
+
+def _goal(model: ContactModel, text: str) -> Octuple:
+    file = File.of("--goal", text)
+    findings = Findings()
+    found = Templates(findings, model.classes, model.objects).of(Node(text, file, 0, len(text)))
+    require(findings)
+    assert found is not None, "what is wrong was reported"
+    return found
 
 
 def _require_known(model: ContactModel, parts: Collection[str]) -> None:

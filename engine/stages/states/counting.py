@@ -8,9 +8,9 @@ by those that leave the state as it is. The start may be exchanged, too.
 from collections import Counter
 from collections.abc import Iterable, Iterator
 from fractions import Fraction
-from math import factorial, prod
+from math import factorial, perm, prod
 
-from engine.model.task_space import Growth, Space, Step
+from engine.model.task_space import Form, Growth, Space, Step
 from engine.stages.states.clusters import counts_of, exchanges
 
 MOST_STATES = 200_000
@@ -56,6 +56,16 @@ def exchanged(space: Space, marking: Marking) -> int:
         space.forms[form].symmetries ** count * factorial(count) for form, count in Counter(marking).items()
     )
     return exchanges(space.types) // same
+
+
+def individuals(space: Space, form: Form) -> int:
+    """The number of fully specified clusters of a form."""
+    ways = 1
+    for kind, count in counts_of(form.cluster.nodes).items():
+        each = space.types[kind]
+        anchors = prod(factorial(len(slot.anchors)) for slot in each.slots)
+        ways *= perm(len(each.members), count) * anchors**count
+    return ways // form.symmetries
 
 
 def growth(space: Space, graph: Graph | None) -> Growth:
