@@ -82,6 +82,7 @@ class _ContactReader:
             tuple(self._processes()),
             tuple(str(node.value) for node in self.reader.items("filters")) or ("stability", "templates"),
             self.reader.text("gravity") != "false",
+            self._bodies(objects),
             path,
         )
 
@@ -209,6 +210,13 @@ class _ContactReader:
                 next(iter(self._atoms(child(node, "fact"))), None),
                 key.where,
             )
+        return found
+
+    def _bodies(self, objects: Mapping[str, str]) -> dict[str, str]:
+        found = {}
+        for name, key, node in self.reader.entries("bodies"):
+            if self._known("object", Node(name, key.file, key.start, key.end), objects):
+                found[name] = str(node.value)
         return found
 
     def _undesirable(self, templates: Templates) -> Iterator[Undesirable]:

@@ -4,12 +4,12 @@ After Matthiesen, section 4. Lengths are in metres, angles in radians. Nothing i
 generates the contact states.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from enum import Enum
 
 from kb.diagnostics import NOWHERE, Source
-from kb.model.octuples import Octuple, Quadruple, matches
+from kb.model.octuples import Bindings, Octuple, Quadruple, matches
 from kb.model.shapes import HERE, Pose
 from kb.terms import Atom
 
@@ -169,6 +169,7 @@ class ContactModel:
     processes: tuple[str, ...] = ()
     filters: tuple[str, ...] = ()
     gravity: bool = True
+    bodies: Mapping[str, str] = field(default_factory=dict)  # objects: the bodies of the cell that they are
     path: str = ""
 
     def kinds(self, instance: str) -> tuple[str, ...]:
@@ -191,3 +192,13 @@ def class_of(
         if bound is not None and matches(each.lock, contact.second, second, bound) is not None:
             return each
     return None
+
+
+def describes(model: ContactModel, template: Octuple, contact: Octuple, bound: Bindings = {}) -> Iterator[Bindings]:
+    """The bindings with which a template describes a contact, named from either end."""
+    for turned in (contact, contact.turned):
+        first = matches(template.first, turned.first, model.kinds(turned.first.instance), bound)
+        if first is not None:
+            second = matches(template.second, turned.second, model.kinds(turned.second.instance), first)
+            if second is not None:
+                yield second

@@ -136,6 +136,10 @@ class ContactsFile(Strict):
     processes: list[str] = Field(
         default_factory=list, description="operators of the domain that change no contact, such as heat"
     )
+    bodies: dict[str, str] = Field(
+        default_factory=dict,
+        description="object: the body of cell.yaml that it is, where that has another name",
+    )
     filters: list[str] = Field(
         default_factory=lambda: ["stability", "templates"],
         description="the filters that contact states pass: stability, templates, collision, or plug-ins",

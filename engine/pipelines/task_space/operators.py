@@ -5,9 +5,8 @@ from dataclasses import dataclass, field
 
 from engine.model.task_space import Net, Transition
 from engine.pipelines.task_space.vocabulary import Vocabulary, whole
-from engine.stages.states.filters import describes
 from engine.stages.states.tokens import bodies, moved_by_hand
-from kb.model.contacts import ConditionKind, Meaning, PermanentContact
+from kb.model.contacts import ConditionKind, Meaning, PermanentContact, describes
 from kb.model.octuples import ANY, Octuple, Quadruple, variable
 from kb.terms import Atom, Function, Term, Variable
 

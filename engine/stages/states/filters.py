@@ -3,8 +3,8 @@
 from collections.abc import Iterator, Sequence
 
 from engine.stages.states.tokens import bodies
-from kb.model.contacts import ContactModel, class_of
-from kb.model.octuples import Bindings, Octuple, matches
+from kb.model.contacts import ContactModel, class_of, describes
+from kb.model.octuples import Bindings, Octuple
 
 
 class Stability:
@@ -58,16 +58,6 @@ class Templates:
             if next(_matched(self.model, each.contacts, contacts, {}), None) is not None:
                 return f"{each.name}: {each.say}" if each.say else each.name
         return ""
-
-
-def describes(model: ContactModel, template: Octuple, contact: Octuple, bound: Bindings = {}) -> Iterator[Bindings]:
-    """The bindings with which a template describes a contact, named from either end."""
-    for turned in (contact, contact.turned):
-        first = matches(template.first, turned.first, model.kinds(turned.first.instance), bound)
-        if first is not None:
-            second = matches(template.second, turned.second, model.kinds(turned.second.instance), first)
-            if second is not None:
-                yield second
 
 
 def _matched(

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 
 from engine.model.task_space import Cluster, Edge, Space
 from engine.stages.states.clusters import Named, free, neighbours
-from engine.stages.states.filters import describes
 from engine.stages.states.rules import Rules
+from kb.model.contacts import describes
 from kb.model.octuples import Octuple, void_of
 
 Mark = tuple[object, ...]

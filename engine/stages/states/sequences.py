@@ -3,8 +3,8 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from engine.stages.states.filters import describes
 from engine.stages.states.firing import Firing, Player, Situation
+from kb.model.contacts import describes
 from kb.model.octuples import Octuple, matches
 
 MOST_SITUATIONS = 20_000

@@ -5,10 +5,9 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 from engine.model.task_space import Edge, Place, Space, Step, Transfer, Transition
 from engine.stages.states.clusters import Named, neighbours
-from engine.stages.states.filters import describes
 from engine.stages.states.outlines import Outline, needed
 from engine.stages.states.places import Sorted, normal
-from kb.model.contacts import Restriction
+from kb.model.contacts import Restriction, describes
 from kb.model.octuples import ANY, Octuple, Quadruple
 
 Group = tuple[bool, str, tuple[tuple[int, int], tuple[int, int]], tuple[int, ...], tuple[int, ...]]
