@@ -74,7 +74,9 @@ def measured(probes: int) -> dict[str, object]:
 
 def main(counts: list[int]) -> int:
     """Print a line for each number of probes and keep them as JSON. Returns 1 if a bound is missed."""
-    print(f"{'probes':>6} {'places':>6} {'steps':>6} {'classes':>8} {'s':>7} {'MB':>6}  fully specified states")
+    print(
+        f"{'probes':>6} {'places':>6} {'steps':>6} {'classes':>8} {'s':>7} {'MB':>6}  fully specified states"
+    )
     rows, missed = [], 0
     for probes in counts:
         row = measured(probes)

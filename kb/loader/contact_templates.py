@@ -50,7 +50,10 @@ class Templates:
         if any(self._described(point, kind, anchor) for kind, anchor in self._points()):
             return True
         self.findings.add(
-            node.where, "K711", f"no anchor point is '{point}'", "look at its class, and at the classes above it"
+            node.where,
+            "K711",
+            f"no anchor point is '{point}'",
+            "look at its class, and at the classes above it",
         )
         return False
 
@@ -74,7 +77,10 @@ class Templates:
             return template.turned
         found = "two keys" if all(sides) else "two locks"
         self.findings.add(
-            key.where, "K711", f"the contact class joins {found}", "keys match locks: see `key` and `lock` of the classes"
+            key.where,
+            "K711",
+            f"the contact class joins {found}",
+            "keys match locks: see `key` and `lock` of the classes",
         )
         return template
 
@@ -97,7 +103,9 @@ class Templates:
             for point in (whole.first, whole.second):
                 if point in taken:
                     message = f"the anchor point '{point}' has another contact already"
-                    self.findings.add(node.where, "K712", message, "an anchor point has one contact at a time")
+                    self.findings.add(
+                        node.where, "K712", message, "an anchor point has one contact at a time"
+                    )
                 taken[point] = node
             yield whole
 
@@ -106,16 +114,26 @@ class Templates:
         for each in (contact.first, contact.second):
             if each.instance not in self.objects or each.anchor == ANY or variable(each.anchor):
                 self.findings.add(
-                    node.where, "K710", f"'{each}' leaves an object open", "the start names each object and anchor point"
+                    node.where,
+                    "K710",
+                    f"'{each}' leaves an object open",
+                    "the start names each object and anchor point",
                 )
                 return None
             kind = self.objects[each.instance]
-            points.append(replace(each, object_class=kind, anchor_class=self.classes[kind].anchors[each.anchor].anchor_class))
+            points.append(
+                replace(
+                    each, object_class=kind, anchor_class=self.classes[kind].anchors[each.anchor].anchor_class
+                )
+            )
         whole = Octuple(*points)
         for turned in (whole, whole.turned):
             if class_of(turned, self.contact_classes, self.classes) is not None:
                 return turned
         self.findings.add(
-            node.where, "K711", "no contact class describes this contact", f"contact classes: {', '.join(self.contact_classes)}"
+            node.where,
+            "K711",
+            "no contact class describes this contact",
+            f"contact classes: {', '.join(self.contact_classes)}",
         )
         return None

@@ -57,9 +57,7 @@ class _ContactReader:
         self.findings = reader.findings
         units = reader.root.descend(("units",))
         given = {key: str(node.value) for key, _, node in members(units)} if units is not reader.root else {}
-        self.read = Quantities(
-            self.findings, Path(), given.get("length", "m"), given.get("angle", "deg")
-        )
+        self.read = Quantities(self.findings, Path(), given.get("length", "m"), given.get("angle", "deg"))
 
     def model(self, path: str) -> ContactModel:
         self._known("domain", self.reader.root.descend(("contacts",)), [self.domain.name])
@@ -114,7 +112,9 @@ class _ContactReader:
                 break
             if parent.value in lineage:
                 if first or parent.value == name:
-                    self.findings.add(parent.where, "K109", f"'{name}' is above itself", "remove one `parent`")
+                    self.findings.add(
+                        parent.where, "K109", f"'{name}' is above itself", "remove one `parent`"
+                    )
                 break
             lineage.append(str(parent.value))
         return lineage
@@ -152,7 +152,9 @@ class _ContactReader:
                 continue
             for name, place in self.reader.once(self.reader.names(node)):
                 if name in found or name == GROUND:
-                    self.findings.add(place.where, "K104", f"'{name}' is declared already", "rename one of them")
+                    self.findings.add(
+                        place.where, "K104", f"'{name}' is declared already", "rename one of them"
+                    )
                 else:
                     found[name] = kind
         return found

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from enum import Enum
 
 from kb.diagnostics import NOWHERE, Source
-from kb.model.octuples import Bindings, Octuple, Quadruple, matches
+from kb.model.octuples import NOTHING, Bindings, Octuple, Quadruple, matches
 from kb.model.shapes import HERE, Pose
 from kb.terms import Atom
 
@@ -194,7 +194,9 @@ def class_of(
     return None
 
 
-def describes(model: ContactModel, template: Octuple, contact: Octuple, bound: Bindings = {}) -> Iterator[Bindings]:
+def describes(
+    model: ContactModel, template: Octuple, contact: Octuple, bound: Bindings = NOTHING
+) -> Iterator[Bindings]:
     """The bindings with which a template describes a contact, named from either end."""
     for turned in (contact, contact.turned):
         first = matches(template.first, turned.first, model.kinds(turned.first.instance), bound)

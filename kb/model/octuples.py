@@ -7,6 +7,7 @@ a name that begins with a capital O or A and a number is a variable, and `*:void
 import re
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 
 ANY, VOID = "*", "void"
 _VARIABLE = re.compile(r"[A-Z][A-Za-z0-9_]*")
@@ -83,7 +84,9 @@ def parse_octuple(text: str, classes: Collection[str] = ()) -> Octuple:
     bare = "".join(text.split())
     fields = re.split("[:.]", bare)
     if len(fields) != 7:
-        raise NotAnOctuple(f"{len(fields) + 1} of 8 names: a contact has two anchor points of four names each")
+        raise NotAnOctuple(
+            f"{len(fields) + 1} of 8 names: a contact has two anchor points of four names each"
+        )
     anchor, object_class = _parted(fields[3], classes)
     names = [_name(each, n) for n, each in enumerate([*fields[:3], anchor, object_class, *fields[4:]])]
     return Octuple(Quadruple(*names[:4]), Quadruple(*names[4:]))
@@ -123,9 +126,12 @@ def _parted(text: str, classes: Collection[str]) -> tuple[str, str]:
 
 
 Bindings = Mapping[str, str]
+NOTHING: Bindings = MappingProxyType({})
 
 
-def matches(template: Quadruple, point: Quadruple, kinds: Collection[str], bound: Bindings = {}) -> Bindings | None:
+def matches(
+    template: Quadruple, point: Quadruple, kinds: Collection[str], bound: Bindings = NOTHING
+) -> Bindings | None:
     """The bindings with which a template describes an anchor point of an object of these `kinds`, or None.
 
     `kinds` are the object's class and the classes above it.

@@ -11,9 +11,6 @@ Template = Annotated[
     str,
     Field(description="class:object.anchor_class:anchor - class:object.anchor_class:anchor; * for anything"),
 ]
-Freedom = Annotated[
-    list[str], Field(description="degrees of freedom: `slide x`, `turn z`, `ball`; none for a fixed contact")
-]
 Say = Annotated[str, Field(description="a description for people, in a few words")]
 
 
@@ -41,7 +38,9 @@ class ContactClassEntry(Strict):
     break_: str = Field(
         "part", alias="break", description="the operator that breaks such a contact: release, withdraw"
     )
-    freedom: Freedom = []
+    freedom: list[str] = Field(
+        default_factory=list, description="degrees of freedom: `slide x`, `turn z`; none if it is fixed"
+    )
     controllable: Truth = Field(False, description="a controller moves or holds it, as the jaws of a gripper")
     supports: Truth = Field(True, description="it keeps an object from falling")
     one_way: Literal["make", "break"] | None = Field(
@@ -62,7 +61,9 @@ class PermanentEntry(Strict):
     between: list[str] = Field(
         min_length=2, max_length=2, description="two objects; the first may be `ground`"
     )
-    freedom: Freedom = []
+    freedom: list[str] = Field(
+        default_factory=list, description="degrees of freedom: `slide x`, `turn z`; none if it is fixed"
+    )
     controllable: Truth = Field(False, description="a controller moves it, as the joints of a robot")
     by: str | None = Field(None, description="the object that is handled in order to move it, as a switch")
     settings: dict[str, SettingEntry | None] = Field(
@@ -77,7 +78,9 @@ class PermanentEntry(Strict):
 class UndesirableEntry(Strict):
     """Contacts that must not hold together in one cluster."""
 
-    contacts: list[Template] = Field(min_length=1, description="templates; the same variable is the same object")
+    contacts: list[Template] = Field(
+        min_length=1, description="templates; the same variable is the same object"
+    )
     say: Say = ""
 
 
@@ -86,14 +89,18 @@ class RelevanceEntry(Strict):
 
     contact: Template
     matters: Truth = Field(description="true: it is distinguished; false: it is not")
-    while_: Template | None = Field(None, alias="while", description="in clusters with this contact; in all if left out")
+    while_: Template | None = Field(
+        None, alias="while", description="in clusters with this contact; in all if left out"
+    )
 
 
 class RestrictionEntry(Strict):
     """A condition at run time on making or breaking contacts: a joint, a sensor or a time."""
 
     contact: Template
-    while_: Template | None = Field(None, alias="while", description="in clusters with this contact; in all if left out")
+    while_: Template | None = Field(
+        None, alias="while", description="in clusters with this contact; in all if left out"
+    )
     joint: str | None = Field(None, description="the permanent contact whose setting is looked at")
     sensor: str | None = Field(None, description="the sensor that is read")
     time: str | None = Field(None, description="the clock that is looked at")
@@ -112,7 +119,7 @@ class ContactsFile(Strict):
     """A `contacts.yaml` beside a domain: object classes, anchor points and the contacts that objects can have."""
 
     contacts: str = Field(description="the name of the domain beside this file")
-    units: UnitsEntry = Field(UnitsEntry(), description="units of numbers without a unit")
+    units: UnitsEntry | None = Field(None, description="units of numbers without a unit")
     gravity: Truth = Field(True, description="false: what nothing holds stays where it is, as in orbit")
     classes: dict[str, ClassEntry | None] = Field(min_length=1, description="classes of objects")
     objects: dict[str, Names] = Field(min_length=1, description="class: its instances")

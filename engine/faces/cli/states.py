@@ -23,24 +23,34 @@ class NetForm(StrEnum):
     PNML = "pnml"
 
 
-Domain = Annotated[str, typer.Argument(metavar="DOMAIN", help="a domain with a contacts.yaml, or one of its problems")]
+Domain = Annotated[
+    str, typer.Argument(metavar="DOMAIN", help="a domain with a contacts.yaml, or one of its problems")
+]
 Full = Annotated[
     bool, typer.Option("--full", help="tell all objects and anchor points apart, not only their classes")
 ]
 Reduced = Annotated[
-    list[str] | None, typer.Option("--reduced", metavar="PART", help="only these objects or classes; repeat it")
+    list[str] | None,
+    typer.Option("--reduced", metavar="PART", help="only these objects or classes; repeat it"),
 ]
-Templates = Annotated[bool, typer.Option("--contacts", help="print each place with its contacts in the normal form")]
+Templates = Annotated[
+    bool, typer.Option("--contacts", help="print each place with its contacts in the normal form")
+]
 Output = Annotated[
     Path | None,
     typer.Option(
-        "--output", "-o", metavar="FOLDER", help="write the planning domain that is generated, with its problems"
+        "--output",
+        "-o",
+        metavar="FOLDER",
+        help="write the planning domain that is generated, with its problems",
     ),
 ]
 _WITH_OUTPUT = "with --output, which writes the planning domain of the whole cell"
 Goals = Annotated[
     list[str] | None,
-    typer.Option("--goal", metavar="CONTACT", help="find the shortest sequence of operators to this contact; repeat it"),
+    typer.Option(
+        "--goal", metavar="CONTACT", help="find the shortest sequence of operators to this contact; repeat it"
+    ),
 ]
 Brings = Annotated[
     str, typer.Option("--brings", metavar="PART", help="say what an object, or a class, brings to the net")
@@ -60,10 +70,15 @@ def states(
     """Generate the contact states of DOMAIN from its contact model, and the net of the steps between them."""
     form = Form.JSON if format is NetForm.JSON else Form.TEXT
     if output is not None:
-        refuse_idle({"--full": full, "--reduced": reduced, "--contacts": contacts, "--brings": brings}, _WITH_OUTPUT)
+        refuse_idle(
+            {"--full": full, "--reduced": reduced, "--contacts": contacts, "--brings": brings}, _WITH_OUTPUT
+        )
         give(lambda: _written(target, output), form)
     if goal:
-        refuse_idle({"--full": full, "--contacts": contacts, "--brings": brings}, "with --goal, which prints a sequence")
+        refuse_idle(
+            {"--full": full, "--contacts": contacts, "--brings": brings},
+            "with --goal, which prints a sequence",
+        )
         give(lambda: _sequence(target, tuple(reduced or ()), goal), form)
     give(lambda: _states(target, full, tuple(reduced or ()), contacts, brings, format), form)
 

@@ -19,8 +19,8 @@ def text(net: Net) -> RenderableType:
         rows = [(name, ", ".join(places) or "in none") for name, places in net.joints.items()]
         parts.append(TextTable(("joint", "can be moved in"), rows))
     if net.removed:
-        rows = [(filter_, reason, str(n)) for filter_, reason, n in removals(net.removed)]
-        parts.append(TextTable(("filter", "removed", "clusters"), rows, right=("clusters",)))
+        why = [(filter_, reason, str(n)) for filter_, reason, n in removals(net.removed)]
+        parts.append(TextTable(("filter", "removed", "clusters"), why, right=("clusters",)))
     if len(net.regions) > 1:
         parts.append(_regions(net.regions))
     return Group(*(part for each in parts for part in (each, Text(""))), Text(summary(net)))

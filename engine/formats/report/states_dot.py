@@ -21,10 +21,10 @@ def _lines(made: Net) -> Iterator[str]:
     for number, each in enumerate(made.transitions, 1):
         condition = "".join(f"\\n[{_escaped(str(one))}]" for one in each.restrictions)
         yield f'T{number} [shape=box, height=0.3, label="{_escaped(each.name)}{condition}"];'
-        for place in dict.fromkeys(each.inputs):
-            yield f'{place} -> T{number} [label="{_moved(each.transfers, source=place)}"];'
-        for place in dict.fromkeys(each.outputs):
-            yield f'T{number} -> {place} [label="{_moved(each.transfers, target=place)}"];'
+        for name in dict.fromkeys(each.inputs):
+            yield f'{name} -> T{number} [label="{_moved(each.transfers, source=name)}"];'
+        for name in dict.fromkeys(each.outputs):
+            yield f'T{number} -> {name} [label="{_moved(each.transfers, target=name)}"];'
 
 
 def _moved(transfers: Sequence[Transfer], source: str = "", target: str = "") -> str:

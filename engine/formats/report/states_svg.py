@@ -10,7 +10,14 @@ from xml.sax.saxutils import escape
 from engine.model.task_space import Net, Place, Transition
 
 CHARACTER, ROW, BOX, PLACE, MARGIN, CHANNEL, SWEEPS = 6.6, 30, 20, 26, 24, 150, 24
-INK, PAPER, DEVICE, ROBOT, OPERATOR, ONE_WAY = "#1b1b1b", "#ffffff", "#f3f5f8", "#dbe9f8", "#fff7e0", "#b5341f"
+INK, PAPER, DEVICE, ROBOT, OPERATOR, ONE_WAY = (
+    "#1b1b1b",
+    "#ffffff",
+    "#f3f5f8",
+    "#dbe9f8",
+    "#fff7e0",
+    "#b5341f",
+)
 STYLE = """
   .line:hover { stroke-width: 3; }
   @media (prefers-color-scheme: dark) {
@@ -56,7 +63,17 @@ def net(made: Net) -> str:
     operators = {n: _Spot(xs[1], middle, row) for n, row in rows.items()}
     lowest = max([*heights.values(), *rows.values()], default=0.0)
     size = xs[2] + width[1] + MARGIN, lowest + ROW + MARGIN
-    return "\n".join([*_head(made, *size), *_lines(boxes, operators, spots), *_drawn(made, boxes, operators, spots), "</svg>"]) + "\n"
+    return (
+        "\n".join(
+            [
+                *_head(made, *size),
+                *_lines(boxes, operators, spots),
+                *_drawn(made, boxes, operators, spots),
+                "</svg>",
+            ]
+        )
+        + "\n"
+    )
 
 
 def _label(place: Place) -> str:
@@ -80,7 +97,11 @@ def _boxes(transitions: Sequence[Transition]) -> Iterator[_Box]:
         )
         first, second = (each, back) if each.makes or back is None else (back, each)
         done |= {each.name, *([back.name] if back else [])}
-        name = first.name if second is None else f"{first.operator}, {second.operator} {first.name.removeprefix(first.operator + '_')}"
+        name = (
+            first.name
+            if second is None
+            else f"{first.operator}, {second.operator} {first.name.removeprefix(first.operator + '_')}"
+        )
         title = "\n".join(_told(one) for one in (first, second) if one is not None)
         yield _Box(name, first.inputs, first.outputs, second is not None, title)
 
@@ -175,7 +196,9 @@ def _drawn(
         kind, fill = ("robot", ROBOT) if place.robot else ("device", DEVICE)
         capacity = ", ".join(f"{name} {n}" for name, n in place.capacity)
         title = "\n".join([f"{_label(place)}; room for {capacity}", *map(str, place.contacts)])
-        yield _shape(kind, fill, spots[place.name], PLACE, 13, _label(place), title, 2 if place.initial else 1)
+        yield _shape(
+            kind, fill, spots[place.name], PLACE, 13, _label(place), title, 2 if place.initial else 1
+        )
     for n, box in enumerate(boxes):
         yield _shape("operator", OPERATOR, operators[n], BOX, 2, box.name, box.title, 1)
 

@@ -51,7 +51,9 @@ def space_of(model: ContactModel, wanted: Wanted = Wanted()) -> Space:
     types = token_types(model, wanted.parts, wanted.full, individuals)
     if not types:
         hint = "name objects or classes with anchor points"
-        raise InvalidInput([Diagnostic(Source(model.path), "K405", "there is nothing that has anchor points", hint)])
+        raise InvalidInput(
+            [Diagnostic(Source(model.path), "K405", "there is nothing that has anchor points", hint)]
+        )
     return generate(model, types, filters, wanted.forms)
 
 
@@ -66,14 +68,14 @@ def _require_listable(model: ContactModel, wanted: Wanted) -> None:
     space = space_of(model, replace(wanted, full=False))
     count = sum(individuals(space, form) for form in space.forms)
     if count > MOST_PLACES or not space.complete:
-        message = f"{'' if space.complete else 'more than '}{count:,} fully specified places are too many to list"
+        message = (
+            f"{'' if space.complete else 'more than '}{count:,} fully specified places are too many to list"
+        )
         hint = "leave --full out: the net by contact class is small, and its states are counted all the same"
         raise InvalidInput([Diagnostic(Source(model.path), "K007", message, hint)])
 
 
-def sequence(
-    model: ContactModel, goals: Sequence[str], wanted: Wanted = Wanted()
-) -> tuple[Found, Player]:
+def sequence(model: ContactModel, goals: Sequence[str], wanted: Wanted = Wanted()) -> tuple[Found, Player]:
     """The shortest sequence of operators to contact states that are written as octuples, and the net in play.
 
     Raises `InvalidInput`.
@@ -94,7 +96,11 @@ def _goal(model: ContactModel, text: str) -> Octuple:
 
 def _require_known(model: ContactModel, parts: Collection[str]) -> None:
     known = [*model.objects, *model.classes]
-    wrong = [unknown_name("object or class", each, known, Source("--reduced")) for each in parts if each not in known]
+    wrong = [
+        unknown_name("object or class", each, known, Source("--reduced"))
+        for each in parts
+        if each not in known
+    ]
     if wrong:
         raise InvalidInput(wrong)
 
@@ -112,8 +118,6 @@ def brought(model: ContactModel, whole: Net, part: str) -> Brought:
         whole.growth.states - before.growth.states,
         tuple(sorted({(each.filter, each.reason) for each in whole.removed} - known)),
     )
-
-
 
 
 def generated(path: Path) -> File:

@@ -26,7 +26,11 @@ def domain_file(model: ContactModel, net: Net, domain: Domain) -> File:
     """The generated domain as a file of the same name. Raises `InvalidInput` if lines cannot be added to a section."""
     vocabulary = Vocabulary(model, domain)
     lines: Lines = {each: [] for each in SECTIONS} | vocabulary.declarations()
-    lines["fluents"] = [*lines["fluents"], "contact(anchor_point, anchor_point): {}", "void(anchor_point): {}"]
+    lines["fluents"] = [
+        *lines["fluents"],
+        "contact(anchor_point, anchor_point): {}",
+        "void(anchor_point): {}",
+    ]
     lines["operators"] = [line for each in _unique(operators(net, vocabulary)) for line in each.lines]
     _joints(model, lines)
     lines["deductive_operators"] += _deduction(model, vocabulary)
@@ -39,7 +43,12 @@ def _unique(found: Iterator[OperatorText]) -> Iterator[OperatorText]:
     """Operators that differ in more than their names."""
     seen: set[tuple[str, ...]] = set()
     for each in found:
-        content = (*map(str, sorted(each.variables.items())), *sorted(each.preconditions), *each.adds, *each.deletes)
+        content = (
+            *map(str, sorted(each.variables.items())),
+            *sorted(each.preconditions),
+            *each.adds,
+            *each.deletes,
+        )
         if content not in seen:
             seen.add(content)
             yield each
@@ -106,7 +115,9 @@ class _Edited:
                 continue
             if name in root.value:
                 key, value = root.value[name]
-                end = min((each.start for each in keys if each.start > key.start), default=len(self.file.text))
+                end = min(
+                    (each.start for each in keys if each.start > key.start), default=len(self.file.text)
+                )
                 edits += self._section(name, key, value, end, added)
             else:
                 end = len(self.file.text)

@@ -42,9 +42,7 @@ class OperatorText:
 def operators(net: Net, vocabulary: Vocabulary) -> Iterator[OperatorText]:
     """The operators of all transitions, then those of the joints."""
     for transition in net.transitions:
-        cases = [
-            named for case in transition.cases for named in _by_meaning(vocabulary, case)
-        ]
+        cases = [named for case in transition.cases for named in _by_meaning(vocabulary, case)]
         for number, (case, meanings) in enumerate(cases, 1):
             name = transition.name if len(cases) == 1 else f"{transition.name}_{number}"
             yield _operator(vocabulary, transition, name, case, meanings)
@@ -54,7 +52,9 @@ def operators(net: Net, vocabulary: Vocabulary) -> Iterator[OperatorText]:
 Meant = list[tuple[Meaning, dict[str, str]]]
 
 
-def _by_meaning(vocabulary: Vocabulary, case: Sequence[Octuple]) -> Iterator[tuple[tuple[Octuple, ...], Meant]]:
+def _by_meaning(
+    vocabulary: Vocabulary, case: Sequence[Octuple]
+) -> Iterator[tuple[tuple[Octuple, ...], Meant]]:
     """A case for each of several anchor points that the changed contact means something else at."""
     changed, *others = case
     for anchors in _choices(vocabulary, changed):
@@ -142,7 +142,9 @@ def _unlike(variables: dict[str, str]) -> Iterator[str]:
     """Objects of the same type are different objects."""
     names = [name for name, type_ in variables.items() if not type_.endswith("_mark")]
     for n, first in enumerate(names):
-        yield from (f"{first} != {second}" for second in names[n + 1 :] if variables[first] == variables[second])
+        yield from (
+            f"{first} != {second}" for second in names[n + 1 :] if variables[first] == variables[second]
+        )
 
 
 def _restricted(vocabulary: Vocabulary, transition: Transition) -> Iterator[str]:
@@ -241,7 +243,9 @@ def _held(contact: Octuple, handles: Sequence[str], objects: "dict[str, str] | o
         for each in handles:
             if objects[each] == point.object_class:
                 return Quadruple(point.object_class, each, point.anchor_class, point.anchor)
-        return Quadruple(point.object_class, ANY, point.anchor_class, ANY if variable(point.anchor) else point.anchor)
+        return Quadruple(
+            point.object_class, ANY, point.anchor_class, ANY if variable(point.anchor) else point.anchor
+        )
 
     return Octuple(named(contact.first), named(contact.second))
 

@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
-from kb.diagnostics import Diagnostic, InvalidInput, Source
+from kb.diagnostics import Diagnostic, InvalidInput
 from kb.model.contacts import ContactModel
 from kb.model.domain import Domain
 from kb.model.octuples import ANY, Quadruple, variable
@@ -96,7 +96,9 @@ class Vocabulary:
             taken |= set(anchors)
         functions = []
         for kind, type_ in self.types.items():
-            for anchor_class in dict.fromkeys(a.anchor_class for a in self.model.classes[kind].anchors.values()):
+            for anchor_class in dict.fromkeys(
+                a.anchor_class for a in self.model.classes[kind].anchors.values()
+            ):
                 name = function(kind, anchor_class)
                 several = f", {name}_mark" if f"{name}_mark" in self.marks else ""
                 functions.append(f"{name}({type_}{several}): anchor_point")
@@ -124,5 +126,3 @@ def whole(quadruple: Quadruple, model: ContactModel) -> Iterator[Quadruple]:
         for anchor_class, anchors in groups.items():
             anchor = anchors[0] if len(anchors) == 1 else quadruple.anchor
             yield Quadruple(kind.name, quadruple.instance, anchor_class, anchor)
-
-

@@ -39,7 +39,10 @@ def _bound(
     }
     anchors: Points = {}
     for n, (_, contact) in enumerate(pairs):
-        for sample_point, point in ((named.contacts[n].first, contact.first), (named.contacts[n].second, contact.second)):
+        for sample_point, point in (
+            (named.contacts[n].first, contact.first),
+            (named.contacts[n].second, contact.second),
+        ):
             anchors[sample_point.instance, sample_point.anchor] = (point.instance, point.anchor)
     outline = outliner.outline(cluster)
     uniform = frozenset(outline.margin)

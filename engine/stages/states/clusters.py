@@ -82,7 +82,8 @@ def form_of(cluster: Cluster, types: Types) -> tuple[Key, Form]:
 def exchanges(types: Types) -> int:
     """The number of exchanges of alike tokens and of alike anchor points."""
     return prod(
-        factorial(len(each.members)) * prod(factorial(len(s.anchors)) for s in each.slots) ** len(each.members)
+        factorial(len(each.members))
+        * prod(factorial(len(s.anchors)) for s in each.slots) ** len(each.members)
         for each in types
     )
 

@@ -41,7 +41,11 @@ def successors(space: Space, marking: Marking) -> Iterator[tuple[Step, Marking]]
     """The steps that can be taken in a global state, and where they lead."""
     there = sorted(Counter(marking).items())
     for n, (form, count) in enumerate(there):
-        asked = [(form,), *([(form, form)] if count > 1 else []), *((form, other) for other, _ in there[n + 1 :])]
+        asked = [
+            (form,),
+            *([(form, form)] if count > 1 else []),
+            *((form, other) for other, _ in there[n + 1 :]),
+        ]
         for inputs in asked:
             for step in space.by_inputs.get(inputs, ()):
                 left = list(marking)
@@ -52,7 +56,7 @@ def successors(space: Space, marking: Marking) -> Iterator[tuple[Step, Marking]]
 
 def exchanged(space: Space, marking: Marking) -> int:
     """The number of fully specified global states that one state up to exchanges stands for."""
-    same = prod(
+    same: int = prod(
         space.forms[form].symmetries ** count * factorial(count) for form, count in Counter(marking).items()
     )
     return exchanges(space.types) // same
@@ -60,7 +64,7 @@ def exchanged(space: Space, marking: Marking) -> int:
 
 def individuals(space: Space, form: Form) -> int:
     """The number of fully specified clusters of a form."""
-    ways = 1
+    ways: int = 1
     for kind, count in counts_of(form.cluster.nodes).items():
         each = space.types[kind]
         anchors = prod(factorial(len(slot.anchors)) for slot in each.slots)

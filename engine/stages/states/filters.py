@@ -20,13 +20,15 @@ class Stability:
         """No anchor point is looked at for itself."""
         return frozenset()
 
-    def reason(self, objects: Sequence[str], contacts: Sequence[Octuple], change: Octuple | None) -> str:
+    def reason(self, objects: Sequence[str], contacts: Sequence[Octuple], change: Octuple | None) -> str:  # noqa: ARG002 - the port has it
         """Which object falls; empty if none does. In free space (`gravity: false`) none does."""
         if not self.model.gravity:
             return ""
         links = [each & set(objects) for each in self.clusters]
         links += [
-            frozenset({each.first.instance, each.second.instance}) for each in contacts if self._supports(each)
+            frozenset({each.first.instance, each.second.instance})
+            for each in contacts
+            if self._supports(each)
         ]
         held = self.anchored & set(objects)
         while (more := held.union(*(link for link in links if link & held))) != held:
@@ -52,7 +54,7 @@ class Templates:
         """The templates themselves say which anchor points are individuals; the token types know them."""
         return frozenset()
 
-    def reason(self, objects: Sequence[str], contacts: Sequence[Octuple], change: Octuple | None) -> str:
+    def reason(self, objects: Sequence[str], contacts: Sequence[Octuple], change: Octuple | None) -> str:  # noqa: ARG002 - the port has it
         """The first template that matches; empty if none does."""
         for each in self.model.undesirable:
             if next(_matched(self.model, each.contacts, contacts, {}), None) is not None:

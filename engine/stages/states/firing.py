@@ -81,10 +81,10 @@ class Player:
 
     def clusters(self, contacts: frozenset[Octuple]) -> dict[tuple[int, int], tuple[tuple[int, int], ...]]:
         """The cluster of each token, as all its tokens."""
-        graph = nx.Graph()
+        graph: nx.Graph[tuple[int, int]] = nx.Graph()
         graph.add_nodes_from((k, n) for k, each in enumerate(self.types) for n in range(len(each.members)))
         graph.add_edges_from((self.end(c.first)[0], self.end(c.second)[0]) for c in contacts)
-        found = {}
+        found: dict[tuple[int, int], tuple[tuple[int, int], ...]] = {}
         for part in nx.connected_components(graph):
             members = tuple(sorted(part))
             found |= dict.fromkeys(members, members)
@@ -174,7 +174,9 @@ class Player:
         )
 
     def _joints(self, situation: Situation) -> Iterator[Firing]:
-        driven = {name for kind in self.types for m in kind.members for n, name in enumerate(m) if n in kind.driven}
+        driven = {
+            name for kind in self.types for m in kind.members for n, name in enumerate(m) if n in kind.driven
+        }
         held = [{each.first.instance, each.second.instance} for each in situation.contacts]
         for joint, handles in moved_by_hand(self.space.model).items():
             able = not handles or any(pair & driven and pair & set(handles) for pair in held)
@@ -193,7 +195,9 @@ class Player:
         """The situation after what is known to be possible."""
         if firing.contact is not None:
             return replace(situation, contacts=situation.contacts ^ {firing.contact})
-        settings = tuple((name, firing.setting if name == firing.joint else value) for name, value in situation.settings)
+        settings = tuple(
+            (name, firing.setting if name == firing.joint else value) for name, value in situation.settings
+        )
         return replace(situation, settings=settings)
 
 

@@ -26,7 +26,10 @@ def net_of(space: Space, full: bool = False, most: int = MOST_STATES) -> Net:
         found.places,
         transitions(space, found, steps),
         {each.name: tuple("+".join(member) for member in each.members) for each in space.types},
-        {joint: tuple(_handled(space, found, objects)) for joint, objects in moved_by_hand(space.model).items()},
+        {
+            joint: tuple(_handled(space, found, objects))
+            for joint, objects in moved_by_hand(space.model).items()
+        },
         space.removed,
         count,
         regions(space, graph) if graph is not None else (),

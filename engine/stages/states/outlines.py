@@ -5,16 +5,18 @@ that moves along; in other clusters all. Where an object has several anchor poin
 are taken: their number is a capacity. `relevance` in the contact model says what is different in a cell.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 
-from engine.model.task_space import Cluster, Edge, Space
+from engine.model.task_space import Cluster, Edge, Slot, Space
 from engine.stages.states.clusters import Named, free, neighbours
 from engine.stages.states.rules import Rules
 from kb.model.contacts import describes
-from kb.model.octuples import Octuple, void_of
+from kb.model.octuples import Octuple, matches, void_of
 
 Mark = tuple[object, ...]
+Near = Sequence[Sequence[tuple[Edge, int]]]
+Positions = Sequence[frozenset[int]]  # for each node
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,62 +54,65 @@ class Outliner:
         whole = [self._seen(cluster, node, near) for node in range(len(cluster.nodes))]
         named = Named(cluster, self.types) if self.space.model.relevance else None
         order, core, edges = self._roots(cluster), list[Mark](), dict[Edge, None]()
-        several: list[tuple[int, Edge, int]] = []
         for node in order:
-            for slot, at in enumerate(self.types[cluster.nodes[node]].slots):
-                if at.position not in whole[node]:
-                    continue
-                there = [(e, other) for e, other in near[node] if (node, slot) in _ends(e)]
-                verdict = self._verdict(cluster, named, node, slot, there)
-                if verdict is False:
-                    continue
-                if at.several and verdict is None:
-                    several += [(node, e, other) for e, other in there]
-                    continue
-                if not there:
-                    core.append((order.index(node), slot, "void"))
-                for edge, other in there:
-                    if other not in order:
-                        order.append(other)
-                    edges[edge] = None
+            for slot, at, there in self._slots(cluster, node, near):
+                if at.position in whole[node] and self._matters(cluster, named, (node, slot), at, there):
+                    core += [] if there else [(order.index(node), slot, "void")]
+                    order += [other for _, other in there if other not in order]
+                    edges |= dict.fromkeys(edge for edge, _ in there)
         core += [self._mark(edge, order) for edge in edges]
-        counted = tuple(e for _, e, other in several if e not in edges)
-        return self._bordered(cluster, order, core, tuple(edges), counted, whole, near)
+        margin = dict(self._margin(cluster, order, edges, whole, near))
+        counted, hanging = self._beside(cluster, order, edges, near)
+        return Outline(cluster, tuple(order), tuple(core), tuple(edges), margin, counted, hanging)
 
-    def _bordered(
+    def _slots(
+        self, cluster: Cluster, node: int, near: Near
+    ) -> Iterator[tuple[int, Slot, list[tuple[Edge, int]]]]:
+        """The slots of a node, each with its contacts."""
+        for slot, at in enumerate(self.types[cluster.nodes[node]].slots):
+            yield slot, at, [(edge, other) for edge, other in near[node] if (node, slot) in _ends(edge)]
+
+    def _matters(
         self,
         cluster: Cluster,
-        order: list[int],
-        core: list[Mark],
-        edges: tuple[Edge, ...],
-        counted: tuple[Edge, ...],
-        whole: Sequence[frozenset[int]],
-        near: Sequence[Sequence[tuple[Edge, int]]],
-    ) -> Outline:
-        margin: dict[tuple[int, int], Mark] = {}
-        hanging: set[int] = {node for edge in counted for node in (edge.key, edge.lock)} - set(order)
-        beside = list(counted)
+        named: Named | None,
+        end: tuple[int, int],
+        at: Slot,
+        there: Sequence[tuple[Edge, int]],
+    ) -> bool:
+        """Whether the contacts of a slot are distinguished: as the model says, else where there is one anchor point."""
+        if self.full:
+            return True
+        said = self._verdict(cluster, named, *end, there) if named is not None else None
+        return not at.several if said is None else said
+
+    def _margin(
+        self, cluster: Cluster, order: Sequence[int], edges: Collection[Edge], whole: Positions, near: Near
+    ) -> Iterator[tuple[tuple[int, int], Mark]]:
+        """What is at the other single anchor points of the nodes that matter."""
         for number, node in enumerate(order):
-            for slot, at in enumerate(self.types[cluster.nodes[node]].slots):
-                there = [(e, other) for e, other in near[node] if (node, slot) in _ends(e) and e not in edges]
-                if at.position in whole[node] or any(e in edges for e, _ in near[node] if (node, slot) in _ends(e)):
-                    if not at.several:
-                        continue
+            for slot, at, there in self._slots(cluster, node, near):
+                known = at.position in whole[node] or any(edge in edges for edge, _ in there)
+                if not known and not at.several:
+                    yield (number, slot), tuple((cluster.nodes[other], edge.kind) for edge, other in there)
+
+    def _beside(
+        self, cluster: Cluster, order: Sequence[int], edges: Collection[Edge], near: Near
+    ) -> tuple[tuple[Edge, ...], frozenset[int]]:
+        """The contacts at anchor points of which there are several, what hangs on them, and so on."""
+        found, hanging = dict[Edge, None](), dict[int, None]()
+        for node in order:
+            for _, at, there in self._slots(cluster, node, near):
                 if at.several:
-                    fresh = [e for e, _ in there if e not in beside]
-                    beside += fresh
-                    hanging |= {other for _, other in there} - set(order)
-                else:
-                    margin[number, slot] = tuple((cluster.nodes[other], e.kind) for e, other in there)
+                    found |= dict.fromkeys(edge for edge, _ in there if edge not in edges)
+                    hanging |= dict.fromkeys(other for _, other in there if other not in order)
         open_ = list(hanging)
-        while open_:
-            for edge, other in near[open_.pop()]:
-                if other not in order and other not in hanging:
-                    hanging.add(other)
-                    open_.append(other)
-                if edge not in beside and edge not in edges and other not in order:
-                    beside.append(edge)
-        return Outline(cluster, tuple(order), tuple(core), edges, margin, tuple(beside), frozenset(hanging))
+        for node in open_:
+            beyond = [(edge, other) for edge, other in near[node] if other not in order]
+            found |= dict.fromkeys(edge for edge, _ in beyond)
+            open_ += [other for _, other in beyond if other not in hanging]
+            hanging |= dict.fromkeys(other for _, other in beyond)
+        return tuple(found), frozenset(hanging)
 
     def _mark(self, edge: Edge, order: list[int]) -> Mark:
         return (order.index(edge.key), edge.key_slot, order.index(edge.lock), edge.lock_slot, edge.kind)
@@ -122,7 +127,9 @@ class Outliner:
         ranked = sorted(range(len(cluster.nodes)), key=rank)
         return [node for node in ranked if self.types[cluster.nodes[node]].driven] or ranked[:1]
 
-    def _seen(self, cluster: Cluster, node: int, near: Sequence[Sequence[tuple[Edge, int]]]) -> frozenset[int]:
+    def _seen(
+        self, cluster: Cluster, node: int, near: Sequence[Sequence[tuple[Edge, int]]]
+    ) -> frozenset[int]:
         """The positions of a node's objects whose contacts matter."""
         kind = self.types[cluster.nodes[node]]
         every = frozenset(range(len(kind.classes)))
@@ -138,16 +145,12 @@ class Outliner:
     def _verdict(
         self,
         cluster: Cluster,
-        named: Named | None,
+        named: Named,
         node: int,
         slot: int,
         there: Sequence[tuple[Edge, int]],
     ) -> bool | None:
         """What `relevance` says of a slot: whether its contacts matter; None if it says nothing. The last entry decides."""
-        if self.full:
-            return True
-        if named is None:
-            return None
         point = named.point(node, slot)
         shown = [named.contacts[cluster.edges.index(e)] for e, _ in there]
         shown = shown or [Octuple(point, void_of("*"))]
@@ -162,10 +165,10 @@ class Outliner:
     def _about(self, template: Octuple, contact: Octuple) -> bool:
         if not contact.second.void:
             return next(describes(self.space.model, template, contact), None) is not None
-        from kb.model.octuples import matches
-
         kinds = self.space.model.kinds(contact.first.instance)
-        return any(matches(each, contact.first, kinds) is not None for each in (template.first, template.second))
+        return any(
+            matches(each, contact.first, kinds) is not None for each in (template.first, template.second)
+        )
 
     def _holds(self, template: Octuple, named: Named) -> bool:
         return any(self._about(template, contact) for contact in named.contacts.values())
@@ -226,5 +229,7 @@ def _margin_edges(outline: Outline, uniform: frozenset[tuple[int, int]]) -> Iter
     for number, slot in sorted(uniform):
         node = outline.order[number]
         yield from (
-            edge for edge in outline.cluster.edges if (node, slot) in _ends(edge) and edge not in outline.edges
+            edge
+            for edge in outline.cluster.edges
+            if (node, slot) in _ends(edge) and edge not in outline.edges
         )

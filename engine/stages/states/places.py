@@ -31,7 +31,9 @@ def places(space: Space, graph: Graph | None, full: bool = False) -> Sorted:
         groups.setdefault(outlines[form].key, []).append(form)
     most = _capacities(space, graph, groups, order)
     start = Counter(space.initial)
-    made, place_of, uniform = [], {}, []
+    made: list[Place] = []
+    place_of: dict[int, int] = {}
+    uniform = []
     for number, (key, forms) in enumerate(groups.items()):
         same = _uniform([outlines[form] for form in forms])
         largest = outlines[max(forms, key=lambda form: len(space.forms[form].cluster.nodes))]
@@ -84,7 +86,9 @@ def _capacities(
 def _uniform(outlines: Sequence[Outline]) -> frozenset[tuple[int, int]]:
     """The anchor points beside the core at which the same holds in all clusters of a place."""
     first, *others = outlines
-    return frozenset(at for at, mark in first.margin.items() if all(each.margin.get(at) == mark for each in others))
+    return frozenset(
+        at for at, mark in first.margin.items() if all(each.margin.get(at) == mark for each in others)
+    )
 
 
 def normal(space: Space, contacts: Sequence[Octuple], full: bool = False) -> tuple[Octuple, ...]:

@@ -11,7 +11,7 @@ from kb.model.contacts import OneWay
 
 def regions(space: Space, graph: Graph) -> tuple[Region, ...]:
     """The strongly connected parts of the graph of global states, in the order in which they are reached."""
-    states = nx.DiGraph()
+    states: nx.DiGraph[Marking] = nx.DiGraph()
     states.add_nodes_from(graph)
     states.add_edges_from((each, following) for each, steps in graph.items() for _, following in steps)
     whole = nx.condensation(states)

@@ -84,9 +84,7 @@ class Rules:
         if any(self._between(parted, edge, each) for each in self.covers[edge.kind]):
             return False
         if kind.over:
-            return self._between(parted, edge, kind.over) and bool(
-                self.chain(parted) & {edge.key, edge.lock}
-            )
+            return self._between(parted, edge, kind.over) and bool(self.chain(parted) & {edge.key, edge.lock})
         for nodes in components(parted):
             sides = {edge.key, edge.lock} & set(nodes)
             if len(sides) == 2:

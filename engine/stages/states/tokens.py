@@ -29,7 +29,8 @@ class Bodies:
 
 def bodies(model: ContactModel) -> Bodies:
     """Terminals, what passive joints and what controllable joints move, and the permanent clusters of the rest."""
-    fixed, every = nx.Graph(), nx.Graph()
+    fixed: nx.Graph[str] = nx.Graph()
+    every: nx.Graph[str] = nx.Graph()
     for graph in (fixed, every):
         graph.add_nodes_from([GROUND, *model.objects])
     for contact in model.permanent.values():
@@ -46,7 +47,7 @@ def bodies(model: ContactModel) -> Bodies:
 def _driven(model: ContactModel, terminals: Collection[str]) -> Iterator[str]:
     """The objects that controllable joints move: beyond such a joint, through fixed and controllable contacts."""
     for joint in (each for each in model.permanent.values() if each.controllable and not each.by):
-        onward = nx.Graph()
+        onward: nx.Graph[str] = nx.Graph()
         onward.add_node(joint.second)
         others = (each for each in model.permanent.values() if each is not joint)
         onward.add_edges_from((c.first, c.second) for c in others if c.controllable or not c.freedom)
@@ -56,7 +57,7 @@ def _driven(model: ContactModel, terminals: Collection[str]) -> Iterator[str]:
 
 def _clusters(model: ContactModel, terminals: Collection[str]) -> Iterator[tuple[str, ...]]:
     bare = {each for each in terminals if not _anchors(model, each)} | {GROUND}
-    together = nx.Graph()
+    together: nx.Graph[str] = nx.Graph()
     together.add_nodes_from(each for each in model.objects if each not in bare)
     for contact in model.permanent.values():
         ends = {contact.first, contact.second}
@@ -153,9 +154,7 @@ def _type(
     first = members[0]
     classes = tuple(model.objects[each] for each in first)
     slots = [
-        slot
-        for position, kind in enumerate(classes)
-        for slot in _slots(model, position, kind, full, splits)
+        slot for position, kind in enumerate(classes) for slot in _slots(model, position, kind, full, splits)
     ]
     return TokenType(
         "+".join(first if alone else classes),
@@ -186,9 +185,7 @@ def _slots(
 def moved_by_hand(model: ContactModel) -> Mapping[str, tuple[str, ...]]:
     """For each joint with settings, the objects that are handled in order to move it; empty if its controller does it."""
     found = bodies(model)
-    return {
-        name: tuple(_handles(joint, found)) for name, joint in model.permanent.items() if joint.settings
-    }
+    return {name: tuple(_handles(joint, found)) for name, joint in model.permanent.items() if joint.settings}
 
 
 def _handles(joint: PermanentContact, found: Bodies) -> Iterable[str]:

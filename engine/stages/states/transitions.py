@@ -130,7 +130,11 @@ def _restrictions(
     for form in place.forms:
         cluster = space.forms[form].cluster
         named = Named(cluster, space.types)
-        changed = [n for n, edge in enumerate(cluster.edges) if (edge.kind, _sides(cluster.nodes, edge)) == (kind, ends)]
+        changed = [
+            n
+            for n, edge in enumerate(cluster.edges)
+            if (edge.kind, _sides(cluster.nodes, edge)) == (kind, ends)
+        ]
         for each in model.restrictions:
             hits = (found for n in changed for found in describes(model, each.contact, named.contacts[n]))
             if any(

@@ -10,7 +10,8 @@ from engine.model.task_space import Net, Place, Transition
 def unfolded(net: Net) -> PetriNet:
     """A place/transition net. A token is a whole cluster; the net by contact class gives the coarser net of its places."""
     places = tuple(PetriPlace(p.name, p.say, p.initial, (), tuple(_notes(p))) for p in net.places)
-    transitions, arcs = [], []
+    transitions: list[PetriTransition] = []
+    arcs: list[PetriArc] = []
     for number, each in enumerate(net.transitions, 1):
         name = f"T{number}"
         transitions.append(PetriTransition(name, each.name, (), _conditions(each)))
@@ -25,9 +26,11 @@ def symmetric(net: Net) -> PetriNet:
     """A symmetric net: the tokens are the permanent clusters, each of its type."""
     start = _marking(net)
     places = tuple(
-        PetriPlace(p.name, p.say, len(start[p.name]), tuple(start[p.name]), tuple(_notes(p))) for p in net.places
+        PetriPlace(p.name, p.say, len(start[p.name]), tuple(start[p.name]), tuple(_notes(p)))
+        for p in net.places
     )
-    transitions, arcs = [], []
+    transitions: list[PetriTransition] = []
+    arcs: list[PetriArc] = []
     for number, each in enumerate(net.transitions, 1):
         for mode, moved in enumerate(_modes(net, each), 1):
             name = f"T{number}_{mode}"
@@ -38,7 +41,9 @@ def symmetric(net: Net) -> PetriNet:
             ]
             bound = tuple((_id(variable), type_) for _, _, variable, type_ in variables)
             transitions.append(PetriTransition(name, each.name, bound, _conditions(each)))
-            arcs += _arcs(name, [(source, target, _id(variable)) for source, target, variable, _ in variables])
+            arcs += _arcs(
+                name, [(source, target, _id(variable)) for source, target, variable, _ in variables]
+            )
     return PetriNet(_id(net.name), places, tuple(transitions), tuple(arcs), dict(net.colours))
 
 

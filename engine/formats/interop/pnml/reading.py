@@ -52,7 +52,9 @@ def _require_ends(net: PetriNet, parts: list[Element]) -> None:
     places, transitions = {each.id for each in net.places}, {each.id for each in net.transitions}
     for element in (each for each in parts if each.tag == "arc"):
         ends = element.get("source"), element.get("target")
-        if not (ends[0] in places and ends[1] in transitions) and not (ends[0] in transitions and ends[1] in places):
+        if not (ends[0] in places and ends[1] in transitions) and not (
+            ends[0] in transitions and ends[1] in places
+        ):
             message = f"the arc '{element.get('id')}' does not join a place and a transition"
             raise _refused(element.where, message, "name one of each as `source` and `target`")
 
@@ -91,7 +93,9 @@ def _types(net: Element) -> Iterator[tuple[str, tuple[str, ...]]]:
 
 
 def _place(element: Element) -> PetriPlace:
-    marking = tuple(each.get("declaration") for each in _deep(element.first("hlinitialMarking"), "useroperator"))
+    marking = tuple(
+        each.get("declaration") for each in _deep(element.first("hlinitialMarking"), "useroperator")
+    )
     count = _number(element, "initialMarking", len(marking))
     return PetriPlace(element.get("id"), _said(element, "name"), count, marking, _notes(element))
 

@@ -65,9 +65,13 @@ def _place(net: PetriNet, place: PetriPlace) -> Iterator[str]:
 
 def _sum(terms: Sequence[str]) -> str:
     """A multiset in which each term stands once."""
-    one = "<numberof><subterm><numberconstant value=\"1\"><positive/></numberconstant></subterm><subterm>{}</subterm></numberof>"
+    one = '<numberof><subterm><numberconstant value="1"><positive/></numberconstant></subterm><subterm>{}</subterm></numberof>'
     parts = [one.format(each) for each in terms]
-    return parts[0] if len(parts) == 1 else "<add>" + "".join(f"<subterm>{each}</subterm>" for each in parts) + "</add>"
+    return (
+        parts[0]
+        if len(parts) == 1
+        else "<add>" + "".join(f"<subterm>{each}</subterm>" for each in parts) + "</add>"
+    )
 
 
 def _transition(each: PetriTransition) -> Iterator[str]:

@@ -48,7 +48,9 @@ class CollisionOfContacts:
             for each in kind.anchors.values():
                 groups.setdefault(each.anchor_class, []).append(each.name)
             for anchors in groups.values():
-                verdicts = {self._verdicts(kind.name, each) for each in anchors} if len(anchors) > 1 else set()
+                verdicts = (
+                    {self._verdicts(kind.name, each) for each in anchors} if len(anchors) > 1 else set()
+                )
                 if len(verdicts) > 1:
                     found |= {(kind.name, each) for each in anchors}
         return frozenset(found)
@@ -91,7 +93,9 @@ class CollisionOfContacts:
         """The objects that stand where the cell has them."""
         bodies = self.world.cell.bodies
         named = ((each, self.model.bodies.get(each, each)) for each in self.model.objects)
-        return frozenset(each for each, body in named if body in bodies and bodies[body].kind is BodyKind.FIXTURE)
+        return frozenset(
+            each for each, body in named if body in bodies and bodies[body].kind is BodyKind.FIXTURE
+        )
 
     def reason(self, objects: Sequence[str], contacts: Sequence[Octuple], change: Octuple | None) -> str:
         """Which two bodies overlap; empty if none do, or if no contact is made."""
