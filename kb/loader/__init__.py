@@ -16,10 +16,11 @@ from kb.loader.tree import Node
 from kb.model.conditions import TRUE
 from kb.model.domain import Domain
 from kb.model.problem import Problem
-from kb.targets import CELL_FILE, DOMAIN_FILE, bundled, find, reference
+from kb.targets import CELL_FILE, CONTACTS_FILE, DOMAIN_FILE, bundled, find, reference
 
 __all__ = [
     "CELL_FILE",
+    "CONTACTS_FILE",
     "DOMAIN_FILE",
     "Loaded",
     "bundled",

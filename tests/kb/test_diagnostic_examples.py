@@ -9,6 +9,7 @@ import pytest
 from engine.formats.interop.jobshop import read_jobshop
 from engine.formats.interop.measurements import read_table
 from engine.formats.interop.pddl import read_pddl
+from engine.formats.interop.pnml import read_pnml
 from engine.formats.interop.qif.document import read_document
 from engine.formats.interop.tsplib import read_tsplib
 from engine.pipelines import checking, planning
@@ -27,6 +28,7 @@ READERS: dict[str, Callable[[Path], object]] = {
     "*.qif": read_document,
     "*.csv": read_table,
     "*.txt": read_jobshop,
+    "*.pnml": read_pnml,
 }
 
 

@@ -28,7 +28,7 @@ def generate(
     does not let the start pass.
     """
     run = _Run(model, types, filters, Rules(model, types), most)
-    start = [run.initial(cluster) for cluster in _initial(model, types)]
+    start = [run.initial(cluster, names) for cluster, names in _initial(model, types)]
     complete = run.exhaust()
     return Space(
         model,
@@ -41,8 +41,10 @@ def generate(
     )
 
 
-def _initial(model: ContactModel, types: tuple[TokenType, ...]) -> Iterator[Cluster]:
-    """The clusters at the start. Contacts with objects that are no part of these tokens are left out."""
+def _initial(
+    model: ContactModel, types: tuple[TokenType, ...]
+) -> Iterator[tuple[Cluster, tuple[str, ...]]]:
+    """The clusters at the start, with their objects. Contacts with objects that are no part of these tokens are left out."""
     at = {
         name: (node, kind, position)
         for node, (kind, member) in enumerate(
@@ -60,7 +62,9 @@ def _initial(model: ContactModel, types: tuple[TokenType, ...]) -> Iterator[Clus
             assert kind is not None, "the loader accepts only contacts of a contact class"
             edges.append(Edge(*key, *lock, kind.name))
     whole = Cluster(nodes, tuple(edges))
-    yield from (part(whole, each) for each in components(whole))
+    members = [member for each in types for member in each.members]
+    for each in components(whole):
+        yield part(whole, each), tuple(name for node in each for name in members[node])
 
 
 def _end(types: Sequence[TokenType], at: tuple[int, int, int], anchor: str) -> tuple[int, int]:
@@ -85,14 +89,14 @@ class _Run:
     refused: set[Key] = field(default_factory=set)
     mobile: list[int] = field(default_factory=list)
 
-    def initial(self, cluster: Cluster) -> int:
+    def initial(self, cluster: Cluster, names: Sequence[str]) -> int:
         """The form of a cluster at the start."""
         found = self._form(cluster, None)
         if found is None:
             last = list(self.removed.values())[-1]
-            shown = "; ".join(map(str, last.contacts[:2])) or ", ".join(Named(cluster, self.types).objects)
             message = f"the filter '{last.filter}' refuses the start: {last.reason}"
-            raise InvalidInput([Diagnostic(Source(self.model.path), "K712", message, f"look at: {shown}")])
+            hint = f"look at the contacts of: {', '.join(names)}"
+            raise InvalidInput([Diagnostic(Source(self.model.path), "K712", message, hint)])
         return found
 
     def exhaust(self) -> bool:

@@ -1,5 +1,6 @@
 """Reachability in the whole: regions of contact states that one-way contacts part, and dead ends."""
 
+from collections import Counter
 from collections.abc import Iterator
 
 import networkx as nx
@@ -29,13 +30,21 @@ def _region(space: Space, whole: "nx.DiGraph[int]", part: int, graph: Graph) -> 
 
 
 def _one_way(space: Space, marking: Marking) -> Iterator[str]:
-    """The contacts that fuse clusters for good, and those that are broken once and for all if they are."""
+    """The one-way contacts that hold for good, and those of the start that are broken once and for all."""
+    now, start = (Counter(_named(space, each)) for each in (marking, space.initial))
+    for name, kind in now.elements():
+        if space.model.contact_classes[kind].one_way is OneWay.MAKING:
+            yield f"{name} ({kind})"
+    for name, kind in (start - now).elements():
+        if space.model.contact_classes[kind].one_way is OneWay.BREAKING:
+            yield f"{name} ({kind}) broken"
+
+
+def _named(space: Space, marking: Marking) -> Iterator[tuple[str, str]]:
+    """The contacts of a global state by class."""
     for form in marking:
         cluster = space.forms[form].cluster
         for edge in cluster.edges:
-            if space.model.contact_classes[edge.kind].one_way is not OneWay.NO:
-                names = (
-                    space.types[cluster.nodes[node]].slot_name(slot)
-                    for node, slot in ((edge.key, edge.key_slot), (edge.lock, edge.lock_slot))
-                )
-                yield f"{' - '.join(names)} ({edge.kind})"
+            ends = ((edge.key, edge.key_slot), (edge.lock, edge.lock_slot))
+            names = (space.types[cluster.nodes[node]].slot_name(slot) for node, slot in ends)
+            yield " - ".join(names), edge.kind
