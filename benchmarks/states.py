@@ -40,6 +40,7 @@ def themse(probes: int) -> ContactModel:
         objects=objects,
         initial=(*others, *(_seated(n) for n in range(1, probes + 1))),
         meanings=(),
+        filters=("stability", "templates"),  # the cell has a geometry for four probes
     )
 
 

@@ -41,9 +41,7 @@ def generate(
     )
 
 
-def _initial(
-    model: ContactModel, types: tuple[TokenType, ...]
-) -> Iterator[tuple[Cluster, tuple[str, ...]]]:
+def _initial(model: ContactModel, types: tuple[TokenType, ...]) -> Iterator[tuple[Cluster, tuple[str, ...]]]:
     """The clusters at the start, with their objects. Contacts with objects that are no part of these tokens are left out."""
     at = {
         name: (node, kind, position)

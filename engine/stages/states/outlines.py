@@ -12,7 +12,7 @@ from engine.model.task_space import Cluster, Edge, Slot, Space
 from engine.stages.states.clusters import Named, free, neighbours
 from engine.stages.states.rules import Rules
 from kb.model.contacts import describes
-from kb.model.octuples import Octuple, matches, void_of
+from kb.model.octuples import Octuple, Quadruple, void_of
 
 Mark = tuple[object, ...]
 Near = Sequence[Sequence[tuple[Edge, int]]]
@@ -151,24 +151,29 @@ class Outliner:
         there: Sequence[tuple[Edge, int]],
     ) -> bool | None:
         """What `relevance` says of a slot: whether its contacts matter; None if it says nothing. The last entry decides."""
-        point = named.point(node, slot)
         shown = [named.contacts[cluster.edges.index(e)] for e, _ in there]
-        shown = shown or [Octuple(point, void_of("*"))]
+        shown = shown or self._possible(named.point(node, slot), cluster.nodes[node], slot)
         found = None
         for each in self.space.model.relevance:
-            template = each.contact
-            hit = any(self._about(template, contact) for contact in shown)
+            hit = bool(shown) and all(self._about(each.contact, contact) for contact in shown)
             if hit and (each.during is None or self._holds(each.during, named)):
                 found = each.matters
         return found
 
+    def _possible(self, point: Quadruple, kind: int, slot: int) -> list[Octuple]:
+        """The contacts that could be at a free anchor point: one for each slot that matches."""
+        found = []
+        for other, token in enumerate(self.types):
+            for n, at in enumerate(token.slots):
+                ends = (kind, slot, other, n) if self.types[kind].slots[slot].key else (other, n, kind, slot)
+                if self.rules.kind(*ends) is not None:
+                    name = token.members[0][at.position]
+                    partner = Quadruple(token.classes[at.position], name, at.anchor_class, at.anchors[0])
+                    found.append(Octuple(point, partner))
+        return found
+
     def _about(self, template: Octuple, contact: Octuple) -> bool:
-        if not contact.second.void:
-            return next(describes(self.space.model, template, contact), None) is not None
-        kinds = self.space.model.kinds(contact.first.instance)
-        return any(
-            matches(each, contact.first, kinds) is not None for each in (template.first, template.second)
-        )
+        return next(describes(self.space.model, template, contact), None) is not None
 
     def _holds(self, template: Octuple, named: Named) -> bool:
         return any(self._about(template, contact) for contact in named.contacts.values())

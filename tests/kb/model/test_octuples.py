@@ -35,14 +35,18 @@ def test_contacts_of_the_appendix_are_read_as_they_were_printed(printed: str) ->
     assert str(parse_octuple(printed, CLASSES)) == APPENDIX[printed]
 
 
-@pytest.mark.parametrize("printed", [each for each in APPENDIX if "gripprobe" not in each and "depotprobe" not in each])
+@pytest.mark.parametrize(
+    "printed", [each for each in APPENDIX if "gripprobe" not in each and "depotprobe" not in each]
+)
 def test_where_a_variable_or_a_joker_ends_no_class_need_be_known(printed: str) -> None:
     assert str(parse_octuple(printed)) == APPENDIX[printed]
 
 
 names = st.from_regex(r"[a-z][a-z0-9_]{0,6}", fullmatch=True)
 instances = names | st.sampled_from(["*", "O1", "void"])
-quadruples = st.builds(Quadruple, names | st.just("*"), instances, names, names | st.sampled_from(["*", "A2"]))
+quadruples = st.builds(
+    Quadruple, names | st.just("*"), instances, names, names | st.sampled_from(["*", "A2"])
+)
 
 
 @given(first=quadruples, second=quadruples)
@@ -53,7 +57,9 @@ def test_the_normal_form_is_read_as_it_was_written(first: Quadruple, second: Qua
     assert parse_quadruple(str(first)) == first
 
 
-@pytest.mark.parametrize("wrong", ["", "a:b.c:d", "a:b.c:d - e:f.g", "a:b.c:d - e:f.g:h.i", "a:b.c:d e:f.g:h", "a:b.c:1 - e:f.g:h"])
+@pytest.mark.parametrize(
+    "wrong", ["", "a:b.c:d", "a:b.c:d - e:f.g", "a:b.c:d - e:f.g:h.i", "a:b.c:d e:f.g:h", "a:b.c:1 - e:f.g:h"]
+)
 def test_other_texts_are_no_octuples(wrong: str) -> None:
     with pytest.raises(NotAnOctuple):
         parse_octuple(wrong)

@@ -102,8 +102,12 @@ BARRED = (
 )
 
 
-def contact_class(name: str, template: str, controllable: bool = False, one_way: OneWay = OneWay.NO) -> ContactClass:
-    return ContactClass(name, parse_octuple(template), f"make_{name}", f"break_{name}", (), controllable, one_way=one_way)
+def contact_class(
+    name: str, template: str, controllable: bool = False, one_way: OneWay = OneWay.NO
+) -> ContactClass:
+    return ContactClass(
+        name, parse_octuple(template), f"make_{name}", f"break_{name}", (), controllable, one_way=one_way
+    )
 
 
 def starts(model: ContactModel) -> set[State]:
@@ -141,7 +145,12 @@ def _renamed(contact: Octuple, names: dict[str, str]) -> Octuple:
 
 def _moved(contact: Octuple, name: str, anchors: dict[str, str]) -> Octuple:
     ends = (
-        Quadruple(p.object_class, p.instance, p.anchor_class, anchors.get(p.anchor, p.anchor) if p.instance == name else p.anchor)
+        Quadruple(
+            p.object_class,
+            p.instance,
+            p.anchor_class,
+            anchors.get(p.anchor, p.anchor) if p.instance == name else p.anchor,
+        )
         for p in (contact.first, contact.second)
     )
     return Octuple(*ends)
@@ -154,13 +163,22 @@ class Slow:
         self.model = model
         self.robots = {name for name, of in model.objects.items() if of == "robot"}
         self.fixed = {name for name, of in model.objects.items() if of.startswith("device")}
-        self.points = [model.point(name, anchor) for name, of in model.objects.items() for anchor in model.classes[of].anchors]
+        self.points = [
+            model.point(name, anchor)
+            for name, of in model.objects.items()
+            for anchor in model.classes[of].anchors
+        ]
 
     def group(self, state: State, name: str) -> set[str]:
         """All objects that are coupled with one."""
         found = {name}
         while True:
-            more = {p.instance for c in state for p in (c.first, c.second) if {c.first.instance, c.second.instance} & found}
+            more = {
+                p.instance
+                for c in state
+                for p in (c.first, c.second)
+                if {c.first.instance, c.second.instance} & found
+            }
             if more <= found:
                 return found
             found |= more
@@ -171,8 +189,18 @@ class Slow:
             if self.model.gravity and not self.group(state, name) & (self.robots | self.fixed):
                 return False
         if self.model.undesirable:
-            held = {c.second.instance for c in state if c.first.anchor_class == "hand" and c.second.object_class == "ring"}
-            on = {c.first.instance for c in state if c.second.object_class == "device_0" and c.first.object_class == "ring" and c.second.anchor_class == "seat"}
+            held = {
+                c.second.instance
+                for c in state
+                if c.first.anchor_class == "hand" and c.second.object_class == "ring"
+            }
+            on = {
+                c.first.instance
+                for c in state
+                if c.second.object_class == "device_0"
+                and c.first.object_class == "ring"
+                and c.second.anchor_class == "seat"
+            }
             return not held & on
         return True
 
