@@ -12,7 +12,7 @@ class Feature:
 
     `tolerances` holds the width of the narrowest tolerance zone for each kind of characteristic. `along` is
     the axis, the normal or the direction of a line. `across` is a direction at right angles to it; the angle
-    `sweep` (rad) starts there.
+    `sweep` (rad) starts there. `entities` names the faces or edges of the part that the feature consists of.
     """
 
     name: str
@@ -25,6 +25,7 @@ class Feature:
     outline: tuple[Triple, ...] = ()
     internal: bool = False
     tolerances: Mapping[str, float] = field(default_factory=dict)
+    entities: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,7 +48,7 @@ class MeasurementPoint:
 
 @dataclass(frozen=True, slots=True)
 class Excluded:
-    """A feature without measurement points, and why it has none."""
+    """A feature without measurement points, and why it has none; or a remark about one that has points."""
 
     feature: str
     reason: str
@@ -61,3 +62,4 @@ class Inspection:
     points: tuple[MeasurementPoint, ...]
     excluded: tuple[Excluded, ...] = ()
     features: int = 0
+    remarks: tuple[Excluded, ...] = ()

@@ -18,7 +18,7 @@ class Visit:
 
     `position` serves for pictures and for first tours. `tool` is the tool that the visit needs. The visit
     begins within `window` (earliest, latest; both count from the start of the tour) and lasts `duration`.
-    Times are in the unit of the costs.
+    Times are in the unit of the costs. All visits of a lower `phase` come first.
     """
 
     name: str
@@ -26,6 +26,7 @@ class Visit:
     tool: str = ""
     duration: int = 0
     window: Window | None = None
+    phase: int = 0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -66,12 +67,17 @@ class TourProblem:
         return any(visit.window is not None for visit in self.visits)
 
     @property
+    def phased(self) -> bool:
+        """Whether some visits come before others because of their phases."""
+        return len({visit.phase for visit in self.visits}) > 1
+
+    @property
     def ordered(self) -> bool:
-        """Whether some orders are forbidden, by precedence or windows.
+        """Whether some orders are forbidden, by precedence, phases or windows.
 
         Then it also matters where a tour begins.
         """
-        return bool(self.precedence) or self.timed
+        return bool(self.precedence) or self.timed or self.phased
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -138,6 +144,11 @@ def violations(problem: TourProblem, order: tuple[int, ...]) -> list[str]:
         f"{names[second]} comes before {names[first]}"
         for first, second in problem.precedence
         if place[first] >= place[second]
+    ]
+    found += [
+        f"{names[second]} comes before {names[first]}"
+        for second, first in pairwise(order)
+        if problem.visits[first].phase < problem.visits[second].phase
     ]
     return found + _late(problem, order)
 

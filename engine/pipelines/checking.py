@@ -14,6 +14,7 @@ from kb.check.faults import check_faults
 from kb.check.start import crowded, hopeless
 from kb.diagnostics import Diagnostic, InvalidInput, in_order
 from kb.loader import CELL_FILE, CONTACTS_FILE, DOMAIN_FILE, Loaded, find, load, problem_files
+from kb.loader.amounts import standing
 from kb.loader.faults import FAULTS_FILE, load_faults
 from kb.model.domain import Domain
 from kb.model.problem import Problem
@@ -55,6 +56,7 @@ def check(target: str, reach: bool = True) -> CheckReport:
         paths.append(cell)
         atoms = {atom for task in tasks for atom in task.atoms}
         found += _checked_cell(cell, loaded.domain, reach, atoms)
+        found += [each for each in _checked_frame(loaded.domain) if each not in found]
     if loaded is not None and (faults := Path(loaded.domain.path).with_name(FAULTS_FILE)).is_file():
         paths.append(faults)
         found += _checked_faults(Path(loaded.domain.path))
@@ -79,6 +81,17 @@ def _checked_cell(cell: Path, domain: Domain, reach: bool, atoms: Collection[Ato
     from engine.stages.geometry.reach.checking import check_cell
 
     return check_cell(cell, domain, geometry_backend if reach else None, atoms)
+
+
+def _checked_frame(domain: Domain) -> list[Diagnostic]:
+    """The error about the frame of a domain's travel, if the cell has no such frame."""
+    if domain.travel is None:
+        return []
+    try:
+        standing(domain)("")
+    except InvalidInput as error:
+        return [each for each in error.diagnostics if each.where == domain.travel.where]
+    return []
 
 
 def _checked_faults(domain: Path) -> list[Diagnostic]:

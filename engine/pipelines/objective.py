@@ -14,7 +14,8 @@ from engine.model.schedule import Timetable
 from engine.model.task import Task
 from engine.pipelines.gate import accepted
 from engine.pipelines.planning import planned
-from engine.pipelines.timetable import by_other_means, own_order, timed
+from engine.pipelines.timetable import by_other_means, keeping, own_order, timed
+from engine.pipelines.timetable.kept import LONG
 from engine.pipelines.timetable.orders import least_makespan
 from engine.stages.grounding import ground
 from engine.stages.planning import Limits
@@ -28,7 +29,6 @@ CHOOSING = 2.0  # at most of it, and a sixth, spent on other means
 SOON = 5_000  # expansions after which no second plan is looked for
 SECOND = 2_000  # expansions that a second plan may take
 PLANS = "of all plans"
-LONG = 400  # steps; longer plans keep their order
 
 
 class Objective(StrEnum):
@@ -103,8 +103,11 @@ def _fastest(
     problem: Problem, task: Task, outcome: Found, limits: Limits, work: ScheduleLimits
 ) -> tuple[Timetable, Infeasible | GaveUp | None]:
     """The best timetable of the plan and of others found from there on; and why a plan has none, if one has none."""
-    own, bound = own_order(problem, task, outcome.plan), least_makespan(task)
-    if len(outcome.plan.steps) > LONG or (own.schedule.makespan <= bound and not own.unwatched):
+    bound = least_makespan(task)
+    if len(outcome.plan.steps) > LONG:
+        return _judged(keeping(problem, outcome.plan), bound), None
+    own = own_order(problem, task, outcome.plan)
+    if own.schedule.makespan <= bound and not own.unwatched:
         return _judged(own, bound), None
     plans = list(_plans(problem, task, outcome, limits))
     made = [timed(problem, task, each, work) for each in plans]

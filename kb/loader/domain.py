@@ -12,6 +12,7 @@ from kb.loader.names import Names
 from kb.loader.operators import read_operators
 from kb.loader.reader import Findings, Reader, require, validate_shape
 from kb.loader.rules import read_rules
+from kb.loader.travel import read_travel
 from kb.loader.tree import read_file
 from kb.model.computed import with_named_values
 from kb.model.domain import Domain, Phrase
@@ -29,6 +30,7 @@ def read_domain(path: Path, findings: Findings, file: File | None = None) -> tup
     names = Names(findings)
     read_declarations(reader, names)
     asp, rules = read_rules(reader, names, path.parent)
+    travel = read_travel(reader, names)
     domain = Domain(
         str(reader.root.descend(("domain",)).value),
         names.types,
@@ -41,6 +43,7 @@ def read_domain(path: Path, findings: Findings, file: File | None = None) -> tup
         asp=tuple(asp),
         rules=tuple(rules),
         time_unit=reader.time_unit,
+        travel=travel,
         words=_words(reader),
         phrases=tuple(_phrases(reader)),
         path=str(path),

@@ -89,6 +89,7 @@ EVERYWHERE = "sequence, measurement, import"
 WRITTEN = "measurement, import"
 TOURS = "sequence"
 TIMES = "schedule"
+WAYS = "plan, sequence, schedule, validate"
 POINT = "measurement, int, int, int"
 
 
@@ -123,6 +124,12 @@ class Conventions:
     bore: str = _static(
         "bore", "measurement, int", WRITTEN, "how wide the hole is that a measurement lies in, in micrometres"
     )
+    alignment: str = _static(
+        "alignment",
+        "measurement, int",
+        "sequence, import",
+        "in which step of the alignment a measurement is made: 1 first; all of them come before the others",
+    )
     impossible: str = _static(
         "impossible", "measurement, text", EVERYWHERE, "why no tool can take a measurement"
     )
@@ -142,7 +149,7 @@ class Conventions:
         "a measurement is done; operators that add it are those that measure",
     )
     travel: str = _static(
-        "travel", "place, place, time", TIMES, "how long the arm travels empty from one place to another"
+        "travel", "place, place, time", WAYS, "how long the arm travels empty from one place to another"
     )
     longest_stay: str = _static("longest_stay", "place, time", TIMES, "how long anything may stay in a place")
     release: str = _static("release", "object, time", TIMES, "when the job of an object may start")

@@ -12,6 +12,7 @@ from kb.terms import Atom, Function, Term, Variable
 
 if TYPE_CHECKING:
     from kb.model.conventions import Conventions
+    from kb.model.travel import Travel
 
 OBJECT = "object"
 NUMERIC_TYPES = ("int", "time")
@@ -176,6 +177,7 @@ class Domain:
     asp: tuple[Statement, ...] = ()  # over statics only
     rules: tuple[Rule, ...] = ()
     time_unit: str = "s"
+    travel: "Travel | None" = None  # along straight lines; a table is the static that conventions name
     words: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     phrases: tuple[Phrase, ...] = ()
     path: str = ""

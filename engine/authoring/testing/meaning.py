@@ -5,6 +5,8 @@ from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
+from engine.model.wording import counted
+
 Envelope = Mapping[str, Any]
 
 
@@ -41,22 +43,22 @@ def meaning(before: Envelope, after: Envelope) -> Iterator[str]:
 def _steps(before: Sequence[str], after: Sequence[str]) -> Iterator[str]:
     gone, new = Counter(before) - Counter(after), Counter(after) - Counter(before)
     if gone:
-        yield f"{_counted(gone.total(), 'step')} gone: {_named(gone)}"
+        yield f"{counted(gone.total(), 'step')} gone: {_named(gone)}"
     if new:
-        yield f"{_counted(new.total(), 'step')} new: {_named(new)}"
+        yield f"{counted(new.total(), 'step')} new: {_named(new)}"
     if not gone and not new and list(before) != list(after):
         matcher = difflib.SequenceMatcher(None, before, after, autojunk=False)
         kept = sum(block.size for block in matcher.get_matching_blocks())
-        yield f"{_counted(len(before) - kept, 'step')} reordered"
+        yield f"{counted(len(before) - kept, 'step')} reordered"
 
 
 def _orders(before: Envelope, after: Envelope) -> Iterator[str]:
     """Differences between two plans of the same steps in the same list order."""
     old, new = _ordered_pairs(before), _ordered_pairs(after)
     if old - new:
-        yield f"{_counted(len(old - new), 'order')} dropped"
+        yield f"{counted(len(old - new), 'order')} dropped"
     if new - old:
-        yield f"{_counted(len(new - old), 'order')} added"
+        yield f"{counted(len(new - old), 'order')} added"
     if old == new and before != after:
         yield "same steps and orders, other links or details"
 
@@ -82,7 +84,3 @@ def _operators(answer: Envelope) -> list[str]:
 def _named(steps: Counter[str]) -> str:
     names = [f"{name} x{count}" if count > 1 else name for name, count in sorted(steps.items())]
     return ", ".join(names[:3]) + (", ..." if len(names) > 3 else "")
-
-
-def _counted(count: int, noun: str) -> str:
-    return f"{count} {noun}{'' if count == 1 else 's'}"

@@ -4,6 +4,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from engine.faces.cli.answers import Answer
+from engine.model.wording import counted
 
 if TYPE_CHECKING:
     from kb.store.cases import Cases
@@ -31,7 +32,7 @@ def kept(
         if given is not None:
             added = imported(model, given)
             cases.add(added)
-            said.append(f"{len(added)} counts imported")
+            said.append(f"{counted(len(added), 'count')} imported")
         return _history(model.domain, cases, said, history)
 
 

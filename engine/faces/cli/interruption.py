@@ -8,6 +8,8 @@ from contextlib import contextmanager, suppress
 from types import FrameType, TracebackType
 from typing import TYPE_CHECKING, Any
 
+from engine.model.wording import counted
+
 if TYPE_CHECKING:
     from kb.model.plan import Plan
 
@@ -49,7 +51,7 @@ class Interruption:
         if self._progress:
             self._progress.clear()
         seconds = time.monotonic() - self.started
-        _say(f"{len(plan.steps)} steps, cost {plan.cost}, after {seconds:.1f} s\n")
+        _say(f"{counted(len(plan.steps), 'step')}, cost {plan.cost}, after {seconds:.1f} s\n")
 
     @contextmanager
     def while_waiting(self) -> Iterator[None]:

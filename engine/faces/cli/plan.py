@@ -44,6 +44,18 @@ class Wish(StrEnum):
     MAKESPAN = "makespan"
 
 
+Objective = Annotated[
+    Wish | None,
+    typer.Option(
+        "--objective",
+        help="what the plan should have least of; without it makespan, then cost, where steps take time, else cost",
+    ),
+]
+Folded = Annotated[
+    bool, typer.Option("--folded", help="with --store: print the MACROPs in the plan instead of its steps")
+]
+
+
 class PlanForm(StrEnum):
     """How a plan is written: as a table, as data, as a picture of its partial order, or in the format of PDDL planners."""
 
@@ -69,18 +81,9 @@ def plan(
     anytime: Anytime = False,
     memory_limit: MemoryLimit = None,
     seed: Seed = 0,
-    objective: Annotated[
-        Wish | None,
-        typer.Option(
-            "--objective",
-            help="what the plan should have least of; without it makespan, then cost, where steps take time, else cost",
-        ),
-    ] = None,
+    objective: Objective = None,
     store: Library = "",
-    folded: Annotated[
-        bool,
-        typer.Option("--folded", help="with --store: print the MACROPs in the plan instead of its steps"),
-    ] = False,
+    folded: Folded = False,
 ) -> None:
     """Print a plan for TARGET, or, with --pddl, for the PDDL domain TARGET and the PDDL problem TASK."""
     wanted = PlanRequest(target, goals, command, task)

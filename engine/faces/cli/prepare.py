@@ -12,6 +12,7 @@ import typer
 from engine.faces.cli.answers import Answer, Form, give
 from engine.faces.cli.exits import BAD_INPUT, GAVE_UP, INTERRUPTED
 from engine.faces.cli.options import Expansions, Format, Library, Seed, TimeLimit
+from engine.model.wording import counted
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -134,7 +135,9 @@ def _text(found: "Preparation") -> "RenderableType":
     learned = sum(each.origin == "planner" and each.macrop is not None for each in found.problems)
     known = sum(each.origin == "library" for each in found.problems)
     table = TextTable(("problem", "answer", "", *(("sequence",) if sequenced else ())), rows)
-    return Group(*stale, table, Text(f"{len(found.problems)} problems: {learned} learned, {known} known"))
+    return Group(
+        *stale, table, Text(f"{counted(len(found.problems), 'problem')}: {learned} learned, {known} known")
+    )
 
 
 def _sequence_said(kept: "KeptSequence | None") -> str:

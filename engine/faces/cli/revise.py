@@ -9,6 +9,7 @@ import typer
 from engine.faces.cli.answers import Answer, Form, give
 from engine.faces.cli.exits import INTERRUPTED, exit_code
 from engine.faces.cli.options import Expansions, Format, Seed, TimeLimit
+from engine.model.wording import counted
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -91,7 +92,7 @@ def _text(found: "PlanRevision", follows: "Follows") -> "RenderableType":
     from engine.formats.report.recovery import given_up_lines
 
     said = [
-        f"{found.way}: {len(found.kept)} steps kept, {len(found.dropped)} dropped, {len(found.added)} added"
+        f"{found.way}: {counted(len(found.kept), 'step')} kept, {len(found.dropped)} dropped, {len(found.added)} added"
     ]
     said += [f"  - {step.operator}" for step in found.dropped]
     said += [f"  + {step.operator}" for step in found.added]

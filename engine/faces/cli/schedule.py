@@ -153,15 +153,17 @@ def _timetable(
     problem: "Problem", made: "Timetable | Infeasible | GaveUp", form: ScheduleForm, stats: bool
 ) -> Answer:
     from engine.formats.report import json
+    from engine.formats.report.bounds import bottleneck_entry
     from engine.formats.report.gantt import schedule_entry
     from engine.model.outcome import Found
     from engine.model.schedule import Timetable
+    from engine.pipelines.timetable.kept import LONG
 
     if not isinstance(made, Timetable):
         return _none(made)
     planned = json.outcome(Found(made.plan), problem, starts=made.starts)["plan"]
-    entry = schedule_entry(made.shop, made.schedule, made.scope)
-    content = {"schedule": entry, "note": made.note, "plan": planned}
+    entry = schedule_entry(made.shop, made.schedule, made.scope, staged=len(made.plan.steps) <= LONG)
+    content = {"schedule": entry, "note": made.note, "bounded_by": bottleneck_entry(made), "plan": planned}
     unit = problem.domain.time_unit
     return _answer(made.shop, made.schedule, content, made.statistics, form, stats, unit, made)
 
@@ -186,14 +188,24 @@ def _answer(
     unit: str = "",
     timetable: "Timetable | None" = None,
 ) -> Answer:
-    from engine.formats.report import gantt_svg, json
+    from engine.formats.report import json
 
     if stats:
         content["statistics"] = json.statistics(statistics)
-    raw = gantt_svg.chart(shop, made, unit) if form is ScheduleForm.SVG else None
+    raw = _chart(shop, made, unit, timetable) if form is ScheduleForm.SVG else None
     figures = statistics if stats else None
     said = (lambda: _text(shop, made, figures, unit, timetable)) if raw is None else None
     return Answer("optimal" if made.proved else "found", content, said, raw=raw)
+
+
+def _chart(shop: "Shop", made: "Schedule", unit: str, timetable: "Timetable | None") -> str:
+    from engine.formats.report import gantt_svg
+    from engine.formats.report.gantt import SHOP, kept_order
+
+    if timetable is None:
+        return gantt_svg.chart(shop, made, unit, SHOP)
+    note = kept_order(timetable) if timetable.note else ""
+    return gantt_svg.chart(shop, made, unit, timetable.scope, note)
 
 
 def _text(
@@ -205,8 +217,9 @@ def _text(
 ) -> "RenderableType":
     from rich.console import Group
 
-    from engine.formats.report import text
+    from engine.formats.report import starts, text
     from engine.formats.report.gantt import charted, charted_shop
 
+    table = starts.of_steps(timetable, unit) if timetable else starts.of_stages(shop, made, unit)
     parts = charted(timetable, unit) if timetable else charted_shop(shop, made, unit)
-    return Group(*parts, *([text.statistics(statistics)] if statistics else []))
+    return Group(table, "", *parts, *([text.statistics(statistics)] if statistics else []))

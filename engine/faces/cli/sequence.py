@@ -1,5 +1,6 @@
 """`cellwright sequence`: the cheapest order of visits."""
 
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -135,8 +136,8 @@ def _sequence(
         raise InvalidInput([Diagnostic(Source("--method"), "K406", f"no method '{method}'", hint)])
     with Interruption(effort[0]) as interrupted:
         limits = Limits(effort[1], effort[2], interrupted)
-        problem, parts, answer = _solve(target, method, ends, limits)
-    return _answer(problem, parts, answer, form, interrupted.heard)
+        found, answer = _solve(target, method, ends, limits)
+    return _answer(found, answer, form, interrupted.heard)
 
 
 def _posed(target: str, effort: tuple[float | None, int, int]) -> Answer:
@@ -162,34 +163,40 @@ def _posed(target: str, effort: tuple[float | None, int, int]) -> Answer:
 
 def _solve(
     target: str, method: str, ends: tuple[bool | None, str, str], limits: "Limits"
-) -> "tuple[TourProblem, Partition | None, Tour | Infeasible | GaveUp]":
-    from dataclasses import replace
-
+) -> "tuple[Visits, Tour | Infeasible | GaveUp]":
     from engine.stages.sequencing import sequence
 
-    problem, parts = _read(target)
+    found = _read(target)
     closed, start, end = ends
-    problem = replace(
-        problem,
-        closed=problem.closed if closed is None else closed,
-        start=_named(problem, start, "--start"),
-        end=_named(problem, end, "--end"),
+    asked = replace(
+        found.tours,
+        closed=found.tours.closed if closed is None else closed,
+        start=_named(found.tours, start, "--start"),
+        end=_named(found.tours, end, "--end"),
     )
-    return problem, parts, sequence(problem, limits, method)
+    return replace(found, tours=asked), sequence(asked, limits, method)
 
 
-def _read(target: str) -> "tuple[TourProblem, Partition | None]":
-    """A TSPLIB instance, or the measurements of a problem and how they are divided among the tools."""
+@dataclass(frozen=True)
+class Visits:
+    """What is to be put in order: a TSPLIB instance, or the measurements of a problem, divided among the tools."""
+
+    tours: "TourProblem"
+    parts: "Partition | None" = None
+    problem: "Problem | None" = None
+
+
+def _read(target: str) -> Visits:
     from engine.formats.interop.tsplib import read_tsplib
     from engine.pipelines.inspection import partition, tour_problem
     from engine.pipelines.inspection.places import with_places
     from kb.files import is_file
 
     if is_file(Path(target)) and Path(target).suffix not in (".yaml", ".yml"):
-        return read_tsplib(Path(target)), None
+        return Visits(read_tsplib(Path(target)))
     problem = with_places(_problem_of(target))
     parts = partition(problem)
-    return tour_problem(problem, parts), parts
+    return Visits(tour_problem(problem, parts), parts, problem)
 
 
 def _problem_of(target: str) -> "Problem":
@@ -214,8 +221,7 @@ def _named(problem: "TourProblem", name: str, option: str) -> int | None:
 
 
 def _answer(
-    problem: "TourProblem",
-    parts: "Partition | None",
+    found: Visits,
     answer: "Tour | Infeasible | GaveUp",
     form: TourForm,
     heard: bool,
@@ -225,19 +231,24 @@ def _answer(
 
     from engine.formats.report import inspection, json, tour, tour_svg
     from engine.model.tour import Tour
+    from engine.pipelines.inspection.ways import time_between
 
     if not isinstance(answer, Tour):
         code = INTERRUPTED if heard else INFEASIBLE if json.status(answer) == "infeasible" else GAVE_UP
         reason = answer.reason
         return Answer(json.status(answer), {"reason": reason}, lambda: Text(f"No tour: {reason}."), code)
-    content, shown = tour.entry(answer, problem), [tour.text(answer, problem)]
-    if parts is not None:
-        content["partition"] = inspection.entry(parts)
-        shown.insert(0, inspection.parts(parts))
+    content, shown = tour.entry(answer, found.tours), [tour.text(answer, found.tours)]
+    if found.parts is not None:
+        content["partition"] = inspection.entry(found.parts)
+        shown.insert(0, inspection.parts(found.parts))
+    if found.problem is not None:
+        time = time_between(found.problem, found.tours, answer.order)
+        content |= tour.time_entry(time, found.problem.domain.time_unit)
+        shown += tour.time_text(time, found.problem.domain.time_unit)
     return Answer(
         "optimal" if answer.proved else "found",
         content,
         lambda: Group(*shown),
         INTERRUPTED if heard else 0,
-        raw=tour_svg.picture(answer, problem) if form is TourForm.SVG else None,
+        raw=tour_svg.picture(answer, found.tours) if form is TourForm.SVG else None,
     )

@@ -8,6 +8,7 @@ import typer
 from engine.faces.cli.answers import Answer, Form, give
 from engine.faces.cli.exits import FINDINGS
 from engine.faces.cli.options import Command, Format, Goals, Ground, Pddl, refuse_idle
+from engine.model.wording import counted
 
 if TYPE_CHECKING:
     from kb.model.plan import Claims, Plan
@@ -87,5 +88,6 @@ def _judged(problem: "Problem", plan: "Plan", name: str, claims: "Claims | None"
     last = planning.ending(plan, claims)
     content = {"steps": len(plan.steps), "cost": plan.cost, "links": len(plan.links)}
     lasts = f", makespan {last} {problem.domain.time_unit}" if last else ""
-    said = f"valid: {len(plan.steps)} steps, cost {plan.cost}{lasts}, {len(plan.links)} causal links"
+    steps, links = counted(len(plan.steps), "step"), counted(len(plan.links), "causal link")
+    said = f"valid: {steps}, cost {plan.cost}{lasts}, {links}"
     return Answer("valid", content, text=lambda: Text(said))

@@ -3,39 +3,70 @@
 from pathlib import Path
 
 from engine.formats.interop import editing
-from engine.formats.interop.measurements import all_facts, names, problem_text, read_table
+from engine.formats.interop.measurements import all_facts, names, problem_text
 from engine.formats.interop.qif import inspection_of
+from engine.formats.interop.tables import read_table, unit_m
 from engine.model.measurement import Inspection, MeasurementPoint
 from engine.pipelines.inspection import Partition, measurements_of, partition
-from kb.asp import ground_term
 from kb.diagnostics import Diagnostic, InvalidInput, Source, nearest
 from kb.files import read_file
 from kb.loader import find, load
 from kb.model.domain import Domain
 from kb.model.problem import Problem
-from kb.terms import Function
+from kb.targets import reference
+
+HINTS = "measure it otherwise, or add points with `cellwright measurement add`"
 
 
-def import_file(path: Path, domain: str, unit: str = "mm") -> tuple[Inspection, Partition, str]:
+def import_file(
+    path: Path, domain: str, unit: str = "mm", edge: float | None = None, table: bool = False
+) -> tuple[Inspection, Partition, str]:
     """The points to measure in a QIF document or a CSV table, their division among the tools, and the text of a problem.
 
-    The goals are the measurements that some tool can make. Raises `InvalidInput`.
+    The goals are the measurements that some tool can make. `unit` is that of a table, of `edge`, and of a document that names
+    none. Points on faces are at least `edge` away from their edges.
+    With `table`, the file is a table, whatever its name. Raises `InvalidInput`.
     """
-    inspection = read_table(path, unit) if path.suffix.lower() == ".csv" else inspection_of(path)
     cell = load(find(domain)).domain
+    inspection = read_table(path, unit) if table else _read(path, unit, edge)
+    _require_free_names(inspection, cell, path)
     parts = partition(_problem(inspection, cell))
     possible = (name for names in parts.groups.values() for name in names)
-    return inspection, parts, problem_text(inspection, domain, cell.conventions, sorted(possible))
+    return inspection, parts, problem_text(inspection, reference(cell), cell.conventions, sorted(possible))
+
+
+def _read(path: Path, unit: str, edge: float | None) -> Inspection:
+    if path.suffix.lower() == ".csv":
+        return read_table(path, unit)
+    metres = unit_m(unit)
+    return inspection_of(path, metres, None if edge is None else edge * metres)
+
+
+def _require_free_names(inspection: Inspection, domain: Domain, path: Path) -> None:
+    """Refuse points that have the name of an object of the domain."""
+    taken = sorted({*names(inspection)} & {*domain.objects})
+    if taken:
+        said = [f"the domain already has an object '{name}'" for name in taken]
+        raise InvalidInput(
+            [Diagnostic(Source(str(path)), "K104", each, "give the point another name") for each in said]
+        )
+
+
+def remarks(inspection: Inspection, path: Path) -> tuple[Diagnostic, ...]:
+    """A warning for each feature that has no points, or others than were asked for."""
+    told = [(each.feature, f"has no points: {each.reason}") for each in inspection.excluded]
+    told += [(each.feature, each.reason) for each in inspection.remarks]
+    where = Source(str(path))
+    return tuple(Diagnostic(where, "K807", f"{name} {what}", HINTS, warning=True) for name, what in told)
 
 
 def _problem(inspection: Inspection, domain: Domain) -> Problem:
     words = domain.conventions
-    facts = (ground_term(fact) for fact in all_facts(inspection, words))
     return Problem(
         inspection.name,
         domain,
         dict.fromkeys(names(inspection), words.measurement),
-        tuple(fact for fact in facts if isinstance(fact, Function)),
+        tuple(all_facts(inspection, words)),
     )
 
 

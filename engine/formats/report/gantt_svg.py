@@ -3,21 +3,21 @@
 from collections.abc import Iterator, Sequence
 from xml.sax.saxutils import escape
 
-from engine.formats.report.gantt import Bar, BarKind, Row, rows, summary
+from engine.formats.report.gantt import SHOP, Bar, BarKind, Row, joined, rows, summary
 from engine.formats.report.palette import colours
 from engine.formats.report.svg import INK, PAPER
 from engine.model.schedule import Schedule
 from engine.model.shop import Shop
 
-HEIGHT, GAP, MARGIN, WIDTH, CHARACTER = 22, 6, 16, 1000, 7.3
+HEIGHT, GAP, MARGIN, WIDTH, CHARACTER, LINE = 22, 6, 16, 1000, 7.3, 16
 STYLE = """
   .bar:hover { stroke-width: 2; }
   @media (prefers-color-scheme: dark) { .paper { fill: #16181c; } .text { fill: #e8e8e8; } .grid { stroke: #444a55; } }
 """
 
 
-def chart(shop: Shop, schedule: Schedule, unit: str = "") -> str:
-    """The chart. The same schedule gives the same bytes."""
+def chart(shop: Shop, schedule: Schedule, unit: str = "", scope: str = SHOP, note: str = "") -> str:
+    """The chart, below it its makespan with what is proved of it, and a note. The same schedule gives the same bytes."""
     lines = rows(shop, schedule)
     left = MARGIN + max((len(row.name) for row in lines), default=0) * CHARACTER + GAP
     height = 2 * MARGIN + (len(lines) + 2) * (HEIGHT + GAP)
@@ -25,20 +25,25 @@ def chart(shop: Shop, schedule: Schedule, unit: str = "") -> str:
     body = [*_grid(schedule, left, scale, len(lines), unit)]
     fills = list(colours(job.name for job in shop.jobs).values())
     for number, row in enumerate(lines):
-        body += _row(row, MARGIN + number * (HEIGHT + GAP), left, scale, fills)
-    said = escape(summary(schedule, unit))
+        crowded = len(row.bars) > 2 * WIDTH  # more bars than can be seen
+        shown = Row(row.name, tuple(joined(row.bars, 1 / scale))) if crowded else row
+        body += _row(shown, MARGIN + number * (HEIGHT + GAP), left, scale, fills)
+    said = [summary(schedule, unit, scope), *([note] if note else [])]
+    height += (len(said) - 1) * LINE
     return "\n".join([*_opening(left + WIDTH + 2 * MARGIN, height, said), *body, "</svg>"]) + "\n"
 
 
-def _opening(width: float, height: float, said: str) -> Iterator[str]:
+def _opening(width: float, height: float, said: Sequence[str]) -> Iterator[str]:
     yield (
         f'<svg xmlns="http://www.w3.org/2000/svg" width="{width:.0f}" height="{height:.0f}" '
         f'viewBox="0 0 {width:.0f} {height:.0f}" font-family="monospace" font-size="12">'
     )
-    yield f"<title>{said}</title>"
+    yield f"<title>{escape(said[0])}</title>"
     yield f"<style>{STYLE}</style>"
     yield f'<rect class="paper" width="100%" height="100%" fill="{PAPER}"/>'
-    yield f'<text class="text" x="{MARGIN}" y="{height - MARGIN:.0f}" fill="{INK}">{said}</text>'
+    for below, line in enumerate(reversed(said)):
+        y = height - MARGIN - below * LINE
+        yield f'<text class="text" x="{MARGIN}" y="{y:.0f}" fill="{INK}">{escape(line)}</text>'
 
 
 def _grid(schedule: Schedule, left: float, scale: float, lines: int, unit: str) -> Iterator[str]:

@@ -10,6 +10,7 @@ from engine.formats.report import json, progress
 from engine.formats.report import text as outcomes
 from engine.model.cases import Prepared
 from engine.model.outcome import Outcome
+from engine.model.wording import counted
 from kb.model.plan import Step
 from kb.model.problem import Problem
 
@@ -90,7 +91,7 @@ def text(found: Recovery) -> RenderableType:
     """How the plan was made, the plan, and the kept sequence."""
     said = PARTLY if found.given_up else WAYS[found.way]
     if found.way != "planned":
-        said += f": {len(found.kept)} steps kept, {len(found.dropped)} dropped, {len(found.added)} added"
+        said += f": {counted(len(found.kept), 'step')} kept, {len(found.dropped)} dropped, {len(found.added)} added"
     first = [Text(line) for line in _first(found.repair)]
     shown: list[RenderableType] = [*first, Text(said), outcomes.outcome(found.outcome, found.problem)]
     shown += [Text(line) for line in given_up_lines(found.given_up)]

@@ -1,16 +1,17 @@
-"""Rows of plain text as a table or, if the terminal is too narrow, as records. No text is cut off, and no word that fits
-on a line is broken."""
+"""Rows of plain text as a table or, if the terminal is too narrow, as records. No text is cut off, no word that fits on a
+line is broken, and no term if there is room."""
 
-from collections.abc import Collection, Iterable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 from rich.console import Console, ConsoleOptions, RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from engine.formats.report.wrapping import wrapped
+from engine.formats.report.wrapping import terms, wrapped
 
 GAP = 2  # characters between columns
+Cut = Callable[[str], Iterable[str]]
 
 
 def headed(head: str, below: Iterable[str], width: int) -> Text:
@@ -31,10 +32,11 @@ class TextTable:
     lead: str = ""  # style of the first column
 
     def __rich_console__(self, console: Console, options: ConsoleOptions) -> Iterator[RenderableType]:
-        spare = options.max_width - GAP * (len(self.headings) - 1) - sum(self._least())
-        if spare >= 0:
-            yield self._table(self._widths(spare))
-            return
+        room = options.max_width - GAP * (len(self.headings) - 1)
+        for least in (self._least(terms), self._least(str.split)):
+            if sum(least) <= room:
+                yield self._table(self._widths(least, room - sum(least)))
+                return
         for row in self.rows:
             cells = zip(self.headings[1:], row[1:], strict=True)
             below = [line for name, cell in cells if cell for line in _named(name, cell)]
@@ -52,22 +54,25 @@ class TextTable:
                 width=width,
             )
         for row in self.rows:
-            table.add_row(*map(Text, row))
+            table.add_row(*(Text(_fitted(cell, width)) for cell, width in zip(row, widths, strict=True)))
         return table
 
     def _columns(self) -> Iterator[tuple[str, ...]]:
         return zip(self.headings, *self.rows, strict=True)
 
-    def _least(self) -> list[int]:
-        """The longest word of each column."""
+    def _least(self, cut: Cut) -> list[int]:
+        """The longest piece of each column, when its cells are cut; headings are cut between words, those of numbers not."""
         return [
-            max((len(word) for cell in column for word in cell.split()), default=0)
-            for column in self._columns()
+            max(
+                [_longest(cut(cell)) for cell in cells]
+                + [_longest([name] if name in self.right else name.split())]
+            )
+            for name, *cells in self._columns()
         ]
 
-    def _widths(self, spare: int) -> list[int]:
-        """The width of each column: as wide as its text, or a fair share of the space beside the longest words."""
-        widths = self._least()
+    def _widths(self, least: Sequence[int], spare: int) -> list[int]:
+        """The width of each column: as wide as its text, or a fair share of the space beside its longest pieces."""
+        widths = list(least)
         lacks = [
             max((len(line) for cell in column for line in cell.splitlines()), default=0) - least
             for column, least in zip(self._columns(), widths, strict=True)
@@ -79,6 +84,14 @@ class TextTable:
             widths[place] += given
             spare -= given
         return widths
+
+
+def _longest(pieces: Iterable[str]) -> int:
+    return max((len(piece.rstrip()) for piece in pieces), default=0)
+
+
+def _fitted(cell: str, width: int) -> str:
+    return "\n".join(wrapped(line, width, 0) for line in cell.splitlines())
 
 
 def _named(name: str, cell: str) -> list[str]:

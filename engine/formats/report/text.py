@@ -4,28 +4,26 @@ The library rich decides on colours: none in a pipe, none with NO_COLOR. Tables 
 because rich would break atoms in the middle of words.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from rich.console import Console, ConsoleOptions, Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from engine.formats.report.gantt import Gantt, summary
+from engine.formats.report.gantt import Gantt, kept_order, summary
 from engine.formats.report.rows import TextTable, headed
-from engine.formats.report.wrapping import wrapped
+from engine.formats.report.steps import StepTable, span
 from engine.model.forecast import earliest_starts, makespan
 from engine.model.histories import History, histories
 from engine.model.outcome import Found, GaveUp, Infeasible, Outcome, Statistics
 from engine.model.purposes import purposes
 from engine.model.schedule import Timetable
-from kb.model.plan import Plan, StepId
+from engine.model.wording import counted
+from kb.model.plan import Plan
 from kb.model.problem import Problem
 
-LIST = 12  # characters of a line of step numbers
-LEGIBLE = 40  # characters that operators and their reasons need side by side
 WIDEST = 10_000
-JUDGED = 60  # the number of steps that determine the widths of columns
 
 
 def outcome(result: Outcome, problem: Problem, timetable: Timetable | None = None) -> RenderableType:
@@ -45,130 +43,20 @@ def plan_table(plan: Plan, problem: Problem, timetable: Timetable | None = None)
         return Text("Nothing to do: the goals hold already.")
     timed = any(step.duration for step in plan.steps)
     unit = problem.domain.time_unit
-    said = [_counted(len(plan.steps), "step"), f"cost {plan.cost}"]
+    said = [counted(len(plan.steps), "step"), f"cost {plan.cost}"]
     starts = timetable.starts if timetable else earliest_starts(plan)
     chart: list[RenderableType] = []
     if timetable:
         said.append(summary(timetable.schedule, unit, timetable.scope))
         chart = [Text(), Gantt(timetable.shop, timetable.schedule, unit), Text()]
+        chart += [Text(kept_order(timetable))] if timetable.note else []
     elif timed:
         said.append(f"{makespan(plan)} {unit} if every step starts as early as possible")
     made = histories(problem, plan, starts)
-    steps = _Steps(plan, starts, purposes(problem, plan), unit if timed else "")
+    steps = StepTable(plan, starts, purposes(problem, plan), unit if timed else "")
     told: list[RenderableType] = [Text(), _Histories(made, unit)] if made else []
     between = chart or ([Text()] if made else [])
     return Group(steps, *told, *between, Text(", ".join(said)))
-
-
-def _counted(number: int, noun: str) -> str:
-    return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
-
-
-@dataclass(frozen=True, slots=True)
-class _Steps:
-    """The table of steps, made when the width is known. Without a `unit` it shows no times."""
-
-    plan: Plan
-    starts: Mapping[StepId, int]
-    purposes: Mapping[StepId, Mapping[str, Sequence[str]]]
-    unit: str
-
-    def __rich_console__(self, console: Console, options: ConsoleOptions) -> Iterator[RenderableType]:
-        names, rows = self._narrow()
-        spare = options.max_width - sum(
-            max(map(_width, cells)) + 2 for cells in zip(names, *rows, strict=True)
-        )
-        yield self._stacked(options.max_width) if spare < LEGIBLE else self._table(names, rows, spare)
-
-    def _stacked(self, width: int) -> Table:
-        """The steps for a narrow terminal: the content of the table in lines below each step."""
-        starts = self.starts
-        table = Table(box=None, pad_edge=False, show_header=False, padding=(0, 2, 0, 0))
-        table.add_column(justify="right", no_wrap=True, style="cyan")
-        table.add_column(overflow="fold")
-        room = width - 2 - max(len(str(step.id)) for step in self.plan.steps)
-        for step in self.plan.steps:
-            said = [f"after {', '.join(map(str, step.after))}"] if step.after else []
-            said += [_span(starts[step.id], step.duration, self.unit)] if self.unit else []
-            parts = ["; ".join(said), *_reasons(self.purposes.get(step.id, {}))]
-            table.add_row(str(step.id), headed(str(step.operator), filter(None, parts), room))
-        return table
-
-    def _table(self, names: Sequence[str], rows: Sequence[tuple[str, ...]], spare: int) -> Table:
-        reasons = [_reasons(self.purposes.get(step.id, {})) for step in self.plan.steps]
-        operators, achieved = _widths([str(step.operator) for step in self.plan.steps], reasons, spare - 2)
-        table = Table(box=None, pad_edge=False)
-        table.add_column(names[0], justify="right", no_wrap=True, style="cyan")
-        table.add_column("operator", overflow="fold")
-        table.add_column(names[1], overflow="fold")
-        for name in names[2:]:
-            table.add_column(name, justify="right", no_wrap=True)
-        table.add_column("achieves", overflow="fold")
-        for step, (number, *rest), reason in zip(self.plan.steps, rows, reasons, strict=True):
-            operator = Text(wrapped(str(step.operator), operators))
-            operator.highlight_regex(r"^\w+", "bold")
-            table.add_row(number, operator, *rest, _reason_text(reason, achieved))
-        return table
-
-    def _narrow(self) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
-        """Head and rows of the columns of fixed width: numbers of steps, and times."""
-        starts = self.starts
-        rows = [
-            (str(step.id), wrapped(", ".join(map(str, step.after)), LIST, 0))
-            + ((str(starts[step.id]), str(step.duration)) if self.unit else ())
-            for step in self.plan.steps
-        ]
-        return ("step", "after") + ((f"start ({self.unit})", "lasts") if self.unit else ()), rows
-
-
-def _span(start: int, duration: int, unit: str) -> str:
-    return f"from {start} for {duration} {unit}"
-
-
-def _width(cell: str) -> int:
-    return max((len(line) for line in cell.splitlines()), default=0)
-
-
-def _reasons(achieved: Mapping[str, Sequence[str]]) -> list[str]:
-    """The conditions that a step achieves, each with its consumers in order, the goal last."""
-    return [
-        f"{condition} for {', '.join(sorted(users, key=lambda user: (user == 'goal', len(user), user)))}"
-        for condition, users in achieved.items()
-    ]
-
-
-def _widths(operators: Sequence[str], reasons: Sequence[Sequence[str]], spare: int) -> tuple[int, int]:
-    """The widths of operators and reasons: as wide as their text, or so that the table has as few lines as possible.
-
-    For long tables, only the first steps are considered.
-    """
-    widest = max(len("operator"), *map(len, operators))
-    if widest + max(len("; ".join(reason)) for reason in reasons) <= spare:
-        return widest, spare - widest
-    rows = list(zip(operators, reasons, strict=True))[:JUDGED]
-
-    def lines(given: int) -> int:
-        return sum(
-            max(wrapped(operator, given).count("\n"), _stacked(reason, spare - given).count("\n"))
-            for operator, reason in rows
-        )
-
-    least, most = len("operator"), max(min(widest, spare - len("achieves")), len("operator"))
-    given = min(range(most, least - 1, -1), key=lines)
-    return given, max(spare - given, len("achieves"))
-
-
-def _stacked(reasons: Sequence[str], width: int) -> str:
-    """All reasons on one line if they fit; otherwise each reason begins a new line."""
-    line = "; ".join(reasons)
-    return line if len(line) <= width else "\n".join(wrapped(reason, width) for reason in reasons)
-
-
-def _reason_text(reasons: Sequence[str], width: int) -> Text:
-    made = Text(_stacked(reasons, width))
-    made.highlight_regex(r" for(?= (\d|goal\b))", "dim")
-    made.highlight_regex(r"\bgoal\b", "green")
-    return made
 
 
 @dataclass(frozen=True, slots=True)
@@ -185,7 +73,7 @@ class _Histories:
             return
         for history in self.made:
             stages = (
-                f"{each.stage} {_span(each.start, each.duration, self.unit)}, step {each.step}"
+                f"{each.stage} {span(each.start, each.duration, self.unit)}, step {each.step}"
                 for each in history.happenings
             )
             yield headed(_named(history), stages, options.max_width)

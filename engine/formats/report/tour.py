@@ -44,6 +44,16 @@ def text(tour: Tour, problem: TourProblem) -> RenderableType:
     return Group(TextTable(("tool", "visits", "in order"), rows), Text(summary(tour, problem)))
 
 
+def time_entry(time: int | None, unit: str) -> dict[str, Any]:
+    """How long the ways of a tour between visits by the same tool take, for JSON; empty if no travel is declared."""
+    return {} if time is None else {"travel_time": time, "time_unit": unit}
+
+
+def time_text(time: int | None, unit: str) -> list[RenderableType]:
+    """The same for people."""
+    return [] if time is None else [Text(f"the ways between visits by the same tool take {time} {unit}")]
+
+
 def summary(tour: Tour, problem: TourProblem) -> str:
     """One line: the number of visits, the cost, and its quality."""
     kind, unit = "closed" if problem.closed else "open", f" {problem.unit}" if problem.unit else ""

@@ -1,4 +1,4 @@
-"""Atoms broken into lines as people would do it: after spaces, or after opening brackets if there are few spaces."""
+"""Texts broken into lines as people would do it: between terms, within a term after its commas or its brackets."""
 
 import re
 from collections.abc import Iterator
@@ -29,6 +29,19 @@ def _lines(text: str, width: int, indent: str) -> Iterator[str]:
 
 
 def _pieces(text: str, width: int) -> Iterator[str]:
-    """The words; a word longer than a line is broken at its brackets."""
+    """Terms and words; a term longer than a line is broken after its commas, what is still longer at its brackets."""
+    for term in terms(text):
+        for word in [term] if len(term.rstrip()) <= width else WORD.findall(term):
+            yield from PART.findall(word) if len(word.rstrip()) > width else [word]
+
+
+def terms(text: str) -> Iterator[str]:
+    """The text, cut at the spaces that are within no brackets."""
+    term, depth = "", 0
     for word in WORD.findall(text):
-        yield from PART.findall(word) if len(word.rstrip()) > width else [word]
+        term += word
+        depth = max(0, depth + word.count("(") - word.count(")"))
+        if depth == 0:
+            yield term
+            term = ""
+    yield term

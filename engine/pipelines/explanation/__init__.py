@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 from engine.model.explanation import Amendment, Explanation
 from engine.model.outcome import Found, Infeasible, Outcome
 from engine.model.task import Task
+from engine.model.wording import counted
 from engine.pipelines import planning
 from engine.pipelines.explanation.advice import Advice
 from engine.pipelines.explanation.amendments import changed
@@ -30,7 +31,9 @@ def explain(problem: Problem, limits: Limits = Limits()) -> Explanation:
     """Why a problem has no plan. Raises `InvalidInput` for a problem that does not ground."""
     outcome = planning.plan(problem, limits)
     if isinstance(outcome, Found):
-        return Explanation("feasible", reason=f"there is a plan of {len(outcome.plan.steps)} steps")
+        return Explanation(
+            "feasible", reason=f"there is a plan of {counted(len(outcome.plan.steps), 'step')}"
+        )
     if not isinstance(outcome, Infeasible):
         return Explanation("unknown", reason=outcome.reason)
     return _Inquiry(problem, limits, ground(problem)).explanation(outcome.reason)

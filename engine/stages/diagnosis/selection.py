@@ -108,7 +108,9 @@ class Selector:
             cost = self._follow(weights, rest, RULES[name])
             trail = self._trail(weights, rest)
             action = rollout.greedy(self.exact.beliefs, self.groups, trail, 0, RULES[name])
-            stops = action < 0 or self._stopping(weights) <= cost
+            stops = action < 0 or self._stopping(weights) <= cost * (
+                1.0 + TIE
+            )  # `cost` may come from another way
             conclusion = self._conclusion(weights) if stops else None
             return Advice(None if stops else action, conclusion, cost / float(weights.sum()), 0.0, False)
 

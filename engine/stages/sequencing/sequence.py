@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from engine.kernels.arrays import Floats, Ints, Longs
 from engine.model.outcome import GaveUp, Infeasible
 from engine.model.tour import Tour, TourProblem, cost_of, violations
-from engine.stages.sequencing import symmetric
+from engine.stages.sequencing import phases, symmetric
 from engine.stages.sequencing.chain1987 import chain
 from engine.stages.sequencing.limits import Limits
 from engine.stages.sequencing.ordered import best_first_order, solve_directed
@@ -34,8 +34,12 @@ def sequence(problem: TourProblem, limits: Limits = Limits(), method: str = "aut
     n = len(problem.visits)
     if n == 0:
         return Tour((), 0, 0, method=method)
-    if (reason := _contradiction(problem)) is not None:
+    if (reason := phases.refused(problem) or _contradiction(problem)) is not None:
         return Infeasible(reason)
+    if problem.phased and (problem.precedence or problem.timed or n <= SMALL):
+        problem = phases.in_pairs(problem)
+    if problem.phased:
+        return phases.by_phases(problem, limits, method, sequence)
     if n == 1:
         single = Tour((0,), 0, 0, method=method)
         return Infeasible(wrong[0]) if (wrong := violations(problem, (0,))) else single

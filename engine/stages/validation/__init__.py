@@ -16,8 +16,9 @@ from engine.stages.validation.interference import Executed, Interference
 from engine.stages.validation.links import Links
 from engine.stages.validation.semantics import Semantics
 from engine.stages.validation.workflow import ChainProgress
-from kb.arithmetic import amount, evaluate
+from kb.arithmetic import evaluate
 from kb.diagnostics import Diagnostic, Source
+from kb.model.amounts import NoAmount
 from kb.model.conditions import And, Condition, Literal, literals
 from kb.model.domain import Operator
 from kb.model.plan import GOAL, START, Claims, Plan, Step, StepId
@@ -140,10 +141,15 @@ class _Check:
         """Whether a step exists: what it holds, how long it lasts and what it costs have values. Wrong claims are told."""
         said = f"step {step.id} {step.operator}"
         expected = [evaluate(substitute(resource, bindings)) for resource in operator.resources]
-        numbers = {
-            "duration": (amount(operator.duration, bindings, 0), step.duration),
-            "cost": (amount(operator.cost, bindings, 1), step.cost),
-        }
+        amounts = self.semantics.amounts
+        try:
+            numbers = {
+                "duration": (amounts.of(operator.duration, bindings, 0), step.duration),
+                "cost": (amounts.of(operator.cost, bindings, 1), step.cost),
+            }
+        except NoAmount as error:
+            self._report("K501", f"{said}: {error}", error.hint)
+            return False
         if None in expected:
             self._report("K501", f"{said}: a resource that it must hold has no value")
             return False

@@ -37,7 +37,7 @@ def read_text(file: File) -> PetriNet:
 
 
 def _refused(where: Source, message: str, hint: str) -> InvalidInput:
-    return InvalidInput([Diagnostic(where, "K807", message, hint)])
+    return InvalidInput([Diagnostic(where, "K811", message, hint)])
 
 
 def _parts(element: Element) -> Iterator[Element]:

@@ -42,9 +42,8 @@ class Beliefs:
         `likelihoods` (A, O, C). `ends` (A, O): the outcomes that end the case; `repairs` (A,): the actions
         that have such an outcome. `shown` (A, C): the outcome of a certain action; -1 everywhere if it is
         uncertain. `costs` and `following` (K, A). `losses` (G, C) of the conclusions. `known` (C,): a lower
-        bound of the cost if c were known. The rest of a key has the situation in its lowest bits
-        (`situations` of them). At `shifts` (A,) it has the outcome of action a plus one, in `widths` (A,)
-        bits; actions with certain outcomes have no bits.
+        bound of the cost if c were known. The rest of a key has the situation in its lowest `situations`
+        bits; at `shifts` (A,) the outcome of action a plus one, in `widths` (A,) bits (0 if it is certain).
         """
         self.actions, self.outcomes, self.causes = likelihoods.shape
         self.conclusions, self.changes = len(losses), len(costs)
@@ -63,8 +62,8 @@ class Beliefs:
         self._likelihoods, self._shown = real(likelihoods), whole(shown)
         self._ends, self._repairs = whole(ends.view(np.uint8)), whole(repairs.view(np.uint8))
         self._costs, self._following = real(costs), whole(following)
-        self._losses, self._known = real(losses), real(known)
-        self._shifts, self._widths = whole(shifts), whole(widths)
+        self._losses, self._known, self._shifts = real(losses), real(known), whole(shifts)
+        self._widths = whole(widths)
 
 
 class Trail:

@@ -51,8 +51,7 @@ class Partition:
 
 
 class Room:
-    """Working space of a search: the key and the ranking of the actions at each level (the last ones for
-    bounds), and blocks of causes.
+    """Working space of a search: key and ranking of the actions at each level (the last ones for bounds), and blocks.
 
     No way is longer than the number of actions, because an action that was done brings no new information.
     """
@@ -137,9 +136,7 @@ def _unlike(problem: Partition, keys: Keys, row: int, action: int, total: float)
 
 
 def _needed(problem: Partition, room: Room, row: int, action: int) -> float:
-    """The weight of the pairs of a block that an action separates, without pairs that may be concluded
-    together.
-    """
+    """The weight of the pairs of a block that an action separates and that may not be concluded together."""
     weight = _unlike(problem, room.blocks, row, action, mass(problem, room.blocks, row))
     for group in range(problem.groups):
         for word in range(problem.sets):
@@ -257,10 +254,7 @@ def estimate(problem: Partition, table: Memo, room: Room, level: int, action: in
 
 
 def ranked(problem: Partition, table: Memo, room: Room, level: int) -> int:
-    """Rank the useful actions by the lower bounds of beginning with them.
-
-    Returns the number of these actions.
-    """
+    """Rank the useful actions by the lower bounds of beginning with them, and count them."""
     count = 0
     for action in range(problem.actions):
         if room.poll.due(problem.outcomes * problem.actions * problem.causes):

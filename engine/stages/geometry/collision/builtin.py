@@ -4,10 +4,11 @@ from functools import cached_property
 
 import numpy as np
 
+from engine.kernels.geometry.checks import first_contacts
 from engine.kernels.geometry.layout import Pairs
 from engine.model.geometry import Contact, Floats, Longs, Scene, Truths
 from engine.ports import CollisionChecker
-from engine.stages.geometry.collision.carriers import only, pose_batch, split
+from engine.stages.geometry.collision.carriers import checked_poses, only, pose_batch, split
 from engine.stages.geometry.collision.likelihood import SAMPLES, likeliest_first, sampled, touchable
 from engine.stages.geometry.collision.region_checker import RegionChecker
 from engine.stages.geometry.shapes.contacts import nearest_of_bodies
@@ -42,7 +43,8 @@ class BuiltinChecker:
     def collides(self, where: Floats) -> Truths:
         """Whether any pair touches (n,)."""
         where, endless = split(self._scene, where)
-        hits: Truths = (self.first_contacts(where) >= 0) | endless
+        hits: Truths = self._first(where) >= 0
+        hits |= endless
         return hits
 
     def first_contacts(self, where: Floats) -> Longs:
@@ -50,16 +52,18 @@ class BuiltinChecker:
 
         Raises `ValueError` for what is no number.
         """
-        from engine.kernels.geometry.checks import first_contacts
-
         where, endless = split(self._scene, where)
         if endless.any():
             raise ValueError("a configuration or pose has an entry that is not a finite number")
-        found = np.full(len(where), -1, dtype=np.int64)
+        return self._first(where)
+
+    def _first(self, where: Floats) -> Longs:
+        """`first_contacts` of a checked batch."""
+        found = np.empty(len(where), dtype=np.int64)
         pairs = self._likeliest if len(where) > SAMPLES else self._touchable
 
         def look(first: int, after: int) -> None:
-            poses = pose_batch(self._scene, where[first:after])
+            poses = checked_poses(self._scene, where[first:after])
             first_contacts(poses, self._pieces, pairs, found[first:after])
 
         in_stretches(len(where), look)

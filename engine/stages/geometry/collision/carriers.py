@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 
+from engine.kernels.geometry.forward import carriers
 from engine.model.geometry import Floats, Scene, Truths
 
 
@@ -12,9 +13,12 @@ def pose_batch(scene: Scene, where: Floats) -> Floats:
 
     Raises `ValueError` for an array of another shape.
     """
-    from engine.kernels.geometry.forward import carriers
+    return checked_poses(scene, batch(scene, where))
 
-    where, joints = batch(scene, where), scene.joints
+
+def checked_poses(scene: Scene, where: Floats) -> Floats:
+    """`pose_batch` for what `batch` or `split` has given back."""
+    joints = scene.joints
     poses = np.empty((len(where), scene.carriers, 3, 4))
     if scene.free:
         poses[:, 0] = np.eye(4)[:3]
@@ -40,7 +44,7 @@ def split(scene: Scene, where: Floats) -> tuple[Floats, Truths]:
     Raises as `batch` does.
     """
     where = batch(scene, where)
-    if math.isfinite(where.sum()):
+    if math.isfinite(np.vdot(where, where)):
         return where, np.zeros(len(where), dtype=bool)
     endless: Truths = np.asarray(~np.isfinite(where).all(axis=tuple(range(1, where.ndim))))
     if endless.any():

@@ -117,5 +117,4 @@ class ArmModel:
 
 def wrapped(angles: Floats) -> Floats:
     """The same angles, moved into (-pi, pi] by whole turns."""
-    turned: Floats = -((-angles + math.pi) % (2 * math.pi) - math.pi)
-    return turned
+    return math.pi - (math.pi - angles) % math.tau

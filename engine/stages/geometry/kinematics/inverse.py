@@ -13,6 +13,7 @@ from itertools import product
 
 import numpy as np
 
+from engine.kernels.geometry import inverse
 from engine.model.geometry import Floats, Truths
 from engine.stages.geometry import transforms
 from engine.stages.geometry.kinematics.arms import ArmModel, carrier_poses, wrapped
@@ -25,6 +26,12 @@ __all__ = ["Branches", "InverseKinematics", "Solver", "polished", "pose_error", 
 HELD = 16  # values of a joint that is held, when none are given
 NEARLY = 1e-2  # metres and radians: what misses by more is no branch, and not polished
 HOMOGENEOUS = np.array([0.0, 0.0, 0.0, 1.0])  # the last row of every pose
+CLOSED = {
+    Solver.SPHERICAL_WRIST: inverse.spherical_wrist,
+    Solver.INTERSECTING_AXES: inverse.intersecting_axes,
+    Solver.PARALLEL_AXES: inverse.parallel_axes,
+}
+LAST_ROW = HOMOGENEOUS.tobytes()
 RIGID = 1e-6  # how far a matrix may be from a rotation
 
 
@@ -79,7 +86,8 @@ class InverseKinematics:
             found = self._solved(poses)
         else:
             found = self._held(poses, self.redundant, self._values(self.redundant, redundancy))
-        return Branches(np.where(found.valid[..., None], found.q, 0.0), found.valid & rigid[:, None])
+        found.q[~found.valid] = 0.0
+        return found if rigid.all() else Branches(found.q, found.valid & rigid[:, None])
 
     def _values(self, joint: int, redundancy: Floats | None) -> Floats:
         """The values of the joint that is held."""
@@ -107,8 +115,10 @@ class InverseKinematics:
 
     def _solved(self, poses: Floats) -> Branches:
         q, residual = self._closed(poses)
-        rows = np.nonzero((residual > EXACT / 10) & (residual < NEARLY))
-        if rows[0].size:
+        near = residual > EXACT / 10
+        near &= residual < NEARLY
+        if near.any():
+            rows = np.nonzero(near)
             q[rows] = polished(self.model, poses[rows[0]], q[rows])
             residual[rows] = missed(self.model, poses[rows[0]], q[rows])
         return Branches(wrapped(q), residual < EXACT)
@@ -124,12 +134,15 @@ def _finite(T_base_flange: Floats) -> tuple[Floats, Truths]:
     poses = np.ascontiguousarray(T_base_flange, dtype=float)
     if poses.ndim != 3 or poses.shape[1:] != (4, 4):
         raise ValueError(f"poses must be (n, 4, 4), not {poses.shape}")
-    if not math.isfinite(poses.sum()):
+    if not math.isfinite(np.vdot(poses, poses)):
         poses = poses.copy()
         endless = ~np.isfinite(poses).all(axis=(1, 2))
         poses[endless] = np.eye(4)
         poses[endless, 3, 3] = 0.0
-    return poses, (poses[:, 3] == HOMOGENEOUS).all(axis=1)
+    last = poses[:, 3]
+    if last.tobytes() == LAST_ROW * len(poses):  # the usual case, seen quickly
+        return poses, np.ones(len(poses), dtype=bool)
+    return poses, (last == HOMOGENEOUS).all(axis=1)
 
 
 def _rigid(poses: Floats, known: Truths) -> tuple[Floats, Truths]:
@@ -142,18 +155,11 @@ def _rigid(poses: Floats, known: Truths) -> tuple[Floats, Truths]:
 
 def _closed(form: Form, displaced: Floats) -> tuple[Floats, Floats]:
     """Configurations (n, 8, 6) that displace the flange by E (n, 4, 4), and their residuals (n, 8)."""
-    from engine.kernels.geometry import inverse
-
     if form.backwards:
         displaced = transforms.inverse(displaced)
     q, valid = np.zeros((len(displaced), 8, 6)), np.zeros((len(displaced), 8))
     residual = np.empty(valid.shape)
-    solve = {
-        Solver.SPHERICAL_WRIST: inverse.spherical_wrist,
-        Solver.INTERSECTING_AXES: inverse.intersecting_axes,
-        Solver.PARALLEL_AXES: inverse.parallel_axes,
-    }[form.solver]
-    centre = (float(form.centre[0]), float(form.centre[1]), float(form.centre[2]))
+    solve, centre = CLOSED[form.solver], tuple(form.centre.tolist())
 
     def look(first: int, after: int) -> None:
         rows = slice(first, after)

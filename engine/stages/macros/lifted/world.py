@@ -15,6 +15,8 @@ from engine.stages.macros.lifted.schema import Following, NotGeneral, OperatorSc
 from kb.asp import Grounder
 from kb.asp.vocabulary import VIOLATED, guard, static_program
 from kb.graphs import components
+from kb.loader.amounts import amounts_of
+from kb.model.amounts import Amounts
 from kb.model.conditions import Aggregate, Body, Literal, Parameter
 from kb.model.domain import Domain, Rule
 from kb.model.problem import Problem
@@ -55,6 +57,14 @@ class CellDomain:
         grounder = Grounder()
         grounder.ground("\n".join([static_program(self.problem), *_aggregate_rules(self.domain)]))
         return Facts(grounder.everything())
+
+    @cached_property
+    def amounts(self) -> Amounts:
+        """The durations and costs of steps in the cell."""
+        return amounts_of(self.problem, self._facts_of)
+
+    def _facts_of(self, name: str, arity: int) -> Iterator[tuple[Term, ...]]:
+        return (each.arguments for each in self.statics.named(name) if len(each.arguments) == arity)
 
     @property
     def violated(self) -> bool:

@@ -47,12 +47,9 @@ def optimum(
         return None
     words = (size + WORD - 1) // WORD
     every = [*own, *eager]
-    sets = (
-        [each.preconditions for each in every],
-        [each.adds for each in every],
-        [each.deletes & ~each.adds for each in every],
-    )
-    needs, adds, drops = (rows(each, words) for each in sets)
+    needs = rows([each.preconditions for each in every], words)
+    adds = rows([each.adds for each in every], words)
+    drops = rows([each.deletes & ~each.adds for each in every], words)
     costs = [each.cost for each in every]
     for capacity in _capacities(most):
         search = Cheapest(words, costs, needs, adds, drops, len(eager), rows(goals, words), bound, capacity)

@@ -109,5 +109,5 @@ def test_what_others_write_is_read() -> None:
     ],
 )
 def test_what_is_no_net_is_refused(wrong: str) -> None:
-    with pytest.raises(InvalidInput, match="K807"):
+    with pytest.raises(InvalidInput, match="K811"):
         read_text(File.of("wrong.pnml", FOREIGN.format(wrong)))

@@ -11,6 +11,7 @@ from engine.formats.report.wrapping import wrapped
 from engine.model.forecast import earliest_starts, makespan
 from engine.model.histories import histories
 from engine.model.outcome import Found
+from engine.model.purposes import purposes
 from engine.pipelines import planning
 from kb.loader import load_problem
 from kb.model.plan import Plan, Step, StepId
@@ -30,16 +31,17 @@ def shown(made: RenderableType, width: int) -> str:
 
 
 ONE_POINT = """\
-step  operator                  after  start (s)  lasts  achieves
-   1  move_retract(t3_746, m1)                 0      2  at(t3_746, approach_point(meas(m1))) for 2
-   2  move(t3_746, meas(m1),    1              2      8  at(t3_746, approach_point(meas(m2)))
-        meas(m2))                                          for 3, 4
-   3  apply_couplant(t3_746,    2             10      3  couplant_applied(goal_point(meas(m2)))
-        m2)                                                for 5
-   4  move_contact(t3_746, m2)  3             13      2  at(t3_746, in_contact_point(meas(m2)))
-                                                           for 5
-   5  us_measure(us_probe,      4             15      4  measured(us_probe, t3_746, meas(m2))
-        t3_746, m2)                                        for goal
+step  after  start (s)  lasts  operator, and what it achieves
+   1                 0      2  move_retract(t3_746, m1)
+                                 at(t3_746, approach_point(meas(m1))) for 2
+   2  1              2      8  move(t3_746, meas(m1), meas(m2))
+                                 at(t3_746, approach_point(meas(m2))) for 3, 4
+   3  2             10      3  apply_couplant(t3_746, m2)
+                                 couplant_applied(goal_point(meas(m2))) for 5
+   4  3             13      2  move_contact(t3_746, m2)
+                                 at(t3_746, in_contact_point(meas(m2))) for 5
+   5  4             15      4  us_measure(us_probe, t3_746, m2)
+                                 measured(us_probe, t3_746, meas(m2)) for goal
 5 steps, cost 5, 19 s if every step starts as early as possible
 """
 
@@ -103,8 +105,25 @@ def test_an_empty_plan_says_so() -> None:
 
 def test_a_narrow_terminal_loses_nothing() -> None:
     wide = "".join(printed("themse/one", 400).replace(";", "").split())
-    for width in (76, 80, 100):
-        assert sorted(wide) == sorted("".join(printed("themse/one", width).split()))
+    for width in (70, 76, 80, 100):
+        narrow = (
+            printed("themse/one", width)
+            .replace(";", "")
+            .replace("operator, and what it achieves", "operatorachieves")
+        )
+        assert sorted(wide) == sorted("".join(narrow.split()))
+
+
+@pytest.mark.parametrize("width", [76, 80, 100, 120])
+@pytest.mark.parametrize("target", ["themse/two", "bulkhead/both_tools"])
+def test_no_term_is_broken_where_it_fits_on_a_line(target: str, width: int) -> None:
+    problem = load_problem(target)
+    outcome = planning.plan(problem)
+    assert isinstance(outcome, Found)
+    reasons = purposes(problem, outcome.plan)
+    shown = "\n".join(line.rstrip() for line in printed(target, width).splitlines())
+    for step in outcome.plan.steps:
+        assert all(term in shown for term in (str(step.operator), *reasons.get(step.id, ())))
 
 
 def test_a_history_tells_what_is_done_how_long_and_in_which_order() -> None:

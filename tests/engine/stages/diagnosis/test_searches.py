@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 
 from engine.kernels.cancellation import Interrupted, Poll, never
-from engine.model.troubleshooting import Action, Conclusion, Setup, Troubleshooting
+from engine.model.troubleshooting import Action, Conclusion, Setup, Troubleshooting, expected_cost
 from engine.stages.diagnosis import arrays, exact
 from engine.stages.diagnosis.exact import BranchAndBound, Searcher, ValueTable
 from engine.stages.diagnosis.kernels.memo import Memo
@@ -183,3 +183,39 @@ def test_short_tables_change_no_advice() -> None:
     for name in RULES:
         assert cramped.rule(name)(cramped.start()) == ample.rule(name)(ample.start())
     assert all(table.length > 1 << 6 for table in (*cramped._bases, *cramped._followed.values()))
+
+
+@given(isolations(6) | troubles())
+@SOME
+def test_a_rule_expects_what_its_tree_costs(problem: Troubleshooting) -> None:
+    for name in RULES:
+        selector = Selector(problem)
+        rule = selector.rule(name)
+        assert rule(selector.start()).expected_cost == pytest.approx(
+            expected_cost(selector.tree(choose=rule))
+        )
+
+
+def test_a_rule_stops_where_stopping_is_what_it_expects_though_sums_are_rounded() -> None:
+    """After t1 and t0 the rule's value is the loss of a conclusion, added up in another order."""
+    causes = ("c0", "c1", "c2")
+    actions = (
+        Action("t0", 2.0, ("yes", "no"), ((0.0, 0.3, 1.0), (1.0, 0.7, 0.0))),
+        Action("t1", 1.0, ("yes", "no"), ((1.0, 0.8, 0.1), (0.0, 1.0 - 0.8, 0.9))),
+        Action("t2", 9.0, ("yes", "no"), ((0.0, 0.0, 1.0), (1.0, 1.0, 0.0))),
+        Action("r0", 4.0, ("yes", "no"), ((0.5, 0.0, 0.0), (0.5, 1.0, 1.0)), frozenset({0})),
+    )
+    conclusions = (
+        *(
+            Conclusion(f"it is {n}", tuple(0.0 if n == other else 40.0 for other in range(3)))
+            for n in range(3)
+        ),
+        Conclusion("ask", (9.0, 9.0, 9.0)),
+    )
+    priors = (41 / 86, 13 / 86, 32 / 86)
+    selector = Selector(Troubleshooting(causes, priors, actions, conclusions))
+    for name in ("gain", "pairs"):
+        rule = selector.rule(name)
+        assert expected_cost(selector.tree(choose=rule)) == pytest.approx(
+            rule(selector.start()).expected_cost
+        )

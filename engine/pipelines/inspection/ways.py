@@ -1,0 +1,85 @@
+"""Ways between measurements, as the domain declares its travel: along straight lines, or as a table of times.
+
+Straight ways are put in order by their lengths in micrometres, which are finer than whole units of time. A table is put in
+order by its times.
+"""
+
+from collections.abc import Collection, Mapping, Sequence
+from itertools import pairwise
+
+import numpy as np
+
+from engine.model.tour import TourProblem, Visit
+from kb.diagnostics import Diagnostic, InvalidInput, Source
+from kb.loader.amounts import amounts_of
+from kb.model.amounts import Amounts, Facts, NoAmount
+from kb.model.domain import Domain, Kind
+from kb.model.problem import Problem
+from kb.terms import Function, Term
+
+Changes = Mapping[tuple[str, str], int]
+
+
+def has_table(domain: Domain) -> bool:
+    """Whether a static of the domain is a table of travel times between places."""
+    declared = domain.predicates.get(domain.conventions.travel)
+    return declared is not None and declared.kind is Kind.STATIC and len(declared.arguments) == 3
+
+
+def ordered(
+    problem: Problem,
+    name: str,
+    visits: tuple[Visit, ...],
+    changes: Changes,
+    start: int | None = None,
+    facts: Facts | None = None,
+) -> TourProblem:
+    """An open tour of measurements; `facts` gives the static facts if they are known. Raises `InvalidInput`.
+
+    Straight ways and changes of tools are in micrometres, those of a table in the domain's unit of time.
+    """
+    if not has_table(problem.domain):
+        return straight(name, visits, changes, start)
+    amounts, places = amounts_of(problem, facts), _places(problem, [each.name for each in visits])
+    times = np.array([[_time(problem, amounts, a, b) for b in places] for a in places], np.int64)
+    ways = times.reshape(len(visits), len(visits))
+    return TourProblem(
+        name, visits, ways, closed=False, start=start, changes=changes, unit=problem.domain.time_unit
+    )
+
+
+def straight(name: str, visits: tuple[Visit, ...], changes: Changes, start: int | None = None) -> TourProblem:
+    """An open tour of visits with known positions in metres. Travel costs are straight distances in micrometres."""
+    places = np.array([visit.position for visit in visits], float).reshape(-1, 3)
+    travel = (
+        np.stack([np.linalg.norm(places - place, axis=1) for place in places]) if visits else np.zeros((0, 0))
+    )
+    ways = np.rint(travel * 1e6).astype(np.int64)
+    return TourProblem(name, visits, ways, closed=False, start=start, changes=changes, unit="µm")
+
+
+def time_between(problem: Problem, tour: TourProblem, order: Sequence[int]) -> int | None:
+    """The declared travel time of all ways of an order between measurements by the same tool; None if there is none.
+
+    It is in the domain's unit of time. Raises `InvalidInput` if a time cannot be told.
+    """
+    if problem.domain.travel is None and not has_table(problem.domain):
+        return None
+    amounts = amounts_of(problem)
+    ends = [*order, *order[:1]] if tour.closed and len(order) > 1 else order
+    legs = ((tour.visits[a], tour.visits[b]) for a, b in pairwise(ends))
+    return sum(
+        _time(problem, amounts, *_places(problem, (a.name, b.name))) for a, b in legs if a.tool == b.tool
+    )
+
+
+def _places(problem: Problem, names: Collection[str]) -> list[Term]:
+    return [Function(problem.domain.conventions.meas, (Function(name),)) for name in names]
+
+
+def _time(problem: Problem, amounts: Amounts, here: Term, there: Term) -> int:
+    try:
+        return amounts.travel_time(here, there)
+    except NoAmount as error:
+        where = problem.where if problem.where.path else Source(problem.path)
+        raise InvalidInput([Diagnostic(where, "K115", str(error), error.hint)]) from None

@@ -1,0 +1,85 @@
+"""The section `travel` of a domain file: how long it takes from place to place."""
+
+import re
+from fractions import Fraction
+
+from kb.diagnostics import Source
+from kb.loader.names import Names
+from kb.loader.reader import Reader
+from kb.loader.tree import Node
+from kb.model.cell import WORLD
+from kb.model.travel import DISTANCE, TIME, Travel
+from kb.syntax import SECONDS
+
+MICROMETRES = {"m": 1_000_000, "cm": 10_000, "mm": 1_000, "in": 25_400}
+SPEED = re.compile(rf"([0-9]+(?:\.[0-9]+)?)\s*({'|'.join(MICROMETRES)})\s*/\s*({'|'.join(SECONDS)})")
+DURATION = re.compile(rf"([0-9]+(?:\.[0-9]+)?)\s*({'|'.join(SECONDS)})?")
+LONGEST = Fraction(86_400)  # seconds
+FASTEST = Fraction(10**10)  # micrometres per second
+SLOWEST = Fraction(1, 10**3)
+
+
+def read_travel(reader: Reader, names: Names) -> Travel | None:
+    """The travel that a domain declares; None if it declares none, or one that is reported."""
+    if "travel" not in reader.root.value:
+        return None
+    names.travels = True
+    where = reader.root.value["travel"][0].where
+    _refuse_others(where, names)
+    if not reader.text("travel", "speed"):
+        reader.findings.add(where, "K005", "`travel:` without a speed", "write `speed: 250 mm/s` below it")
+        return None
+    speed = _speed(reader.root.descend(("travel", "speed")), reader)
+    settling = _settling(reader)
+    if speed is None or settling is None:
+        return None
+    return Travel(speed, settling, reader.text("travel", "frame") or WORLD, where)
+
+
+def _speed(node: Node, reader: Reader) -> Fraction | None:
+    """Micrometres per unit of the domain's time."""
+    found = SPEED.fullmatch(str(node.value).strip())
+    if found is None:
+        hint = "write 250 mm/s, 0.2 m/s or 12 m/min"
+        reader.findings.add(node.where, "K005", f"'{str(node.value)[:40]}' is not a speed", hint)
+        return None
+    per_second = Fraction(found[1]) * MICROMETRES[found[2]] / SECONDS[found[3]]
+    if not SLOWEST <= per_second <= FASTEST:
+        hint = "a speed must be greater than 0, and less than 10 km/s"
+        reader.findings.add(node.where, "K113", f"the speed {found[0]} is out of range", hint)
+        return None
+    return per_second * SECONDS[reader.time_unit]
+
+
+def _settling(reader: Reader) -> Fraction | None:
+    """Units of the domain's time, 0 if nothing is said."""
+    said, node = reader.text("travel", "settling").strip(), reader.root.descend(("travel", "settling"))
+    if not said:
+        return Fraction(0)
+    found = DURATION.fullmatch(said)
+    if found is None:
+        hint = "write 300 ms, 0.5 s or 0"
+        reader.findings.add(node.where, "K005", f"'{said[:40]}' is not a time of 0 or more", hint)
+        return None
+    unit = SECONDS[found[2] or reader.time_unit]
+    settling = Fraction(found[1]) * unit
+    if settling > LONGEST:
+        reader.findings.add(
+            node.where, "K113", f"the settling time {found[0]} is longer than a day", "check the unit"
+        )
+        return None
+    return settling / SECONDS[reader.time_unit]
+
+
+def _refuse_others(where: Source, names: Names) -> None:
+    """Report whatever else has one of the names that durations use for travel."""
+    for name in (TIME, DISTANCE):
+        other = names.predicates.get(name) or names.functions.get(name)
+        if other is not None:
+            hint = "give the other one another name"
+            if name == TIME:
+                hint = "keep either `travel:`, which computes times, or the static, which is a table of them"
+            message = (
+                f"with `travel:`, durations call a number '{name}', but line {other.where.line} declares it"
+            )
+            names.findings.add(where, "K104", message, hint)
