@@ -17,6 +17,7 @@ from kb.model.domain import Kind
 from kb.model.problem import Problem
 from kb.terms import Function, Term
 
+STRAIGHT = "µm"  # the unit of straight ways
 Changes = Mapping[tuple[str, str], int]
 
 
@@ -59,7 +60,7 @@ def straight(name: str, visits: tuple[Visit, ...], changes: Changes, start: int 
         np.stack([np.linalg.norm(places - place, axis=1) for place in places]) if visits else np.zeros((0, 0))
     )
     ways = np.rint(travel * 1e6).astype(np.int64)
-    return TourProblem(name, visits, ways, closed=False, start=start, changes=changes, unit="µm")
+    return TourProblem(name, visits, ways, closed=False, start=start, changes=changes, unit=STRAIGHT)
 
 
 def time_between(problem: Problem, tour: TourProblem, order: Sequence[int]) -> int | None:
