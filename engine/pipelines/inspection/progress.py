@@ -15,6 +15,7 @@ from engine.pipelines.inspection.losses import parted
 from engine.pipelines.inspection.ways import ordered
 from engine.stages.sequencing import Limits, sequence
 from kb.diagnostics import Diagnostic, InvalidInput, Source, unknown_name
+from kb.loader.amounts import amounts_of
 from kb.model.problem import Problem
 from kb.store.sequences import PlannedVisit, SequencePlan
 
@@ -196,7 +197,8 @@ def _tours(
     )
     changes = {(a, b): cost for a, b, cost in plan.changes}
     start = 0 if before else None
-    return ordered(inspection, plan.problem, visits, changes, start), len(before)
+    facts = amounts_of(inspection).facts
+    return ordered(inspection, plan.problem, visits, changes, start, facts=facts), len(before)
 
 
 def _inserted(problem: TourProblem, wanted: Visits, old: Visits, first: int) -> tuple[int, ...]:

@@ -1,8 +1,8 @@
 """Tours in phases: all visits of one phase come before those of the next. Each phase is a tour from where the last one ends."""
 
-import itertools
 from collections.abc import Callable
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -32,7 +32,7 @@ def refused(problem: TourProblem) -> str | None:
 def in_pairs(problem: TourProblem) -> TourProblem:
     """The problem with its phases as precedence: of each visit before each one of the next phase."""
     groups = _groups(problem)
-    pairs = tuple((a, b) for now, then in itertools.pairwise(groups) for a in now for b in then)
+    pairs = tuple((a, b) for now, then in pairwise(groups) for a in now for b in then)
     visits = tuple(replace(visit, phase=0) for visit in problem.visits)
     return replace(problem, visits=visits, precedence=(*problem.precedence, *pairs))
 

@@ -1,4 +1,4 @@
-"""Travel is declared once: planner, sequencer, scheduler and checker read the same time for every way."""
+"""Motion is declared once: planner, sequencer, scheduler and checker read the same time for every way."""
 
 import dataclasses
 import math
@@ -22,9 +22,9 @@ from kb.asp import ground_term
 from kb.diagnostics import InvalidInput
 from kb.loader import load_problem, with_goals
 from kb.model.domain import Domain, Kind, Predicate
+from kb.model.motion import Motion, distance
 from kb.model.plan import Plan, Step, StepId
 from kb.model.problem import Problem
-from kb.model.travel import Travel, distance
 from kb.terms import Atom, Function, Term
 
 FEW = settings(max_examples=25, deadline=None, suppress_health_check=list(HealthCheck))
@@ -66,7 +66,7 @@ def straight(draw: st.DrawFn) -> Problem:
     """Random points, and straight ways between them at a random speed."""
     speed = Fraction(draw(st.integers(1, 10**6)), draw(st.integers(1, 50)))
     settling = Fraction(draw(st.integers(0, 100)), draw(st.integers(1, 10)))
-    domain = dataclasses.replace(BULKHEAD, travel=Travel(speed, settling, "bulkhead"))
+    domain = dataclasses.replace(BULKHEAD, motion=Motion(speed, settling, "bulkhead"))
     points = [[draw(micrometres) for _ in range(3)] for _ in NAMES]
     return inspection(
         domain, [f"position({n}, {', '.join(map(str, at))})" for n, at in zip(NAMES, points, strict=True)]
@@ -77,7 +77,7 @@ def straight(draw: st.DrawFn) -> Problem:
 def tabled(draw: st.DrawFn) -> Problem:
     """A random table of times, with each direction for itself."""
     table = Predicate("travel", ("place", "place", "time"), Kind.STATIC)
-    domain = dataclasses.replace(BULKHEAD, travel=None, predicates={**BULKHEAD.predicates, "travel": table})
+    domain = dataclasses.replace(BULKHEAD, motion=None, predicates={**BULKHEAD.predicates, "travel": table})
     ways = [(a, b) for a in PLACES for b in PLACES if a != b]
     return inspection(domain, [f"travel({a}, {b}, {draw(st.integers(0, 500))})" for a, b in ways])
 
@@ -123,7 +123,7 @@ def test_the_sequencer_counts_what_the_steps_of_the_plan_take(problem: Problem, 
     names = [tours.visits[n].name for n in order]
     steps = [fact(f"move(t3_746, meas({a}), meas({b}))") for a, b in pairwise(names)]
     assert time_between(problem, tours, order) == sum(known[step] for step in steps)
-    if problem.domain.travel is None:
+    if problem.domain.motion is None:
         assert sum(int(tours.travel[a, b]) for a, b in pairwise(order)) == sum(known[s] for s in steps)
         assert tours.unit == problem.domain.time_unit
 
@@ -146,7 +146,7 @@ def test_a_time_is_the_least_whole_number_in_which_the_way_can_be_made(
         moving = time - settling
         return moving >= 0 and (moving * speed) ** 2 >= squared
 
-    found = Travel(speed, settling).time(here, there)
+    found = Motion(speed, settling).time(here, there)
     assert enough(found)
     assert not enough(found - 1)
 
@@ -176,7 +176,7 @@ def test_the_cell_gives_the_places_of_the_racks_seen_from_the_part() -> None:
 def test_what_the_sequencer_cannot_tell_is_reported(listed: list[str], tmp_path: Path) -> None:
     table = Predicate("travel", ("place", "place", "time"), Kind.STATIC)
     domain = dataclasses.replace(
-        BULKHEAD, travel=None, predicates={**BULKHEAD.predicates, "travel": table}, path=str(tmp_path)
+        BULKHEAD, motion=None, predicates={**BULKHEAD.predicates, "travel": table}, path=str(tmp_path)
     )
     problem = inspection(domain, listed)
     with pytest.raises(InvalidInput) as caught:
@@ -187,7 +187,7 @@ def test_what_the_sequencer_cannot_tell_is_reported(listed: list[str], tmp_path:
 
 def test_a_measurement_needs_no_position_where_a_table_tells_the_ways() -> None:
     table = Predicate("travel", ("place", "place", "time"), Kind.STATIC)
-    domain = dataclasses.replace(BULKHEAD, travel=None, predicates={**BULKHEAD.predicates, "travel": table})
+    domain = dataclasses.replace(BULKHEAD, motion=None, predicates={**BULKHEAD.predicates, "travel": table})
     problem = inspection(domain, [f"travel({a}, {b}, 3)" for a in PLACES for b in PLACES if a != b])
     assert partition(problem).groups == {"us_probe": NAMES}
 

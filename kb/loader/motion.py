@@ -1,4 +1,4 @@
-"""The section `travel` of a domain file: how long it takes from place to place."""
+"""The section `motion` of a domain file: how fast an arm moves from place to place."""
 
 import re
 from fractions import Fraction
@@ -8,7 +8,9 @@ from kb.loader.names import Names
 from kb.loader.reader import Reader
 from kb.loader.tree import Node
 from kb.model.cell import WORLD
-from kb.model.travel import DISTANCE, TIME, Travel
+from kb.model.conventions import CONVENTIONS
+from kb.model.domain import Predicate
+from kb.model.motion import DISTANCE, Motion
 from kb.syntax import SECONDS
 
 MICROMETRES = {"m": 1_000_000, "cm": 10_000, "mm": 1_000, "in": 25_400}
@@ -19,21 +21,21 @@ FASTEST = Fraction(10**10)  # micrometres per second
 SLOWEST = Fraction(1, 10**3)
 
 
-def read_travel(reader: Reader, names: Names) -> Travel | None:
-    """The travel that a domain declares; None if it declares none, or one that is reported."""
-    if "travel" not in reader.root.value:
+def read_motion(reader: Reader, names: Names) -> Motion | None:
+    """The motion that a domain declares; None if it declares none, or one that is reported."""
+    if "motion" not in reader.root.value:
         return None
-    names.travels = True
-    where = reader.root.value["travel"][0].where
+    names.travel = reader.text("conventions", "travel") or CONVENTIONS["travel"].role
+    where = reader.root.value["motion"][0].where
     _refuse_others(where, names)
-    if not reader.text("travel", "speed"):
-        reader.findings.add(where, "K005", "`travel:` without a speed", "write `speed: 250 mm/s` below it")
+    if not reader.text("motion", "speed"):
+        reader.findings.add(where, "K005", "`motion:` without a speed", "write `speed: 250 mm/s` below it")
         return None
-    speed = _speed(reader.root.descend(("travel", "speed")), reader)
+    speed = _speed(reader.root.descend(("motion", "speed")), reader)
     settling = _settling(reader)
     if speed is None or settling is None:
         return None
-    return Travel(speed, settling, reader.text("travel", "frame") or WORLD, where)
+    return Motion(speed, settling, reader.text("motion", "frame") or WORLD, where)
 
 
 def _speed(node: Node, reader: Reader) -> Fraction | None:
@@ -53,7 +55,7 @@ def _speed(node: Node, reader: Reader) -> Fraction | None:
 
 def _settling(reader: Reader) -> Fraction | None:
     """Units of the domain's time, 0 if nothing is said."""
-    said, node = reader.text("travel", "settling").strip(), reader.root.descend(("travel", "settling"))
+    said, node = reader.text("motion", "settling").strip(), reader.root.descend(("motion", "settling"))
     if not said:
         return Fraction(0)
     found = DURATION.fullmatch(said)
@@ -72,14 +74,19 @@ def _settling(reader: Reader) -> Fraction | None:
 
 
 def _refuse_others(where: Source, names: Names) -> None:
-    """Report whatever else has one of the names that durations use for travel."""
-    for name in (TIME, DISTANCE):
+    """Report whatever else has one of the names that durations use for ways between places.
+
+    A table of travel times, with places and a number, is no other thing: its facts come first.
+    """
+    for name in (names.travel, DISTANCE):
         other = names.predicates.get(name) or names.functions.get(name)
-        if other is not None:
-            hint = "give the other one another name"
-            if name == TIME:
-                hint = "keep either `travel:`, which computes times, or the static, which is a table of them"
+        table = name == names.travel and isinstance(other, Predicate) and _is_table(other)
+        if other is not None and not table:
             message = (
-                f"with `travel:`, durations call a number '{name}', but line {other.where.line} declares it"
+                f"with `motion:`, durations call a number '{name}', but line {other.where.line} declares it"
             )
-            names.findings.add(where, "K104", message, hint)
+            names.findings.add(where, "K104", message, "give the other one another name")
+
+
+def _is_table(predicate: Predicate) -> bool:
+    return CONVENTIONS["travel"].deviation(predicate.kind.value, predicate.arguments) is None
