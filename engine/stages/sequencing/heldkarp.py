@@ -61,25 +61,12 @@ class _Edges:
         return found
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Bound:
-    """A lower bound on all closed tours, and the penalties (n,) that prove it."""
-
-    value: int
-    penalty: Floats
-
-
 def bound(
-    costs: Costs,
-    near: Ints,
-    tour: Ints,
-    interrupted: Interrupted = never,
-    effort: int = EFFORT,
-    before: Bound | None = None,
-) -> Bound:
+    costs: Costs, near: Ints, tour: Ints, interrupted: Interrupted = never, effort: int = EFFORT
+) -> int:
     """A lower bound on all closed tours of n >= 8 cities. `near` (n, k) are candidates, `tour` is a good tour.
 
-    `effort` is the number of cities that are looked at. The ascent goes on from the bound `before`.
+    `effort` is the number of cities that are looked at.
     """
     n, upper, best = len(costs), costs.of_tour(tour), -np.inf
     cities = np.repeat(np.arange(n, dtype=np.int64), near.shape[1])
@@ -87,21 +74,17 @@ def bound(
         costs, np.concatenate((_codes(cities, near.ravel(), n), _codes(tour, np.roll(tour, -1), n)))
     )
     steps = max(20, min(STEPS, effort // n))
-    penalty = kept = np.zeros(n) if before is None else before.penalty
-    if before is None:
-        penalty = _coarsely(edges, penalty, float(upper), steps, interrupted)
+    penalty = _coarsely(edges, np.zeros(n), float(upper), steps, interrupted)
     for _ in range(ROUNDS):
         penalty = _climbed(edges, penalty, float(upper), steps, interrupted)
         value, codes = _of_all(costs, penalty, edges)
-        if value > best:
-            best, kept = value, penalty
+        best = max(best, value)
         known = _codes(edges.first, edges.second, n)
         fresh = np.setdiff1d(codes, known)
         if not len(fresh) or interrupted() or best > upper - 1:
             break
         edges, steps = _edges(costs, np.concatenate((known, fresh))), max(20, steps // 3)
-    found = Bound(min(upper, int(np.ceil(best))), kept)
-    return before if before is not None and before.value >= found.value else found
+    return min(upper, int(np.ceil(best)))
 
 
 def _codes(a: NDArray[np.integer], b: NDArray[np.integer], n: int) -> Longs:

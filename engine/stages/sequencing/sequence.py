@@ -25,7 +25,7 @@ PROVABLE = 120  # the default method tries to prove its tour up to this number o
 MATRIX = 8000  # more visits have no matrix of costs, which some methods need
 CHAINED = 12  # up to this number of visits the search begins with the chain of 1987
 CLOSE = 0.01  # a bound farther below the tour is raised after the search, if there is time
-LATER = 8_000_000  # cities that are looked at then
+LATER = 6_000_000  # cities that are looked at then
 SMALL = 9  # up to this number of visits everything is solved exactly at once
 
 Answer = Tour | Infeasible | GaveUp
@@ -108,15 +108,14 @@ def _plain(problem: TourProblem, limits: Limits, method: str) -> Tour:
     near = symmetric.candidates(costs, _positions(problem) if circle else None)
     provable = n <= PROVABLE or method == "exact"
     quick = symmetric.search(costs, start, replace(limits, work=1), near)
-    first = None if provable else heldkarp.bound(costs, near, quick.order, limits.interrupted)
+    lower = 0 if provable else heldkarp.bound(costs, near, quick.order, limits.interrupted)
     found = symmetric.search(costs, quick.order, limits, near)
     made = _made(problem, found.order, found.work, method)
     if provable:
         return _bounded(problem, made, costs, extra, limits)
-    assert first is not None
-    if not limits.interrupted() and found.cost - first.value > CLOSE * found.cost:
-        first = heldkarp.bound(costs, near, found.order, limits.interrupted, LATER, first)
-    return replace(made, lower_bound=max(0, min(first.value + extra, made.cost)))
+    if not limits.interrupted() and found.cost - lower > CLOSE * found.cost:
+        lower = max(lower, heldkarp.bound(costs, near, found.order, limits.interrupted, LATER))
+    return replace(made, lower_bound=max(0, min(lower + extra, made.cost)))
 
 
 def _made(problem: TourProblem, tour: Ints, work: int, method: str) -> Tour:
