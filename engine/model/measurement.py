@@ -12,7 +12,7 @@ class Feature:
 
     `tolerances` holds the width of the narrowest tolerance zone for each kind of characteristic. `along` is
     the axis, the normal or the direction of a line. `across` is a direction at right angles to it; the angle
-    `sweep` (rad) starts there.
+    `sweep` (rad) starts there. `entities` names the faces or edges of the part that the feature consists of.
     """
 
     name: str
@@ -25,6 +25,7 @@ class Feature:
     outline: tuple[Triple, ...] = ()
     internal: bool = False
     tolerances: Mapping[str, float] = field(default_factory=dict)
+    entities: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,7 +34,7 @@ class MeasurementPoint:
     the point lies in.
 
     `kind` is what the tool must measure (thickness, profile). `tolerance_m` is the width of the tolerance
-    zone that the measurement must confirm.
+    zone that the measurement must confirm. `step` says in which step of the alignment the point is measured; 0: in none.
     """
 
     name: str
@@ -43,11 +44,12 @@ class MeasurementPoint:
     normal: Triple
     tolerance_m: float | None = None
     bore_m: float | None = None
+    step: int = 0
 
 
 @dataclass(frozen=True, slots=True)
 class Excluded:
-    """A feature without measurement points, and why it has none."""
+    """A feature without measurement points, and why it has none; or a remark about one that has points."""
 
     feature: str
     reason: str
@@ -55,9 +57,11 @@ class Excluded:
 
 @dataclass(frozen=True, slots=True)
 class Inspection:
-    """The measurements of a part."""
+    """The measurements of a part. `left_out` names the kinds of facts about them that a domain does not know."""
 
     name: str
     points: tuple[MeasurementPoint, ...]
     excluded: tuple[Excluded, ...] = ()
     features: int = 0
+    remarks: tuple[Excluded, ...] = ()
+    left_out: tuple[str, ...] = ()

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from engine.model.outcome import GaveUp, Infeasible, Statistics
-from engine.model.shop import Changeover, Shop
+from engine.model.shop import Changeover, Hold, Shop
 from kb.model.plan import Plan, StepId
 
 
@@ -27,7 +27,8 @@ class Schedule:
     """When each stage and each change of a device starts. No schedule is shorter than `lower_bound`.
 
     `tardiness` is the weighted sum of how late jobs end. Less tardiness is better than a shorter makespan.
-    `proved` says that there is no better schedule. Only the order is promised; start times are a forecast.
+    `proved` says that there is no better schedule. Only the order is promised; start times are a forecast. `units` names the
+    unit that each hold has, where a plan has settled it.
     """
 
     starts: Mapping[str, int]
@@ -36,6 +37,7 @@ class Schedule:
     lower_bound: int
     tardiness: int = 0
     proved: bool = False
+    units: Mapping[Hold, str] = field(default_factory=dict)
 
     @property
     def gap(self) -> float:

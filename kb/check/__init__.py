@@ -7,6 +7,7 @@ from kb.check.oversights import misspelt_heads, never_given_back
 from kb.commands.ambiguity import unclear_words
 from kb.commands.phrases import spoken_of
 from kb.diagnostics import Diagnostic
+from kb.model.amounts import asked
 from kb.model.conditions import Aggregate, Condition, conditions, literals
 from kb.model.domain import Domain, Effect, Kind, Operator
 from kb.model.problem import Problem
@@ -43,6 +44,9 @@ def unreachable(domain: Domain, reached: Collection[str]) -> list[Diagnostic]:
 def _unused(domain: Domain, problems: Collection[Problem]) -> Iterator[Diagnostic]:
     used = {*_read(domain), *_changed(domain), *_counted(domain), *_named(problems), *read_by_engine(domain)}
     used |= {literal.atom.name for literal in spoken_of(domain)}
+    used |= {
+        each.name for o in domain.operators for term in (o.duration, o.cost) for each in asked(domain, term)
+    }
     stated = {use for each in domain.asp for use in (each.defines, *(use for use, _ in each.uses))}
     for predicate in domain.predicates.values():
         if predicate.name not in used and (predicate.name, len(predicate.arguments)) not in stated:

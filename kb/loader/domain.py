@@ -4,9 +4,11 @@ import re
 from pathlib import Path
 
 from kb.commands import check_phrases
+from kb.files import File
 from kb.loader.conventions import read_conventions
 from kb.loader.declarations import read_declarations
 from kb.loader.deduction import read_deductive_operators, read_defaults
+from kb.loader.motion import read_motion
 from kb.loader.names import Names
 from kb.loader.operators import read_operators
 from kb.loader.reader import Findings, Reader, require, validate_shape
@@ -16,15 +18,19 @@ from kb.model.computed import with_named_values
 from kb.model.domain import Domain, Phrase
 
 
-def read_domain(path: Path, findings: Findings) -> tuple[Domain, Names]:
-    """The domain in a file and its symbol table. Raises `InvalidInput` if its form is wrong; other errors are noted."""
-    reader = Reader.of(read_file(path), findings)
+def read_domain(path: Path, findings: Findings, file: File | None = None) -> tuple[Domain, Names]:
+    """The domain in a file and its symbol table. `file` has the text, if it is not that of `path`.
+
+    Raises `InvalidInput` if its form is wrong; other errors are noted.
+    """
+    reader = Reader.of(file or read_file(path), findings)
     if not validate_shape(reader, "domain"):
         require(findings)
     reader.time_unit = reader.text("units", "time") or "s"
     names = Names(findings)
     read_declarations(reader, names)
     asp, rules = read_rules(reader, names, path.parent)
+    motion = read_motion(reader, names)
     domain = Domain(
         str(reader.root.descend(("domain",)).value),
         names.types,
@@ -37,6 +43,7 @@ def read_domain(path: Path, findings: Findings) -> tuple[Domain, Names]:
         asp=tuple(asp),
         rules=tuple(rules),
         time_unit=reader.time_unit,
+        motion=motion,
         words=_words(reader),
         phrases=tuple(_phrases(reader)),
         path=str(path),

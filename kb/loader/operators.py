@@ -8,10 +8,13 @@ from kb.loader.inference import Typing, scoped
 from kb.loader.names import Names
 from kb.loader.reader import Expression, Reader
 from kb.loader.safety import closed, extended, occurrences, refuse_unbound, warn_singletons
+from kb.model.amounts import asks
 from kb.model.conditions import TRUE, And, Condition, Parameter, free_variables
-from kb.model.domain import NUMERIC_TYPES, Command, Effect, Kind, Operator
-from kb.terms import ANYTHING, Function, Number, Term, Variable, variables
+from kb.model.domain import NUMERIC_TYPES, OBJECT, Command, Effect, Kind, Operator
+from kb.model.motion import DISTANCE
+from kb.terms import ANYTHING, Function, Number, Operation, Term, Variable, variables
 
+UNDECLARED = ("travel", DISTANCE)  # what a duration may ask for once a domain declares how an arm moves
 READABLE = (Kind.STATIC, Kind.FLUENT, Kind.DERIVED)
 CHANGEABLE = (Kind.FLUENT, Kind.EVENT)
 
@@ -138,20 +141,42 @@ class _OperatorReader:
                 self.names.findings.add(self.header.place(variable), "K104", f"{message} in a header", hint)
 
     def _number(self, name: str, type_: str, expression: Expression) -> None:
-        """A duration or cost: a number, or a variable of a numeric type."""
+        """A duration or cost: numbers, variables of numeric types, and what stands for a number."""
         value = expression.value
         if isinstance(value, Number) and value.value < 0:
             hint = f"a {name} must be 0 or more"
             self.names.findings.add(expression.node.where, "K113", f"the {name} {value} is negative", hint)
-        for variable in variables(value):
-            if (known := self.typing.type_of(variable)) is None:
-                self.typing.types[variable] = type_
-            elif known not in NUMERIC_TYPES:
-                message = f"{variable} is of type {known}, but a {name} is a number"
-                hint = "bind a number by a static: `takes(Item, Time)` in `where:`"
-                self.names.findings.add(expression.place(variable), "K103", message, hint)
-        if not isinstance(value, Variable):
-            self.typing.term(value, type_, expression, Function(name))
+        self._counted(name, type_, value, expression)
+
+    def _counted(self, name: str, type_: str, term: Term, expression: Expression) -> None:
+        match term:
+            case Variable():
+                self._numeric(name, type_, term, expression)
+            case Operation(_, left, right):
+                self._counted(name, type_, left, expression)
+                self._counted(name, type_, right, expression)
+            case Function(known, arguments) if asks(
+                self.names.predicates, self.names.travel, known, len(arguments)
+            ):
+                declared = self.names.predicates.get(known)
+                types = declared.arguments if declared else (OBJECT, OBJECT)
+                for argument, expected in zip(arguments, types, strict=False):
+                    self.typing.term(argument, expected, expression, term)
+            case Function(known, (_, _)) if known in UNDECLARED and known not in self.names.functions:
+                hint = "declare `motion:` with a speed, or the static travel(place, place, time)"
+                message = f"no motion is declared, so '{known}' is not known"
+                self.names.findings.add(expression.place(term), "K101", message, hint)
+                self.typing.sound = False
+            case _:
+                self.typing.term(term, type_, expression, Function(name))
+
+    def _numeric(self, name: str, type_: str, variable: Variable, expression: Expression) -> None:
+        if (known := self.typing.type_of(variable)) is None:
+            self.typing.types[variable] = type_
+        elif known not in NUMERIC_TYPES:
+            message = f"{variable} is of type {known}, but a {name} is a number"
+            hint = "bind a number by a static: `takes(Item, Time)` in `where:`"
+            self.names.findings.add(expression.place(variable), "K103", message, hint)
 
     def _refuse_strangers(self) -> None:
         """Report variables that occur outside `where:` but not in the header."""

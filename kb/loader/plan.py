@@ -8,12 +8,13 @@ from pathlib import Path
 
 from kb.asp import AspError, ground_term
 from kb.diagnostics import Diagnostic, InvalidInput, Source
+from kb.loader.amounts import amounts_of
 from kb.loader.domain import read_domain
 from kb.loader.problem import read_problem
 from kb.loader.reader import Findings, Reader, require, validate_shape
 from kb.loader.references import domain_file
 from kb.loader.tree import Node, read_file
-from kb.model.domain import Domain
+from kb.model.amounts import Amounts
 from kb.model.plan import CausalLink, Claims, Happened, Plan, Step, StepId
 from kb.model.problem import Problem
 from kb.model.traits import step_of
@@ -37,7 +38,7 @@ def load_claimed(path: Path) -> tuple[Problem, Plan, Claims]:
     domain, names = read_domain(domain_file(inner), findings)
     problem = read_problem(inner, domain, names, findings)
     plan_reader = Reader(entry, findings, domain.time_unit)
-    plan = Plan(tuple(_steps(plan_reader, domain)), tuple(_links(plan_reader)))
+    plan = Plan(tuple(_steps(plan_reader, amounts_of(problem))), tuple(_links(plan_reader)))
     claims = _claims(plan_reader)
     require(findings)
     return problem, plan, claims
@@ -54,15 +55,17 @@ def _require_plan(reader: Reader) -> None:
     )
 
 
-def _steps(reader: Reader, domain: Domain) -> list[Step]:
+def _steps(reader: Reader, amounts: Amounts) -> list[Step]:
     """The steps; what an entry leaves out is as the domain says."""
-    return [_step(reader, node, domain) for node in reader.items("steps")]
+    return [_step(reader, node, amounts) for node in reader.items("steps")]
 
 
-def _step(reader: Reader, node: Node, domain: Domain) -> Step:
+def _step(reader: Reader, node: Node, amounts: Amounts) -> Step:
     after = tuple(StepId(_whole(reader, each)) for each in _listed(node, "after"))
     number = StepId(_whole(reader, node.descend(("id",))))
-    plain = step_of(domain, number, _term(reader, node.descend(("operator",))), after)
+    operator = _term(reader, node.descend(("operator",)))
+    said = {"resources", "duration", "cost"} <= {*node.value}
+    plain = Step(number, operator, after) if said else step_of(amounts, number, operator, after)
     held = tuple(_term(reader, each) for each in _listed(node, "resources"))
     return replace(
         plain,

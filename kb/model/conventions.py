@@ -89,6 +89,7 @@ EVERYWHERE = "sequence, measurement, import"
 WRITTEN = "measurement, import"
 TOURS = "sequence"
 TIMES = "schedule"
+WAYS = "plan, sequence, schedule, validate"
 POINT = "measurement, int, int, int"
 
 
@@ -123,6 +124,12 @@ class Conventions:
     bore: str = _static(
         "bore", "measurement, int", WRITTEN, "how wide the hole is that a measurement lies in, in micrometres"
     )
+    alignment: str = _static(
+        "alignment",
+        "measurement, int",
+        "sequence, import",
+        "in which step of the alignment a measurement is made: 1 first; all of them come before the others",
+    )
     impossible: str = _static(
         "impossible", "measurement, text", EVERYWHERE, "why no tool can take a measurement"
     )
@@ -131,6 +138,16 @@ class Conventions:
         "refused", "tool, measurement, text", EVERYWHERE, "why a tool for its kind cannot take a measurement"
     )
     unavailable: str = _static("unavailable", "tool", TOURS, "a tool was lost; the engine adds these facts")
+    window: str = _static(
+        "window",
+        "measurement, time, time",
+        TOURS,
+        "the earliest and the latest time at which a measurement may begin, from the start of the tour",
+    )
+    lasts: str = _static("lasts", "measurement, time", TOURS, "how long a measurement takes in a tour")
+    before: str = _static(
+        "before", "measurement, measurement", TOURS, "the first measurement is made before the second"
+    )
     change: str = _static(
         "change", "tool, tool, int", TOURS, "what a change of tools costs, as a way in micrometres"
     )
@@ -142,7 +159,7 @@ class Conventions:
         "a measurement is done; operators that add it are those that measure",
     )
     travel: str = _static(
-        "travel", "place, place, time", TIMES, "how long the arm travels empty from one place to another"
+        "travel", "place, place, time", WAYS, "how long the arm travels empty from one place to another"
     )
     longest_stay: str = _static("longest_stay", "place, time", TIMES, "how long anything may stay in a place")
     release: str = _static("release", "object, time", TIMES, "when the job of an object may start")

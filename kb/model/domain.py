@@ -12,6 +12,7 @@ from kb.terms import Atom, Function, Term, Variable
 
 if TYPE_CHECKING:
     from kb.model.conventions import Conventions
+    from kb.model.motion import Motion
 
 OBJECT = "object"
 NUMERIC_TYPES = ("int", "time")
@@ -176,6 +177,7 @@ class Domain:
     asp: tuple[Statement, ...] = ()  # over statics only
     rules: tuple[Rule, ...] = ()
     time_unit: str = "s"
+    motion: "Motion | None" = None  # what gives the travel times that no fact gives
     words: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     phrases: tuple[Phrase, ...] = ()
     path: str = ""

@@ -2,8 +2,9 @@
 
 from dataclasses import dataclass
 
-from kb.arithmetic import amount, evaluate
-from kb.model.domain import Domain, Operator
+from kb.arithmetic import evaluate
+from kb.model.amounts import Amounts, NoAmount
+from kb.model.domain import Operator
 from kb.model.plan import Step, StepId
 from kb.terms import Function, Term, substitute
 
@@ -17,20 +18,29 @@ class Traits:
     cost: int = 1
 
 
-def traits(operator: Operator, instance: Function) -> Traits | None:
-    """The traits of an instance; None if one of them has no value, so that there is no such instance."""
+def traits(operator: Operator, instance: Function, amounts: Amounts) -> Traits | None:
+    """The traits of an instance; None if one of them has no value, so that there is no such instance.
+
+    Raises `NoAmount` if its duration or cost asks for a number that nothing tells.
+    """
     bindings = dict(zip(operator.variables, instance.arguments, strict=True))
     resources = [evaluate(substitute(resource, bindings)) for resource in operator.resources]
     held = tuple([each for each in resources if each is not None])
-    duration, cost = amount(operator.duration, bindings, 0), amount(operator.cost, bindings, 1)
+    duration, cost = amounts.of(operator.duration, bindings, 0), amounts.of(operator.cost, bindings, 1)
     if duration is None or cost is None or len(held) < len(resources):
         return None
     return Traits(held, duration, cost)
 
 
-def step_of(domain: Domain, number: StepId, instance: Function, after: tuple[StepId, ...] = ()) -> Step:
-    """A step with the traits that its domain gives it; those of no operator if it is no instance."""
-    known = {operator.name: operator for operator in domain.operators}.get(instance.name)
+def step_of(amounts: Amounts, number: StepId, instance: Function, after: tuple[StepId, ...] = ()) -> Step:
+    """A step with the traits that its domain gives it; those of no operator if it is no instance, or they cannot be told.
+
+    The checker refuses such a step.
+    """
+    known = next((each for each in amounts.domain.operators if each.name == instance.name), None)
     fits = known is not None and len(known.parameters) == len(instance.arguments)
-    found = (traits(known, instance) if known and fits else None) or Traits()
+    try:
+        found = (traits(known, instance, amounts) if known and fits else None) or Traits()
+    except NoAmount:
+        found = Traits()
     return Step(number, instance, after, found.resources, found.duration, found.cost)

@@ -29,6 +29,19 @@ class UnitsEntry(Strict):
     time: Literal["ms", "s", "min", "h"] = Field("s", description="the unit of numbers of type `time`")
 
 
+class MotionEntry(Strict):
+    """How long it takes from place to place, along straight lines."""
+
+    speed: str | int = Field(description="of the arm along the line: 250 mm/s, 0.2 m/s, 12 m/min")
+    settling: str | int | None = Field(
+        None,
+        description="time to start and to stop, for every way between two different places; 0 if left out",
+    )
+    frame: str = Field(
+        "world", description="the frame of the cell in which the positions of facts are; the places follow it"
+    )
+
+
 class CommandEntry(Strict):
     """The command that the executive sends for a step, and the expected reply."""
 
@@ -71,9 +84,13 @@ class OperatorEntry(Strict):
         None, description="what the step occupies while it lasts: steps with a common resource never overlap"
     )
     duration: str | int | None = Field(
-        None, description="a number with a unit, such as 15 min, or a variable; 0 when left out"
+        None,
+        description="a number with a unit, such as 15 min, a variable, travel(From, To), or arithmetic; 0 when left out",
     )
-    cost: str | int | None = Field(None, description="a number or a variable; 1 when left out")
+    cost: str | int | None = Field(
+        None,
+        description="a number, a variable, a static such as weight(Tool), or arithmetic; 1 when left out",
+    )
     command: CommandEntry | None = Field(None, description="the command that the executive sends")
 
 
@@ -160,6 +177,9 @@ class DomainFile(Strict):
         default_factory=dict,
         description="names that the engine knows: what this domain calls them, where it is another name",
         json_schema_extra={"properties": _ROLES, "additionalProperties": False},
+    )
+    motion: MotionEntry | None = Field(
+        None, description="how an arm moves between places: what durations call travel(From, To)"
     )
     commands: CommandsEntry = Field(
         default_factory=lambda: CommandsEntry(), description="words and phrases that people use"

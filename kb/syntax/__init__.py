@@ -35,7 +35,7 @@ from kb.model.statement import Statement
 from kb.syntax.checks import ExpressionError, check_brackets, check_size
 from kb.terms import Function, Number, Operation, Term, Text, Variable, variables
 
-__all__ = ["STARTS", "ExpressionError", "Parsed", "ReadAggregate", "parse", "unit_seconds"]
+__all__ = ["SECONDS", "STARTS", "ExpressionError", "Parsed", "ReadAggregate", "parse", "unit_seconds"]
 
 GRAMMAR = Path(__file__).with_name("expressions.lark")
 STARTS = ["header", "trigger", "conditions", "body", "clauses", "atoms", "atom", "term", "terms", "signature"]

@@ -6,10 +6,12 @@ from pathlib import Path
 
 import pytest
 
+from engine.formats.interop.inspections import remarks
 from engine.formats.interop.jobshop import read_jobshop
-from engine.formats.interop.measurements import read_table
 from engine.formats.interop.pddl import read_pddl
-from engine.formats.interop.qif.document import read_document
+from engine.formats.interop.pnml import read_pnml
+from engine.formats.interop.qif import inspection_of
+from engine.formats.interop.tables import read_table
 from engine.formats.interop.tsplib import read_tsplib
 from engine.pipelines import checking, planning
 from kb.asp import trial
@@ -24,9 +26,9 @@ PENDING: set[str] = set()  # codes that are being written
 WITHOUT_A_PLACE = ("K001", "K002", "K402", "K404")  # what is wrong is the whole file
 READERS: dict[str, Callable[[Path], object]] = {
     "*.tsp": read_tsplib,
-    "*.qif": read_document,
     "*.csv": read_table,
     "*.txt": read_jobshop,
+    "*.pnml": read_pnml,
 }
 
 
@@ -41,6 +43,8 @@ def found_in(folder: Path) -> tuple[Diagnostic, ...]:
         for pattern, read in READERS.items():
             for file in folder.glob(pattern):
                 read(file)
+        for file in folder.glob("*.qif"):
+            return remarks(inspection_of(file), file)
         if (folder / "cell.yaml").exists():
             load_cell(folder / "cell.yaml")
         target = folder / "problem.yaml"

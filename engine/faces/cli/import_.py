@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from engine.faces.cli.answers import Answer, Form, give
-from engine.faces.cli.options import Format, refuse_idle
+from engine.faces.cli.options import Format, number, refuse_idle
 
 app = typer.Typer(add_completion=False, no_args_is_help=True)
 
@@ -16,36 +16,62 @@ def import_() -> None:
     """Make problems from files of other systems."""
 
 
+Output = Annotated[Path | None, typer.Option(help="the problem file to write; FILE.yaml if not given")]
+Domain = Annotated[str, typer.Option(help="a domain that chooses tools, by path or bundled name")]
+
+
 @app.command()
 def qif(
-    file: Annotated[Path, typer.Argument(help="a QIF 3.0 document, or a CSV table of points")],
-    output: Annotated[
-        Path | None, typer.Option(help="the problem file to write; FILE.yaml if not given")
+    file: Annotated[Path, typer.Argument(help="a QIF document, or a CSV table of points")],
+    output: Output = None,
+    domain: Domain = "bulkhead",
+    unit: Annotated[
+        str,
+        typer.Option(help="mm, cm, m or in: the unit of --edge-distance, and of a file that names no unit"),
+    ] = "mm",
+    edge_distance: Annotated[
+        float | None,
+        typer.Option(min=0, callback=number, help="how far points on faces stay away from their edges"),
     ] = None,
-    domain: Annotated[
-        str, typer.Option(help="a domain that chooses tools, by path or bundled name")
-    ] = "bulkhead",
-    unit: Annotated[str, typer.Option(help="the unit of a CSV table: mm (if not given), m or in")] = "",
     format: Format = Form.TEXT,
 ) -> None:
     """Write a problem with the points at which the features of FILE are measured."""
-    if file.suffix.lower() != ".csv":
-        refuse_idle({"--unit": unit}, "on a QIF document, which states its own units")
-    give(lambda: _qif(file, output, domain, unit or "mm"), format)
+    if file.suffix.lower() == ".csv":
+        refuse_idle(
+            {"--edge-distance": edge_distance is not None}, "on a table, which says where its points are"
+        )
+    give(lambda: _import(file, output, domain, unit, edge_distance), format)
 
 
-def _qif(file: Path, output: Path | None, domain: str, unit: str) -> Answer:
-    from engine.formats.interop.inspections import import_file
+@app.command()
+def csv(
+    file: Annotated[Path, typer.Argument(help="a CSV table of points")],
+    output: Output = None,
+    domain: Domain = "bulkhead",
+    unit: Annotated[str, typer.Option(help="the unit of the lengths in the table: mm, cm, m or in")] = "mm",
+    format: Format = Form.TEXT,
+) -> None:
+    """Write a problem with the points of a table."""
+    give(lambda: _import(file, output, domain, unit, None, table=True), format)
+
+
+def _import(
+    file: Path, output: Path | None, domain: str, unit: str, edge: float | None, table: bool = False
+) -> Answer:
+    from engine.formats.interop.inspections import import_file, remarks
     from engine.formats.report.inspection import entry, parts
 
-    inspection, partition, text = import_file(file, domain, unit)
+    inspection, partition, text = import_file(file, domain, unit, edge, table)
     target = output or Path(f"{file.stem}.yaml")
     _write(target, text)
     content = {"file": str(target), "features": inspection.features, "points": len(inspection.points)}
     return Answer(
         "ok",
         {**content, **entry(partition)},
-        lambda: parts(partition, f"{target}: {inspection.features} features"),
+        lambda: parts(
+            partition, f"{target}: {inspection.features} features, {len(inspection.points)} points"
+        ),
+        diagnostics=remarks(inspection, file),
     )
 
 

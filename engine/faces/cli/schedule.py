@@ -153,15 +153,17 @@ def _timetable(
     problem: "Problem", made: "Timetable | Infeasible | GaveUp", form: ScheduleForm, stats: bool
 ) -> Answer:
     from engine.formats.report import json
+    from engine.formats.report.bounds import bottleneck_entry
     from engine.formats.report.gantt import schedule_entry
     from engine.model.outcome import Found
     from engine.model.schedule import Timetable
+    from engine.pipelines.timetable.kept import LONG
 
     if not isinstance(made, Timetable):
         return _none(made)
     planned = json.outcome(Found(made.plan), problem, starts=made.starts)["plan"]
-    entry = schedule_entry(made.shop, made.schedule, made.scope)
-    content = {"schedule": entry, "note": made.note, "plan": planned}
+    entry = schedule_entry(made.shop, made.schedule, made.scope, staged=len(made.plan.steps) <= LONG)
+    content = {"schedule": entry, "note": made.note, "bounded_by": bottleneck_entry(made), "plan": planned}
     unit = problem.domain.time_unit
     return _answer(made.shop, made.schedule, content, made.statistics, form, stats, unit, made)
 

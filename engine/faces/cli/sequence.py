@@ -1,5 +1,6 @@
 """`cellwright sequence`: the cheapest order of visits."""
 
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -67,6 +68,14 @@ Restored = Annotated[
     list[str] | None, typer.Option("--restored", help="visits, tools and resources that can be used again")
 ]
 Anew = Annotated[bool, typer.Option("--anew", help="forget the kept sequence")]
+Windows = Annotated[
+    list[str] | None,
+    typer.Option("--window", help="when a visit may begin, from the start of the tour: 'm3=10..90, m4=..60'"),
+]
+Lasts = Annotated[list[str] | None, typer.Option("--lasts", help="how long a visit takes: 'm3=4, m4=6'")]
+Before = Annotated[
+    list[str] | None, typer.Option("--before", help="visits that come in this order, separated by commas")
+]
 Shown = Annotated[TourForm, typer.Option("--format", help="how the tour is written")]
 
 
@@ -77,6 +86,9 @@ def sequence(
     open_: Open = False,
     start: Start = "",
     end: End = "",
+    window: Windows = None,
+    lasts: Lasts = None,
+    before: Before = None,
     cost: Cost = TravelCost.STRAIGHT,
     time_limit: TimeLimit = None,
     work: Work = 0,
@@ -95,6 +107,8 @@ def sequence(
     news = (done or [], lost or [], bad or [], restored or [])
     kept = {"--next": next_, "--anew": anew, **dict(zip(NEWS, news, strict=True))}
     given = {"--closed": closed, "--start": start, "--end": end, "--format svg": format is TourForm.SVG}
+    wanted = (window or [], lasts or [], before or [])
+    given |= dict(zip(("--window", "--lasts", "--before"), map(bool, wanted), strict=True))
     given["--method"] = "" if method == "auto" else method
     form, effort = Form.JSON if format is TourForm.JSON else Form.TEXT, (time_limit, work, seed)
     joints = cost is TravelCost.JOINTS
@@ -109,7 +123,7 @@ def sequence(
     if joints:
         refuse_idle({**given, "--open": open_}, "with --cost joints, whose tours are closed")
         give(lambda: _posed(target, effort), form)
-    give(lambda: _sequence(target, method, (back, start, end), effort, format), form)
+    give(lambda: _sequence(target, method, (back, start, end), wanted, effort, format), form)
 
 
 def _returns(closed: bool, open_: bool) -> bool | None:
@@ -123,6 +137,7 @@ def _sequence(
     target: str,
     method: str,
     ends: tuple[bool | None, str, str],
+    wanted: tuple[list[str], list[str], list[str]],
     effort: tuple[float | None, int, int],
     form: TourForm,
 ) -> Answer:
@@ -134,9 +149,9 @@ def _sequence(
         hint = nearest(method, list(METHODS)) or f"one of {', '.join(METHODS)}"
         raise InvalidInput([Diagnostic(Source("--method"), "K406", f"no method '{method}'", hint)])
     with Interruption(effort[0]) as interrupted:
-        limits = Limits(effort[1], effort[2], interrupted)
-        problem, parts, answer = _solve(target, method, ends, limits)
-    return _answer(problem, parts, answer, form, interrupted.heard)
+        limits = Limits(effort[1], effort[2], interrupted, tell=interrupted.tell_cost)
+        found, answer = _solve(target, method, ends, wanted, limits)
+    return _answer(found, answer, form, interrupted.heard)
 
 
 def _posed(target: str, effort: tuple[float | None, int, int]) -> Answer:
@@ -161,35 +176,50 @@ def _posed(target: str, effort: tuple[float | None, int, int]) -> Answer:
 
 
 def _solve(
-    target: str, method: str, ends: tuple[bool | None, str, str], limits: "Limits"
-) -> "tuple[TourProblem, Partition | None, Tour | Infeasible | GaveUp]":
-    from dataclasses import replace
-
+    target: str,
+    method: str,
+    ends: tuple[bool | None, str, str],
+    wanted: tuple[list[str], list[str], list[str]],
+    limits: "Limits",
+) -> "tuple[Visits, Tour | Infeasible | GaveUp]":
     from engine.stages.sequencing import sequence
 
-    problem, parts = _read(target)
+    found = _read(target, wanted)
     closed, start, end = ends
-    problem = replace(
-        problem,
-        closed=problem.closed if closed is None else closed,
-        start=_named(problem, start, "--start"),
-        end=_named(problem, end, "--end"),
+    asked = replace(
+        found.tours,
+        closed=found.tours.closed if closed is None else closed,
+        start=_named(found.tours, start, "--start"),
+        end=_named(found.tours, end, "--end"),
     )
-    return problem, parts, sequence(problem, limits, method)
+    return replace(found, tours=asked), sequence(asked, limits, method)
 
 
-def _read(target: str) -> "tuple[TourProblem, Partition | None]":
-    """A TSPLIB instance, or the measurements of a problem and how they are divided among the tools."""
+@dataclass(frozen=True)
+class Visits:
+    """What is to be put in order: a TSPLIB instance, or the measurements of a problem, divided among the tools."""
+
+    tours: "TourProblem"
+    parts: "Partition | None" = None
+    problem: "Problem | None" = None
+
+
+def _read(target: str, wanted: tuple[list[str], list[str], list[str]]) -> Visits:
     from engine.formats.interop.tsplib import read_tsplib
     from engine.pipelines.inspection import partition, tour_problem
+    from engine.pipelines.inspection.demands import known, of_options, with_demands
     from engine.pipelines.inspection.places import with_places
     from kb.files import is_file
 
+    demands = of_options(*wanted)
     if is_file(Path(target)) and Path(target).suffix not in (".yaml", ".yml"):
-        return read_tsplib(Path(target)), None
-    problem = with_places(_problem_of(target))
-    parts = partition(problem)
-    return tour_problem(problem, parts), parts
+        found = Visits(with_demands(read_tsplib(Path(target)), demands))
+    else:
+        problem = with_places(_problem_of(target))
+        parts = partition(problem)
+        found = Visits(tour_problem(problem, parts, demands), parts, problem)
+    known(demands, {visit.name for visit in found.tours.visits})
+    return found
 
 
 def _problem_of(target: str) -> "Problem":
@@ -214,8 +244,7 @@ def _named(problem: "TourProblem", name: str, option: str) -> int | None:
 
 
 def _answer(
-    problem: "TourProblem",
-    parts: "Partition | None",
+    found: Visits,
     answer: "Tour | Infeasible | GaveUp",
     form: TourForm,
     heard: bool,
@@ -225,19 +254,24 @@ def _answer(
 
     from engine.formats.report import inspection, json, tour, tour_svg
     from engine.model.tour import Tour
+    from engine.pipelines.inspection.ways import time_between
 
     if not isinstance(answer, Tour):
         code = INTERRUPTED if heard else INFEASIBLE if json.status(answer) == "infeasible" else GAVE_UP
         reason = answer.reason
         return Answer(json.status(answer), {"reason": reason}, lambda: Text(f"No tour: {reason}."), code)
-    content, shown = tour.entry(answer, problem), [tour.text(answer, problem)]
-    if parts is not None:
-        content["partition"] = inspection.entry(parts)
-        shown.insert(0, inspection.parts(parts))
+    content, shown = tour.entry(answer, found.tours), [tour.text(answer, found.tours)]
+    if found.parts is not None:
+        content["partition"] = inspection.entry(found.parts)
+        shown.insert(0, inspection.parts(found.parts))
+    if found.problem is not None:
+        time = time_between(found.problem, found.tours, answer.order)
+        content |= tour.time_entry(time, found.problem.domain.time_unit)
+        shown += tour.time_text(time, found.problem.domain.time_unit)
     return Answer(
         "optimal" if answer.proved else "found",
         content,
         lambda: Group(*shown),
         INTERRUPTED if heard else 0,
-        raw=tour_svg.picture(answer, problem) if form is TourForm.SVG else None,
+        raw=tour_svg.picture(answer, found.tours) if form is TourForm.SVG else None,
     )

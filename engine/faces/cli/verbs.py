@@ -31,6 +31,7 @@ VERBS = {
     "schedule": "schedule:schedule",
     "schema": "check:schema",
     "sequence": "sequence:sequence",
+    "states": "states:states",
     "test": "golden:golden_plans",
     "validate": "validate:validate",
 }

@@ -1,42 +1,98 @@
 """Problems made from files of measurements, and changes of single measurements in problem files."""
 
+from collections.abc import Collection, Iterable, Iterator
+from dataclasses import replace
 from pathlib import Path
 
 from engine.formats.interop import editing
-from engine.formats.interop.measurements import all_facts, names, problem_text, read_table
+from engine.formats.interop.measurements import all_facts, names, problem_text
 from engine.formats.interop.qif import inspection_of
+from engine.formats.interop.tables import read_table, unit_m
 from engine.model.measurement import Inspection, MeasurementPoint
 from engine.pipelines.inspection import Partition, measurements_of, partition
-from kb.asp import ground_term
 from kb.diagnostics import Diagnostic, InvalidInput, Source, nearest
 from kb.files import read_file
 from kb.loader import find, load
 from kb.model.domain import Domain
 from kb.model.problem import Problem
+from kb.targets import reference
 from kb.terms import Function
 
+NEARER = "give a smaller --edge-distance if that is too near"
+HINT = "measure it otherwise, or add points with `cellwright measurement add`"
 
-def import_file(path: Path, domain: str, unit: str = "mm") -> tuple[Inspection, Partition, str]:
+
+def import_file(
+    path: Path, domain: str, unit: str = "mm", edge: float | None = None, table: bool = False
+) -> tuple[Inspection, Partition, str]:
     """The points to measure in a QIF document or a CSV table, their division among the tools, and the text of a problem.
 
-    The goals are the measurements that some tool can make. Raises `InvalidInput`.
+    The goals are the measurements that some tool can make. `unit` is that of a table, of `edge`, and of a document that names
+    none. Points on faces are at least `edge` away from their edges.
+    With `table`, the file is a table, whatever its name. Raises `InvalidInput`.
     """
-    inspection = read_table(path, unit) if path.suffix.lower() == ".csv" else inspection_of(path)
     cell = load(find(domain)).domain
-    parts = partition(_problem(inspection, cell))
-    possible = (name for names in parts.groups.values() for name in names)
-    return inspection, parts, problem_text(inspection, domain, cell.conventions, sorted(possible))
-
-
-def _problem(inspection: Inspection, domain: Domain) -> Problem:
-    words = domain.conventions
-    facts = (ground_term(fact) for fact in all_facts(inspection, words))
-    return Problem(
-        inspection.name,
-        domain,
-        dict.fromkeys(names(inspection), words.measurement),
-        tuple(fact for fact in facts if isinstance(fact, Function)),
+    inspection = read_table(path, unit) if table else _read(path, unit, edge)
+    _require_free_names(inspection, cell, path)
+    told = tuple(all_facts(inspection, cell.conventions))
+    facts = tuple(fact for fact in told if fact.name in cell.predicates)
+    inspection = replace(
+        inspection, left_out=tuple(sorted({fact.name for fact in told} - {*cell.predicates}))
     )
+    parts = partition(_problem(inspection, cell, facts))
+    possible = {name for names in parts.groups.values() for name in names}
+    kept = _attainable(facts, possible, cell)
+    wanted = [name for name in names(inspection) if name in possible]
+    return inspection, parts, problem_text(inspection, reference(cell), cell.conventions, kept, wanted)
+
+
+def _attainable(facts: Iterable[Function], possible: Collection[str], domain: Domain) -> Iterator[Function]:
+    """The facts without steps of the alignment that no tool can measure: nothing should wait for these."""
+    step = domain.conventions.alignment
+    return (fact for fact in facts if fact.name != step or str(fact.arguments[0]) in possible)
+
+
+def _read(path: Path, unit: str, edge: float | None) -> Inspection:
+    if path.suffix.lower() == ".csv":
+        return read_table(path, unit)
+    metres = unit_m(unit)
+    return inspection_of(path, metres, None if edge is None else edge * metres)
+
+
+def _require_free_names(inspection: Inspection, domain: Domain, path: Path) -> None:
+    """Refuse points that have the name of an object of the domain."""
+    taken = sorted({*names(inspection)} & {*domain.objects})
+    if taken:
+        said = [f"the domain already has an object '{name}'" for name in taken]
+        raise InvalidInput(
+            [Diagnostic(Source(str(path)), "K104", each, "give the point another name") for each in said]
+        )
+
+
+def remarks(inspection: Inspection, path: Path) -> tuple[Diagnostic, ...]:
+    """A warning for each feature that has no points, or others than were asked for."""
+    told = [(each.feature, f"has no points: {each.reason}", HINT) for each in inspection.excluded]
+    told += [(each.feature, each.reason, NEARER) for each in inspection.remarks]
+    where = Source(str(path))
+    undeclared = (
+        Diagnostic(
+            where,
+            "K807",
+            f"the domain declares no '{name}': such facts are left out",
+            "declare it",
+            warning=True,
+        )
+        for name in inspection.left_out
+    )
+    return (
+        *undeclared,
+        *(Diagnostic(where, "K807", f"{name} {what}", hint, warning=True) for name, what, hint in told),
+    )
+
+
+def _problem(inspection: Inspection, domain: Domain, facts: tuple[Function, ...]) -> Problem:
+    objects = dict.fromkeys(names(inspection), domain.conventions.measurement)
+    return Problem(inspection.name, domain, objects, facts)
 
 
 def rewrite(path: Path, how: str, what: MeasurementPoint | str) -> None:

@@ -13,8 +13,10 @@ from typing import Any
 from rich.console import Console, ConsoleOptions, Group, RenderableType
 from rich.text import Text
 
+from engine.formats.report.bounds import bounds
+from engine.model.bottleneck import bottleneck
 from engine.model.schedule import Schedule, Timetable
-from engine.model.shop import Hold, Shop
+from engine.model.shop import Hold, Resource, Shop
 
 STYLES = ("blue", "red", "green", "magenta", "yellow", "cyan", "bright_blue", "bright_red")
 SHOP = "of all schedules of this shop"
@@ -31,7 +33,7 @@ class BarKind(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Bar:
-    """A bar from `start` to `end`. `job` is the number of its job, -1 if it has none."""
+    """A bar from `start` to `end`. `job` is the number of its job, -1 if it has none; `unit` the name of its unit, if known."""
 
     start: int
     end: int
@@ -39,6 +41,7 @@ class Bar:
     kind: BarKind
     job: int = -1
     detail: str = ""
+    unit: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,10 +65,22 @@ def rows(shop: Shop, schedule: Schedule) -> tuple[Row, ...]:
         bars = sorted(
             _resource_bars(shop, schedule, resource.name, number), key=lambda bar: (bar.start, bar.end)
         )
-        units = _units(bars)
-        names = _unit_names(resource.name, resource.units, len(units))
-        found += [Row(name, tuple(unit)) for name, unit in zip(names, units, strict=True)]
+        found += (
+            _named_units(bars, resource) if all(bar.unit for bar in bars) else _equal_units(bars, resource)
+        )
     return tuple(found)
+
+
+def _named_units(bars: Sequence[Bar], resource: Resource) -> list[Row]:
+    """A row for each unit that is used, in the order of the resource."""
+    own = {name: tuple(bar for bar in bars if bar.unit == name) for name in resource.units}
+    return [Row(name, unit) for name, unit in own.items() if unit]
+
+
+def _equal_units(bars: Sequence[Bar], resource: Resource) -> list[Row]:
+    units = _units(bars)
+    names = _unit_names(resource.name, resource.units, len(units))
+    return [Row(name, tuple(unit)) for name, unit in zip(names, units, strict=True)]
 
 
 def _stage_bar(shop: Shop, schedule: Schedule, name: str, job: int) -> Bar:
@@ -100,7 +115,9 @@ def _hold_bar(shop: Shop, schedule: Schedule, hold: Hold, number: Mapping[str, i
     end = schedule.starts[hold.end.stage] + hold.end.offset if hold.end else schedule.makespan
     moment = hold.begin or hold.end
     owner = shop.owners[moment.stage].name if moment else ""
-    return Bar(begin, end, owner, BarKind.HOLD, number.get(owner, -1), f"{owner} in {hold.resource}")
+    unit = schedule.units.get(hold, "")
+    said = f"{owner} in {unit or hold.resource}"
+    return Bar(begin, end, owner, BarKind.HOLD, number.get(owner, -1), said, unit)
 
 
 def _units(bars: Sequence[Bar]) -> list[list[Bar]]:
@@ -140,12 +157,37 @@ class Gantt:
         yield Text(" " * (names + 1) + _ticks(self.schedule.makespan, scale, width, self.unit), style="dim")
 
 
+def joined(bars: Sequence[Bar], least: float) -> list[Bar]:
+    """Bars in the order of time, with those that are too short to be seen joined.
+
+    Neighbours become one bar as long as it stays shorter than `least` units of time. So there are at most two bars for
+    each `least` units, however many steps there are.
+    """
+    groups: list[list[Bar]] = []
+    for bar in bars:
+        if groups and bar.end - groups[-1][0].start < least:
+            groups[-1].append(bar)
+        else:
+            groups.append([bar])
+    return [group[0] if len(group) == 1 else _together(group) for group in groups]
+
+
+def _together(bars: Sequence[Bar]) -> Bar:
+    """One bar in the place of several short ones."""
+    longest = max(bars, key=lambda bar: bar.end - bar.start)
+    detail = f"{len(bars)} bars, from {bars[0].detail} to {bars[-1].detail}"
+    return Bar(bars[0].start, max(bar.end for bar in bars), "", longest.kind, longest.job, detail)
+
+
 def _line(row: Row, scale: float, width: int) -> Text:
-    """One row of bars. A bar shorter than one character gets a free character if there is one."""
+    """One row of bars. A bar shorter than one character gets a free character if there is one, unless bars crowd."""
     text, column = Text(), 0
-    for bar in row.bars:
+    crowded = len(row.bars) > width // 2
+    for bar in joined(row.bars, 1 / scale) if crowded else row.bars:
         first = max(column, min(width - 1, round(bar.start * scale)))
         last = max(first + 1, min(width, round(bar.end * scale)))
+        if crowded and round(bar.end * scale) <= column:
+            continue
         if first >= width:
             break
         text.append(" " * (first - column))
@@ -156,7 +198,7 @@ def _line(row: Row, scale: float, width: int) -> Text:
 
 def _bar(bar: Bar, width: int) -> str:
     fill = {BarKind.STAGE: "█", BarKind.HOLD: "░", BarKind.CHANGE: "▒"}[bar.kind]
-    return f"{bar.label} ".ljust(width, fill) if len(bar.label) < width else fill * width
+    return f"{bar.label} ".ljust(width, fill) if 0 < len(bar.label) < width else fill * width
 
 
 def _style(bar: Bar) -> str:
@@ -191,7 +233,8 @@ def summary(schedule: Schedule, unit: str = "", scope: str = "") -> str:
 def charted(made: Timetable, unit: str) -> list[RenderableType]:
     """The chart of a timetable, its makespan, and why it has a row for each step where it has."""
     parts = charted_shop(made.shop, made.schedule, unit, made.scope)
-    return [*parts, Text(kept_order(made))] if made.note else parts
+    notes = [kept_order(made)] if made.note else []
+    return [*parts, *map(Text, (bounds(bottleneck(made.plan, made.starts), unit), *notes))]
 
 
 def kept_order(made: Timetable) -> str:
@@ -215,8 +258,8 @@ def proof_entry(schedule: Schedule, scope: str = SHOP) -> dict[str, Any]:
     }
 
 
-def schedule_entry(shop: Shop, schedule: Schedule, scope: str = SHOP) -> dict[str, Any]:
-    """A schedule for programs: totals, stages in the order of their starts, changes of devices, and holds."""
+def schedule_entry(shop: Shop, schedule: Schedule, scope: str = SHOP, staged: bool = True) -> dict[str, Any]:
+    """A schedule for programs: totals, stages in the order of their starts if `staged`, and changes of devices."""
     stages = [
         {
             "job": shop.owners[name].name,
@@ -225,7 +268,7 @@ def schedule_entry(shop: Shop, schedule: Schedule, scope: str = SHOP) -> dict[st
             "end": schedule.starts[name] + stage.duration,
             "resources": list(stage.resources),
         }
-        for name, stage in shop.stages.items()
+        for name, stage in (shop.stages.items() if staged else ())
     ]
     changes = [
         {
@@ -240,6 +283,10 @@ def schedule_entry(shop: Shop, schedule: Schedule, scope: str = SHOP) -> dict[st
     return {
         **proof_entry(schedule, scope),
         "tardiness": schedule.tardiness,
-        "stages": sorted(stages, key=lambda each: (each["start"], each["end"], each["stage"])),
+        **({"stages": sorted(stages, key=_by_start)} if staged else {}),
         "changes": changes,
     }
+
+
+def _by_start(stage: Mapping[str, Any]) -> tuple[Any, ...]:
+    return stage["start"], stage["end"], stage["stage"]

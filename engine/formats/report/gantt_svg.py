@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Sequence
 from xml.sax.saxutils import escape
 
-from engine.formats.report.gantt import SHOP, Bar, BarKind, Row, rows, summary
+from engine.formats.report.gantt import SHOP, Bar, BarKind, Row, joined, rows, summary
 from engine.formats.report.palette import colours
 from engine.formats.report.svg import INK, PAPER
 from engine.model.schedule import Schedule
@@ -25,7 +25,9 @@ def chart(shop: Shop, schedule: Schedule, unit: str = "", scope: str = SHOP, not
     body = [*_grid(schedule, left, scale, len(lines), unit)]
     fills = list(colours(job.name for job in shop.jobs).values())
     for number, row in enumerate(lines):
-        body += _row(row, MARGIN + number * (HEIGHT + GAP), left, scale, fills)
+        crowded = len(row.bars) > 2 * WIDTH  # more bars than can be seen
+        shown = Row(row.name, tuple(joined(row.bars, 1 / scale))) if crowded else row
+        body += _row(shown, MARGIN + number * (HEIGHT + GAP), left, scale, fills)
     said = [summary(schedule, unit, scope), *([note] if note else [])]
     height += (len(said) - 1) * LINE
     return "\n".join([*_opening(left + WIDTH + 2 * MARGIN, height, said), *body, "</svg>"]) + "\n"

@@ -8,9 +8,9 @@ distance in micrometres.
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
-import numpy as np
-
 from engine.model.tour import TourProblem, Visit
+from engine.pipelines.inspection.demands import Demands, of_facts, with_demands
+from engine.pipelines.inspection.ways import has_table, ordered
 from kb.asp import Grounder
 from kb.asp.vocabulary import static_program
 from kb.diagnostics import Diagnostic, InvalidInput, Source
@@ -40,7 +40,7 @@ def chooses_tools(domain: Domain) -> bool:
 def partition(problem: Problem, placed: Collection[str] | None = None) -> Partition:
     """The measurements by tool, as the rules of the domain choose. Raises `InvalidInput`.
 
-    A measurement without a `position` is impossible. If `placed` is given, it names the measurements whose place is known
+    A measurement without a `position` is impossible, unless a table gives the travel times. If `placed` is given, it names the measurements whose place is known
     from another source, and the `position` facts are not consulted.
     """
     _require_choice(problem)
@@ -52,7 +52,7 @@ def partition(problem: Problem, placed: Collection[str] | None = None) -> Partit
     done = tuple(name for name in measurements if words.place(name) in measured)
     left = [name for name in measurements if name not in set(done)]
     given = (str(name) for name, *_ in grounder.atoms(words.position, 4))
-    located = set(given if placed is None else placed)
+    located = set(measurements if has_table(problem, grounder.atoms) else given if placed is None else placed)
     tools = sorted({chosen[name] for name in left if name in chosen})
     groups = {tool: tuple(n for n in left if chosen.get(n) == tool and n in located) for tool in tools}
     impossible = {
@@ -99,13 +99,37 @@ def _plain(term: Term) -> str:
     return term.value if isinstance(term, Text) else str(term)
 
 
-def tour_problem(problem: Problem, parts: Partition) -> TourProblem:
-    """The tour of all measurements that some tool takes: straight lines in micrometres, tool changes as the domain says."""
+def tour_problem(
+    problem: Problem, parts: Partition, more: Demands = Demands(), timed: bool = True
+) -> TourProblem:
+    """The tour of all measurements that some tool takes, with ways and tool changes as the domain says.
+
+    Ways are straight lines in micrometres, or the times of a table. With windows and durations, which the problem or
+    `more` demands, they are times in any case; unless the tour is not `timed`, and leaves these out. Raises
+    `InvalidInput`.
+    """
     words, grounder = problem.domain.conventions, _grounded(problem)
     where = _positions(grounder, words)
     changes = {(str(a), str(b)): int(_number(way)) for a, b, way in grounder.atoms(words.change, 3)}
-    visits = (Visit(name, where[name], tool) for tool, names in parts.groups.items() for name in names)
-    return straight(problem.name, tuple(visits), changes)
+    phases = _phases(grounder, words)
+    visits = (
+        Visit(name, where.get(name), tool, phase=phases.get(name, 0))
+        for tool, names in parts.groups.items()
+        for name in names
+    )
+    demands = of_facts(grounder.atoms, words, Source(problem.path)).and_also(more)
+    demands = demands if timed else Demands(before=demands.before)
+    tours = ordered(
+        problem, problem.name, tuple(visits), changes, facts=grounder.atoms, in_time=demands.need_times
+    )
+    return with_demands(tours, demands)
+
+
+def _phases(grounder: Grounder, words: Conventions) -> dict[str, int]:
+    """The steps of the alignment, as phases below 0: the measurements that are no part of it come last."""
+    steps = {str(name): int(_number(step)) for name, step in grounder.atoms(words.alignment, 2)}
+    last = max(steps.values(), default=0)
+    return {name: step - last - 1 for name, step in steps.items()}
 
 
 def positions(problem: Problem) -> dict[str, tuple[float, ...]]:
@@ -116,18 +140,6 @@ def positions(problem: Problem) -> dict[str, tuple[float, ...]]:
 def _positions(grounder: Grounder, words: Conventions) -> dict[str, tuple[float, ...]]:
     given = grounder.atoms(words.position, 4)
     return {str(name): tuple(_number(each) * 1e-6 for each in at) for name, *at in given}
-
-
-def straight(
-    name: str, visits: tuple[Visit, ...], changes: Mapping[tuple[str, str], int], start: int | None = None
-) -> TourProblem:
-    """An open tour of visits with known positions in metres. Travel costs are straight distances in micrometres."""
-    places = np.array([visit.position for visit in visits], float).reshape(-1, 3)
-    travel = (
-        np.stack([np.linalg.norm(places - place, axis=1) for place in places]) if visits else np.zeros((0, 0))
-    )
-    ways = np.rint(travel * 1e6).astype(np.int64)
-    return TourProblem(name, visits, ways, closed=False, start=start, changes=changes, unit="µm")
 
 
 def _number(term: Term) -> float:

@@ -9,11 +9,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
-from engine.model.tour import Longs, Tour, TourProblem, Visit, cost_of
-from engine.pipelines.inspection import Partition, measurements_of, positions, straight, tour_problem
+from engine.model.tour import Longs, Tour, TourProblem, Visit, cost_of, violations
+from engine.pipelines.inspection import Partition, measurements_of, positions, tour_problem
 from engine.pipelines.inspection.losses import parted
+from engine.pipelines.inspection.ways import ordered
 from engine.stages.sequencing import Limits, sequence
 from kb.diagnostics import Diagnostic, InvalidInput, Source, unknown_name
+from kb.loader.amounts import amounts_of
 from kb.model.problem import Problem
 from kb.store.sequences import PlannedVisit, SequencePlan
 
@@ -69,7 +71,7 @@ def carried_on(
     lost = tuple(sorted({*plan.lost, *news.lost} - set(news.restored)))
     bad = {name: why for name, why in {**plan.bad, **news.bad}.items() if name not in news.restored}
     parts = parted(problem, lost)
-    asked = tour_problem(problem, parts)
+    asked = tour_problem(problem, parts, timed=False)
     visits = tuple(PlannedVisit(each.name, each.tool, each.position or ()) for each in asked.visits)
     done = _done(plan, visits, parts, news)
     names = {each.name for each in done}
@@ -78,7 +80,8 @@ def carried_on(
     changes = tuple(sorted((a, b, cost) for (a, b), cost in asked.changes.items()))
     out = {name: why for name, why in parts.impossible.items() if name not in names}
     now = replace(plan, done=done, lost=lost, bad=bad, impossible=out, changes=changes)
-    made = _sequenced(plan, now, wanted, limits)
+    phases = {each.name: each.phase for each in asked.visits}
+    made = _sequenced(plan, now, wanted, phases, problem, limits)
     return _compared(plan, made, problem)
 
 
@@ -154,29 +157,48 @@ def _not_done(done: set[str], news: News) -> None:
         raise InvalidInput(wrong)
 
 
-def _sequenced(old: SequencePlan, now: SequencePlan, wanted: Visits, limits: Limits) -> Progress:
+def _sequenced(
+    old: SequencePlan,
+    now: SequencePlan,
+    wanted: Visits,
+    phases: Mapping[str, int],
+    inspection: Problem,
+    limits: Limits,
+) -> Progress:
     """The rest in its old order if nothing about it has changed; else in the best order found."""
     behind = len(now.done) - len(old.done)
-    problem, first = _tours(now, wanted)
+    problem, first = _tours(now, wanted, phases, inspection)
     standing = old.rest[behind:]
     on_course = now.done[len(old.done) :] == old.rest[:behind] and old.changes == now.changes
     if not _empty(old) and on_course and {*standing} == {*wanted}:
-        problem, first = _tours(now, standing)
-        order = tuple(range(len(problem.visits)))
-        tour = Tour(order, cost_of(problem, order) if order else 0, 0)
-        return Progress(replace(now, rest=standing), "kept", problem, tour)
+        same, _ = _tours(now, standing, phases, inspection)
+        order = tuple(range(len(same.visits)))
+        if not order or not violations(same, order):
+            tour = Tour(order, cost_of(same, order) if order else 0, 0)
+            return Progress(replace(now, rest=standing), "kept", same, tour)
     found = sequence(problem, limits)
     tour = _steadier(problem, _inserted(problem, wanted, old.rest, first), found)
     rest = tuple(wanted[each - first] for each in tour.order[first:])
     return Progress(replace(now, rest=rest), "made" if _empty(old) else "resequenced", problem, tour)
 
 
-def _tours(plan: SequencePlan, rest: Visits) -> tuple[TourProblem, int]:
-    """The tour problem of the rest, and 1 if it starts with the last visit done, else 0."""
+def _tours(
+    plan: SequencePlan, rest: Visits, phases: Mapping[str, int], inspection: Problem
+) -> tuple[TourProblem, int]:
+    """The tour problem of the rest, and 1 if it starts with the last visit done, else 0. What is done was in time."""
     before = plan.done[-1:]
-    visits = tuple(Visit(each.name, each.position, each.tool) for each in (*before, *rest))
+    first = min(phases.values(), default=0)
+    visits = (
+        *(Visit(each.name, each.position or None, each.tool, phase=first) for each in before),
+        *(
+            Visit(each.name, each.position or None, each.tool, phase=phases.get(each.name, 0))
+            for each in rest
+        ),
+    )
     changes = {(a, b): cost for a, b, cost in plan.changes}
-    return straight(plan.problem, visits, changes, 0 if before else None), len(before)
+    start = 0 if before else None
+    facts = amounts_of(inspection).facts
+    return ordered(inspection, plan.problem, visits, changes, start, facts=facts), len(before)
 
 
 def _inserted(problem: TourProblem, wanted: Visits, old: Visits, first: int) -> tuple[int, ...]:
@@ -205,7 +227,11 @@ def _steadier(problem: TourProblem, order: tuple[int, ...], found: object) -> To
     cost = cost_of(problem, order) if order else 0
     if not isinstance(found, Tour):
         return Tour(order, cost, 0)
-    return found if found.cost < cost else replace(found, order=order, cost=cost)
+    return (
+        found
+        if found.cost < cost or (order and violations(problem, order))
+        else replace(found, order=order, cost=cost)
+    )
 
 
 def _compared(old: SequencePlan, made: Progress, problem: Problem) -> Progress:
@@ -248,4 +274,9 @@ def _rising(names: Sequence[str], place: Mapping[str, int]) -> tuple[str, ...]:
 def _outdated(plan: SequencePlan, problem: Problem) -> tuple[str, ...]:
     """The visits done whose position has changed since, or that the problem no longer has."""
     places = positions(problem) if plan.done else {}
-    return tuple(each.name for each in plan.done if places.get(each.name) != each.position)
+    known = {*measurements_of(problem)}
+    return tuple(
+        each.name
+        for each in plan.done
+        if each.name not in known or places.get(each.name, ()) != each.position
+    )

@@ -19,21 +19,21 @@ from engine.model.stages import STAGE
 from engine.model.task import Bits, GroundOperator, Task, bitset, progress
 from engine.pipelines.gate import PlanGate
 from engine.pipelines.planning import planned, problem_of
+from engine.pipelines.timetable.kept import LONG, kept
 from engine.pipelines.timetable.orders import Steps, in_its_order
+from engine.pipelines.timetable.wishes import wishes_for
+from engine.pipelines.timetable.wishes import wishes_of as wishes_of
 from engine.stages.grounding import ground
 from engine.stages.planning import Limits
 from engine.stages.planning.improvement.deorder import deorder
 from engine.stages.planning.variants import plainly
 from engine.stages.scheduling import ScheduleLimits, schedule
 from engine.stages.scheduling.blocks import Unstructured
-from engine.stages.scheduling.rebuild import Mislaid, TimedStep, timed_steps
+from engine.stages.scheduling.rebuild import Mislaid, TimedStep, timed_steps, units
 from engine.stages.scheduling.work import CellWork, Wishes, cell_work
-from engine.stages.validation.datalog import Facts
 from kb.diagnostics import InvalidInput
-from kb.model.conventions import Conventions
 from kb.model.plan import Plan, StepId
 from kb.model.problem import Problem
-from kb.terms import Number, Term
 
 BLOCKS = "of all schedules of the blocks of this plan"
 
@@ -56,6 +56,9 @@ def timetable(
 ) -> Timetable | Infeasible | GaveUp:
     """The timetable of `plan`, or of a new plan for the problem if none is given. Raises `InvalidInput`."""
     started = time.perf_counter()
+    if plan is not None and len(plan.steps) > LONG:
+        long = keeping(problem, _sound(PlanGate(), problem, plan))
+        return replace(long, statistics=Statistics({}, {"in all": time.perf_counter() - started}))
     outcome, task = (Found(plan), ground(problem)) if plan is not None else planned(problem, planning)
     if not isinstance(outcome, Found):
         return outcome
@@ -80,7 +83,7 @@ def timed(
     plan's own order remains and the checker refuses the plan.
     """
     gate = PlanGate()
-    wishes = wishes_of(gate.semantics(problem).statics, problem.domain.conventions)
+    wishes = wishes_for(gate.semantics(problem), plan)
     try:
         operators, goals = operators_of(task, plan)
     except Unstructured as error:
@@ -94,9 +97,17 @@ def timed(
     return best if best is not None else _as_given(problem, plan, made, wishes, steps.bound)
 
 
+def keeping(problem: Problem, plan: Plan) -> Timetable:
+    """A checked plan in its own order, with the travel between its steps; nothing is grounded or searched."""
+    long = f"more than {LONG} steps keep their order" if len(plan.steps) > LONG else ""
+    return kept(problem, plan, wishes_for(PlanGate().semantics(problem), plan), long)
+
+
 def own_order(problem: Problem, task: Task, plan: Plan) -> Timetable:
     """A checked plan with every step as early as its own order allows."""
-    wishes = wishes_of(PlanGate().semantics(problem).statics, problem.domain.conventions)
+    if len(plan.steps) > LONG:
+        return keeping(problem, plan)
+    wishes = wishes_for(PlanGate().semantics(problem), plan)
     try:
         operators, goals = operators_of(task, plan)
     except Unstructured:
@@ -113,7 +124,7 @@ def by_other_means(
     None if there are no other means. No plan of the task is shorter than `bound`.
     """
     gate = PlanGate()
-    wishes = wishes_of(gate.semantics(problem).statics, problem.domain.conventions)
+    wishes = wishes_for(gate.semantics(problem), *plans)
     try:
         (operators, goals), *others = [operators_of(task, plan) for plan in plans]
     except Unstructured:
@@ -165,7 +176,8 @@ def _as_plan(gate: PlanGate, steps: Steps, work: CellWork, found: Scheduled) -> 
     if wrong := gate.findings(steps.problem, plan):
         raise Mislaid(wrong[0].message)
     _require_order(plan, starts, made)
-    return Timetable(plan, starts, work.shop, found.schedule, BLOCKS, statistics=found.statistics)
+    settled = replace(found.schedule, units=units(work, found.schedule))
+    return Timetable(plan, starts, work.shop, settled, BLOCKS, statistics=found.statistics)
 
 
 def _require_order(plan: Plan, starts: Mapping[StepId, int], steps: Sequence[TimedStep]) -> None:
@@ -198,15 +210,3 @@ def _visible(task: Task, goal: Bits) -> Bits:
     """A goal without the internal atoms that grounding has added, except those of stages."""
     hidden = [n for n, atom in enumerate(task.atoms) if atom.name.startswith("_") and atom.name != STAGE]
     return goal & ~bitset(hidden)
-
-
-def wishes_of(statics: Facts, words: Conventions) -> Wishes:
-    """What the static facts say about times: travel, longest stays, releases, due dates and priorities."""
-
-    def numbers(name: str) -> dict[Term, int]:
-        facts = [atom.arguments for atom in statics.named(name) if len(atom.arguments) == 2]
-        return {first: last.value for first, last in facts if isinstance(last, Number)}
-
-    trips = [atom.arguments for atom in statics.named(words.travel) if len(atom.arguments) == 3]
-    travel = {(a, b): lasts.value for a, b, lasts in trips if isinstance(lasts, Number)}
-    return Wishes(travel, *map(numbers, (words.longest_stay, words.release, words.due, words.priority)))

@@ -86,7 +86,7 @@ class Steps:
             return None
         starts = dict(zip((step.id for step in plan.steps), times, strict=True))
         made = Schedule({}, (), found.makespan, found.lower_bound, found.tardiness, found.proved)
-        return _timetable(self.problem, plan, starts, made, note, scope)
+        return by_step(self.problem, plan, starts, made, note, scope)
 
     def _reordered(
         self, bound: int, limits: ScheduleLimits, optional: bool = False
@@ -136,7 +136,10 @@ class Steps:
     @cached_property
     def _places(self) -> list[Term | None]:
         arm = self._arm
-        return [None if arm is None else self.wishes.place(step, arm) for step in self.operators]
+        return [
+            None if arm is None else self.wishes.place(step.instance, step.resources, arm)
+            for step in self.operators
+        ]
 
     def _lead(self, one: int, other: int) -> int:
         """How long the arm travels from one step to another that it does as well."""
@@ -171,8 +174,8 @@ class Steps:
 
 
 def least_makespan(task: Task) -> int:
-    """No plan of a task is shorter; 0 if the task is too large to be asked."""
-    if len(task.operators) > MOST:
+    """No plan of a task is shorter; 0 if the task is too large to be asked, or leaves something out."""
+    if len(task.operators) > MOST or not task.whole:
         return 0
     times, _ = _soonest(task.initial, task.operators)
     ways = [[times.get(atom, 0) for atom in indices(goal)] for goal in task.goals]
@@ -202,12 +205,12 @@ def _soonest(initial: Bits, steps: Sequence[GroundOperator]) -> tuple[dict[int, 
 def in_its_order(problem: Problem, plan: Plan, note: str = "", bound: int = 0) -> Timetable:
     """The plan with every step as early as its own order allows; no order of its steps ends before `bound`."""
     last = makespan(plan)
-    return _timetable(
+    return by_step(
         problem, plan, earliest_starts(plan), Schedule({}, (), last, bound, 0, bound == last), note
     )
 
 
-def _timetable(
+def by_step(
     problem: Problem,
     plan: Plan,
     starts: Mapping[StepId, int],

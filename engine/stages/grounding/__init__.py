@@ -38,6 +38,7 @@ from engine.stages.grounding.workflow import Workflow
 from kb.asp import Grounder
 from kb.asp.vocabulary import VIOLATED, static_program
 from kb.diagnostics import Diagnostic, InvalidInput, Source
+from kb.loader.amounts import amounts_of
 from kb.model.conditions import goal_parts
 from kb.model.normalise import Normaliser
 from kb.model.problem import Problem
@@ -136,10 +137,11 @@ class _Grounding:
         numbering = Numbering(len(universe.atoms) + len(workflow.atoms) + len(goals.atoms))
         effects = deduction(self.domain, self.vocabulary, universe)
         changes = conditional_changes(self.conditionals, self.schemas, universe)
-        made = Instances(universe, effects, supports, workflow, numbering, changes)
+        amounts = amounts_of(self.problem, universe.facts)
+        made = Instances(universe, effects, supports, workflow, numbering, changes, amounts)
         operators = [*made.operators(instances(self.schemas, self.vocabulary, universe)), *workflow.reaching]
         self.found += contradictions(made, universe)
-        self.found += negatives(made)
+        self.found += amiss(made)
         self.found += self._overflows(universe, supports, made)
         start = bitset([universe.index[atom] for atom in initial]) | workflow.initial | goals.initial
         alternatives, completed = goals.compiled(operators, numbering)
@@ -242,12 +244,10 @@ def contradictions(made: Instances, universe: Universe) -> Iterator[Diagnostic]:
         )
 
 
-def negatives(made: Instances) -> Iterator[Diagnostic]:
-    """One diagnostic per operator with an instance whose duration or cost is negative."""
-    for (_, name), found in made.negative.items():
-        message = f"the {name} of {found.instance} is {found.value}"
-        hint = f"a {name} must be 0 or more: exclude such instances in `where:`"
-        yield Diagnostic(found.operator.where, "K113", message, hint)
+def amiss(made: Instances) -> Iterator[Diagnostic]:
+    """One diagnostic per operator and fault, for an instance whose duration or cost is no amount."""
+    for each in made.amiss.values():
+        yield Diagnostic(each.operator.where, each.code, each.message, each.hint)
 
 
 def _chain(deduced: Deduction, universe: Universe, adds: Bits, atom: Function) -> str:

@@ -16,6 +16,7 @@ from engine.stages.grounding.program import Schema, is_conditional
 from engine.stages.grounding.universe import Universe
 from engine.stages.grounding.workflow import Workflow
 from kb.asp.tables import Table
+from kb.model.amounts import Amounts, NoAmount
 from kb.model.conditions import Literal
 from kb.model.domain import Operator
 from kb.model.traits import traits
@@ -80,13 +81,13 @@ class Changes:
 
 
 @dataclass(frozen=True, slots=True)
-class Negative:
-    """An instance of an operator whose `name`, duration or cost, is computed to be less than 0."""
+class Amiss:
+    """An instance of an operator whose duration or cost is no amount: `code`, what is wrong, and what to try."""
 
     operator: Operator
-    instance: Function
-    name: str
-    value: int
+    code: str
+    message: str
+    hint: str
 
 
 Traits = tuple[tuple[Term, ...], int, int]  # resources, duration, cost
@@ -96,8 +97,8 @@ Traits = tuple[tuple[Term, ...], int, int]  # resources, duration, cost
 class Instances:
     """Everything that is needed to turn rows into operators.
 
-    `contradictions`, `doubts` and `overflowing` collect what was found wrong on the way; `contradictions` and
-    `overflowing` have the operator's name as key.
+    `contradictions`, `doubts`, `overflowing` and `amiss` collect what was found wrong on the way; `contradictions` and
+    `overflowing` have the operator's name as key, `amiss` also what is wrong.
     """
 
     universe: Universe
@@ -106,10 +107,11 @@ class Instances:
     workflow: Workflow
     numbering: Numbering
     effects: Mapping[tuple[str, tuple[int, ...]], list[tuple[tuple[int, ...], Bits, Bits]]]
+    amounts: Amounts
     contradictions: dict[str, Contradiction] = field(default_factory=dict)
     doubts: list[Doubt] = field(default_factory=list)
     overflowing: dict[str, Operator] = field(default_factory=dict)
-    negative: dict[tuple[str, str], Negative] = field(default_factory=dict)
+    amiss: dict[tuple[str, str], Amiss] = field(default_factory=dict)
     _sets: dict[tuple[int, ...], Bits] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -139,7 +141,7 @@ class Instances:
     def _plain(self, rows: InstanceRows) -> Iterator[GroundOperator]:
         name, terms = rows.schema.operator.name, self.universe.terms
         closing = _Closing(self, rows)
-        shares = _Shared(rows.schema.operator, self.negative)
+        shares = _Shared(rows.schema.operator, self.amounts, self.amiss)
         arguments, literals, _ = rows.ends
         for row in rows:
             instance = Function(name, tuple([terms[number] for number in row[:arguments]]))
@@ -152,7 +154,7 @@ class Instances:
     def _various(self, rows: InstanceRows) -> Iterator[GroundOperator]:
         operator, terms = rows.schema.operator, self.universe.terms
         closing = _Closing(self, rows)
-        shares = _Shared(operator, self.negative)
+        shares = _Shared(operator, self.amounts, self.amiss)
         arguments, literals, _ = rows.ends
         for row in rows:
             instance = Function(operator.name, tuple([terms[number] for number in row[:arguments]]))
@@ -251,8 +253,8 @@ class _Shared:
     They are computed once for each combination of the arguments that they depend on.
     """
 
-    def __init__(self, operator: Operator, negative: dict[tuple[str, str], "Negative"]) -> None:
-        self.operator, self.negative = operator, negative
+    def __init__(self, operator: Operator, amounts: Amounts, amiss: dict[tuple[str, str], "Amiss"]) -> None:
+        self.operator, self.amounts, self.amiss = operator, amounts, amiss
         terms = [
             *operator.resources,
             *(each for each in (operator.duration, operator.cost) if each is not None),
@@ -269,15 +271,24 @@ class _Shared:
         return self.known[key]
 
     def _evaluated(self, instance: Function) -> Traits | None:
-        found = traits(self.operator, instance)
+        try:
+            found = traits(self.operator, instance, self.amounts)
+        except NoAmount as error:
+            message = f"{error}, so nobody can tell how long {instance} takes or what it costs"
+            self._note("K115", message, error.hint)
+            return None
         if found is None:
             return None
         for name, value in (("duration", found.duration), ("cost", found.cost)):
             if value < 0:
-                self.negative.setdefault(
-                    (self.operator.name, name), Negative(self.operator, instance, name, value)
-                )
+                hint = f"a {name} must be 0 or more: exclude such instances in `where:`"
+                self._note("K113", f"the {name} of {instance} is {value}", hint, name)
         return found.resources, found.duration, found.cost
+
+    def _note(self, code: str, message: str, hint: str, name: str = "") -> None:
+        """Note what is wrong, unless the operator has another instance with the same fault."""
+        key = (self.operator.name, code + name)
+        self.amiss.setdefault(key, Amiss(self.operator, code, message, hint))
 
 
 def signed(literals: Sequence[Literal], numbers: list[int]) -> tuple[int, ...]:

@@ -40,6 +40,10 @@ class Universe:
         self.terms: list[Term] = []
         self._derived = vocabulary.derived
 
+    def facts(self, name: str, arity: int) -> list[tuple[Term, ...]]:
+        """The arguments of every fact of a static predicate."""
+        return self._grounder.atoms(name, arity)
+
     def atom(self, number: int) -> Atom:
         """The fluent or derived atom that has a number."""
         return self.derived[number - DERIVED] if number >= DERIVED else self.atoms[number]

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 from engine.model.stages import STAGE
 from engine.model.task import Bits, GroundOperator, Task, bitset, progress
+from kb.model.plan import Step
 from kb.terms import Function, Term
 
 
@@ -50,7 +51,7 @@ def mentions(term: Term, part: Term) -> bool:
     )
 
 
-def arm_of(steps: Sequence[GroundOperator]) -> Term:
+def arm_of(steps: Sequence[GroundOperator | Step]) -> Term:
     """The resource that most steps hold. Raises `Unstructured` if no step holds a resource."""
     held = Counter(resource for step in steps for resource in step.resources)
     if not held:

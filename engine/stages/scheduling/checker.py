@@ -4,8 +4,9 @@ It replays start times and shares no code with the solver. Each rule is one func
 wrong, in plain words.
 """
 
+import heapq
 import itertools
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 from engine.model.schedule import Adjustment, Schedule
 from engine.model.shop import Device, Hold, Moment, Resource, Shop
@@ -51,11 +52,21 @@ def _loads(shop: Shop, schedule: Schedule) -> Iterator[str]:
         yield from (
             f"the {name} ends at {end}, before it begins" for begin, end, name in taken if end < begin
         )
-        for moment in sorted({begin for begin, _, _ in taken}):
-            holders = [name for begin, end, name in taken if begin <= moment < end]
-            if len(holders) > resource.capacity:
-                yield f"{resource.name} has capacity {resource.capacity}, but at {moment} it serves {', '.join(holders)}"
-                break
+        yield from itertools.islice(_overfull(resource, taken), 1)
+
+
+def _overfull(resource: Resource, taken: Sequence[Interval]) -> Iterator[str]:
+    """The moments at which more is served than there are units; `taken` is in the order of time."""
+    serving: list[tuple[int, str]] = []  # a heap by the end
+    for moment, works in itertools.groupby(taken, key=lambda each: each[0]):
+        while serving and serving[0][0] <= moment:
+            heapq.heappop(serving)
+        for begin, end, name in works:
+            if begin < end:
+                heapq.heappush(serving, (end, name))
+        if len(serving) > resource.capacity:
+            names = [name for begin, end, name in taken if begin <= moment < end]
+            yield f"{resource.name} has capacity {resource.capacity}, but at {moment} it serves {', '.join(names)}"
 
 
 def _taken(shop: Shop, schedule: Schedule, resource: Resource) -> Iterator[Interval]:

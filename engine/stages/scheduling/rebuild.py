@@ -104,6 +104,15 @@ def _renamed(work: CellWork, schedule: Schedule) -> dict[str, dict[Term, Term]]:
     return found
 
 
+def units(work: CellWork, schedule: Schedule) -> dict[Hold, str]:
+    """The place of each visit. Raises `Mislaid`."""
+    return {
+        visit.hold: str(place)
+        for resource, visits in work.visits.items()
+        for visit, place in _assigned(visits, work.places[resource], schedule)
+    }
+
+
 def _assigned(
     visits: Sequence[PlaceVisit], places: Sequence[Term], schedule: Schedule
 ) -> Iterator[tuple[PlaceVisit, Term]]:

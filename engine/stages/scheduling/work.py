@@ -17,18 +17,19 @@ from engine.stages.scheduling.blocks import Block, arm_of, atoms_about, cut, men
 from engine.stages.scheduling.detours import necessary, straightened
 from engine.stages.scheduling.places import Exchange, Touch, holds_of
 from engine.stages.scheduling.settings import Mechanism, mechanisms
-from kb.terms import Function, Term
+from kb.terms import Function, Term, natural_key
 
 REST = "other work"  # the job of the blocks that serve no object
 
 
 @dataclass(frozen=True)
 class Wishes:
-    """What a cell says about time besides durations: empty travel, longest stays in places, and when jobs
-    begin and are due.
+    """What a cell says about time besides durations: empty travel between stops, longest stays in places, and when
+    jobs begin and are due.
     """
 
     travel: Mapping[tuple[Term, Term], int] = field(default_factory=dict)
+    stops: frozenset[Term] = frozenset()
     longest_stay: Mapping[Term, int] = field(default_factory=dict)
     release: Mapping[Term, int] = field(default_factory=dict)
     due: Mapping[Term, int] = field(default_factory=dict)
@@ -39,11 +40,10 @@ class Wishes:
         """Whether anything is wished."""
         return any((self.travel, self.longest_stay, self.release, self.due))
 
-    def place(self, step: GroundOperator, arm: Term) -> Term | None:
-        """Where a step is done: the first of its terms that empty travel knows."""
-        known = {place for pair in self.travel for place in pair}
-        terms = (*step.instance.arguments, *(each for each in step.resources if each != arm))
-        return next((term for term in terms if term in known), None)
+    def place(self, instance: Function, resources: Sequence[Term], arm: Term) -> Term | None:
+        """Where a step is done: the first of its terms that is a stop."""
+        terms = (*instance.arguments, *(each for each in resources if each != arm))
+        return next((term for term in terms if term in self.stops), None)
 
 
 @dataclass(frozen=True)
@@ -127,7 +127,7 @@ class _Assembly:
         return mechanisms(self.task, self.arm, self.cut, self.goals, self._place)
 
     def _place(self, step: GroundOperator) -> str:
-        found = self.wishes.place(step, self.arm)
+        found = self.wishes.place(step.instance, step.resources, self.arm)
         return "" if found is None else str(found)
 
     @cached_property
@@ -252,7 +252,7 @@ class _Assembly:
         return Resource(str(self.arm), 1, travel)
 
     def _resource(self, name: str, places: Mapping[str, tuple[Term, ...]]) -> Resource:
-        units = tuple(map(str, places.get(name, ())))
+        units = tuple(map(str, sorted(places.get(name, ()), key=natural_key)))
         return Resource(name, max(1, len(units)), units=units)
 
 

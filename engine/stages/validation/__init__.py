@@ -14,10 +14,12 @@ from engine.stages.validation.claims import false_claims
 from engine.stages.validation.datalog import Facts, holds
 from engine.stages.validation.interference import Executed, Interference
 from engine.stages.validation.links import Links
+from engine.stages.validation.precedence import Precedence
 from engine.stages.validation.semantics import Semantics
 from engine.stages.validation.workflow import ChainProgress
-from kb.arithmetic import amount, evaluate
+from kb.arithmetic import evaluate
 from kb.diagnostics import Diagnostic, Source
+from kb.model.amounts import NoAmount
 from kb.model.conditions import And, Condition, Literal, literals
 from kb.model.domain import Operator
 from kb.model.plan import GOAL, START, Claims, Plan, Step, StepId
@@ -50,7 +52,7 @@ class _Check:
     def run(self, claims: Claims | None) -> list[Diagnostic]:
         if not self._well_formed():
             return self.found
-        self.before = self.plan.predecessors()
+        self.order = Precedence(self.plan)
         if self._executes():
             self._reaches_goals()
             interference = self._interference()
@@ -140,10 +142,15 @@ class _Check:
         """Whether a step exists: what it holds, how long it lasts and what it costs have values. Wrong claims are told."""
         said = f"step {step.id} {step.operator}"
         expected = [evaluate(substitute(resource, bindings)) for resource in operator.resources]
-        numbers = {
-            "duration": (amount(operator.duration, bindings, 0), step.duration),
-            "cost": (amount(operator.cost, bindings, 1), step.cost),
-        }
+        amounts = self.semantics.amounts
+        try:
+            numbers = {
+                "duration": (amounts.of(operator.duration, bindings, 0), step.duration),
+                "cost": (amounts.of(operator.cost, bindings, 1), step.cost),
+            }
+        except NoAmount as error:
+            self._report("K501", f"{said}: {error}", error.hint)
+            return False
         if None in expected:
             self._report("K501", f"{said}: a resource that it must hold has no value")
             return False
@@ -190,7 +197,7 @@ class _Check:
 
     def _check_stages(self, links: Links) -> None:
         for earlier, later, why in self.stages.orders():
-            if earlier != later and earlier not in self.before[later]:
+            if earlier != later and not self.order.precedes(earlier, later):
                 self._report("K506", f"steps {earlier} and {later} must be ordered: {why}")
         for name, reached in self.stages.reached().items():
             for each in reached:
@@ -199,7 +206,7 @@ class _Check:
                     self._report("K506", f"{said}, but it may not hold then in every order")
 
     def _interference(self) -> Interference:
-        return Interference(self.problem, self.plan, self.semantics, self.executed, self.before, self.start)
+        return Interference(self.problem, self.plan, self.semantics, self.executed, self.order, self.start)
 
 
 def _listed(terms: Iterable[Term | None]) -> str:

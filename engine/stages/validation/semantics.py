@@ -11,10 +11,12 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 from engine.stages.validation.changes import Change, Denial, State, well_typed
-from engine.stages.validation.datalog import Bindings, Facts, holds, solve
+from engine.stages.validation.datalog import Bindings, Evaluated, Facts, holds, solve
 from kb.asp import Grounder
 from kb.asp.vocabulary import guard, static_program
 from kb.graphs import components, reached
+from kb.loader.amounts import amounts_of
+from kb.model.amounts import Amounts
 from kb.model.conditions import TRUE, Aggregate, Body, Literal, Parameter
 from kb.model.domain import Consequence, DeductiveOperator, Effect, Kind, Operator, Rule
 from kb.model.problem import Problem
@@ -62,7 +64,15 @@ class Semantics:
         """Every static fact, types included. Each body with aggregates gets a predicate of its own."""
         grounder = Grounder()
         grounder.ground("\n".join([static_program(self.problem), *self._aggregate_rules()]))
-        return Facts(grounder.everything())
+        return Evaluated(grounder.named, grounder.holds)
+
+    @cached_property
+    def amounts(self) -> Amounts:
+        """The durations and costs of the problem's steps."""
+        return amounts_of(self.problem, self._facts_of)
+
+    def _facts_of(self, name: str, arity: int) -> Iterator[tuple[Term, ...]]:
+        return (each.arguments for each in self.statics.named(name) if len(each.arguments) == arity)
 
     def _aggregate_rules(self) -> Iterator[str]:
         domain = self.problem.domain

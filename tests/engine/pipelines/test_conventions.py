@@ -84,7 +84,7 @@ def answers(desk: Path, lines: Collection[str], monkeypatch: pytest.MonkeyPatch)
     monkeypatch.chdir(desk)
     yield from (as_before(run(line)).replace(str(desk), "DESK") for line in lines)
     if (made := desk / "points.yaml").exists():
-        yield as_before(made.read_text("utf-8"))
+        yield as_before(made.read_text("utf-8")).replace(str(desk), "DESK")
 
 
 TWELVE = "bulkhead/problems/twelve_points.yaml --format json"

@@ -7,6 +7,7 @@ from engine.formats.interop.pddl import PddlProblem
 from engine.formats.interop.pddl.expressions import actions
 from kb.diagnostics import Diagnostic, InvalidInput, nearest
 from kb.files import File, read_file
+from kb.loader.amounts import amounts_of
 from kb.model.conditions import Literal
 from kb.model.domain import NUMERIC_TYPES, Operator
 from kb.model.plan import Plan, Step, StepId
@@ -35,10 +36,11 @@ def read_plan(task: PddlProblem, path: Path) -> Plan:
     file = read_file(path)
     found: list[Diagnostic] = []
     steps: list[Step] = []
+    amounts = amounts_of(task.problem)
     for number, (words, offset) in enumerate(actions(file.text), 1):
         instance = _instance(task, words, file, offset, found)
         after = (StepId(number - 1),) if number > 1 else ()
-        steps.append(step_of(task.problem.domain, StepId(number), instance, after))
+        steps.append(step_of(amounts, StepId(number), instance, after))
     if found:
         raise InvalidInput(found)
     return Plan(tuple(steps))

@@ -1,6 +1,6 @@
 """QIF documents as elements with text. Document types and entities are refused; depth and number of elements are limited.
 
-The description of shapes face by face (`Product`) is not needed, so it is not kept.
+What only serves to show a part (views, notes, colours) is not kept.
 """
 
 from collections.abc import Iterator
@@ -13,7 +13,19 @@ from kb.files import File, read_file
 
 MAX_DEPTH = 60
 MAX_ELEMENTS = 2_000_000
-PASSED_OVER = frozenset({"Product", "Attributes", "Header"})
+PASSED_OVER = frozenset(
+    {
+        "Attributes",
+        "Header",
+        "Validation",
+        "ViewSet",
+        "NoteSet",
+        "PartNoteSet",
+        "NoteFlagSet",
+        "LayerSet",
+        "VisualizationSet",
+    }
+)
 
 
 @dataclass(slots=True)

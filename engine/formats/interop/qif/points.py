@@ -10,16 +10,21 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from engine.formats.interop.qif.alignment import alignment_steps
 from engine.formats.interop.qif.counts import curve_points, section_points, surface_points
-from engine.formats.interop.qif.features import read_features
+from engine.formats.interop.qif.document import read_document
+from engine.formats.interop.qif.faces import Product
+from engine.formats.interop.qif.features import features_of
+from engine.formats.interop.qif.material import Placed
+from engine.formats.interop.qif.parts import Part, Placement
+from engine.formats.interop.qif.reading import Reading
+from engine.formats.interop.qif.regions import rows, spread
+from engine.kernels.arrays import Floats
 from engine.model.measurement import Excluded, Feature, Inspection, MeasurementPoint, Triple
 
-Floats = NDArray[np.float64]
-Placed = list[tuple[Floats, Floats]]  # positions and normals
 MARGIN = 0.08  # distance of a plane's points from its bounding box, as a share of its extent
-GRID = 24
+ROWS = 24
 SECTIONS = (0.25, 0.75)
 FULL = (0.0, 2 * np.pi)
 REASONS = {
@@ -29,23 +34,44 @@ REASONS = {
 }
 
 
-def inspection_of(path: Path) -> Inspection:
-    """The points at which the features of a QIF document are measured. Raises `InvalidInput`."""
+def inspection_of(path: Path, unit_m: float = 1e-3, edge_m: float | None = None) -> Inspection:
+    """The points at which the features of a QIF document are measured. Raises `InvalidInput`.
+
+    `unit_m` is the unit of length of a document that names none. Points on faces are at least `edge_m` away from their edges.
+    """
+    root, file = read_document(path)
+    reading = Reading(root, file, unit_m)
+    part = Part(Product(root, reading), reading.metres, edge_m)
     points: list[MeasurementPoint] = []
     excluded: list[Excluded] = []
-    features = read_features(path)
+    remarks: list[Excluded] = []
+    features, steps = features_of(root, reading), alignment_steps(root)
     for feature in features:
-        reason = _unmeasurable(feature)
-        if reason is None:
-            points += _points(feature)
+        found = _placed(feature, part)
+        if isinstance(found, str):
+            excluded.append(Excluded(feature.name, found))
         else:
-            excluded.append(Excluded(feature.name, reason))
-    return Inspection(path.stem, tuple(points), tuple(excluded), len(features))
+            points += _points(feature, found, steps.get(feature.name.removeprefix("f"), 0))
+            remarks += [Excluded(feature.name, found.remark)] if found.remark else []
+    return Inspection(path.stem, tuple(points), tuple(excluded), len(features), tuple(remarks))
+
+
+def _placed(feature: Feature, part: Part) -> Placement | str:
+    """The points of a feature, or why it has none."""
+    if feature.kind in REASONS:
+        return REASONS[feature.kind]
+    reason = _unmeasurable(feature)
+    wanted = SCHEMES[feature.kind](feature) if reason is None else []
+    found = part.placed(feature, wanted)
+    if found is None:
+        return reason or Placement(wanted)
+    return found
 
 
 def _unmeasurable(feature: Feature) -> str | None:
+    """Why the nominal sizes of a feature do not say where its points lie; None if they do."""
     if feature.kind not in SCHEMES:
-        return REASONS.get(feature.kind, f"no scheme places points on features of the kind {feature.kind}")
+        return f"no scheme places points on features of the kind {feature.kind}"
     missing = [size for size in SIZES.get(feature.kind, ()) if not feature.sizes.get(size)]
     if missing:
         return f"the file gives no {' and no '.join(missing).lower()}"
@@ -54,11 +80,11 @@ def _unmeasurable(feature: Feature) -> str | None:
     return None
 
 
-def _points(feature: Feature) -> Iterator[MeasurementPoint]:
+def _points(feature: Feature, placement: Placement, step: int) -> Iterator[MeasurementPoint]:
     kind = "thickness" if feature.kind == "OppositeParallelPlanes" else "profile"
     tolerance = min(feature.tolerances.values(), default=None)
     bore = feature.sizes.get("Diameter") if feature.internal and feature.kind in BORES else None
-    for number, (position, normal) in enumerate(SCHEMES[feature.kind](feature), 1):
+    for number, (position, normal) in enumerate(placement.points, 1):
         yield MeasurementPoint(
             f"{feature.name}_{number}",
             feature.name,
@@ -67,6 +93,7 @@ def _points(feature: Feature) -> Iterator[MeasurementPoint]:
             _triple(normal),
             tolerance,
             bore,
+            step,
         )
 
 
@@ -97,40 +124,13 @@ def _plane(feature: Feature) -> Placed:
     z, x, y = _frame(feature)
     corners = np.array(feature.outline)
     flat = (corners - corners[0]) @ np.stack([x, y], axis=1)
-    area = 0.5 * abs(float(_cross(flat, np.roll(flat, -1, axis=0)).sum()))
-    chosen = _spread(_inside(flat), surface_points(area, feature))
-    return [(corners[0] + u * x + v * y, z) for u, v in chosen]
-
-
-def _cross(a: Floats, b: Floats) -> Floats:
-    found: Floats = a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
-    return found
-
-
-def _inside(flat: Floats) -> Floats:
-    """The points of a grid inside a polygon (even-odd rule); the middle of the polygon if there are none."""
+    found, areas = rows([flat], ROWS)
+    middle = found if len(found) else flat.mean(axis=0)[None]
     low, high = flat.min(axis=0), flat.max(axis=0)
-    rule = np.linspace(MARGIN, 1 - MARGIN, GRID)
-    grid = np.stack(np.meshgrid(*(low[i] + rule * (high[i] - low[i]) for i in (0, 1))), axis=-1).reshape(
-        -1, 2
-    )
-    a, b = flat, np.roll(flat, -1, axis=0)
-    crosses = (a[:, 1] > grid[:, 1:]) != (b[:, 1] > grid[:, 1:])
-    rise = np.where(b[:, 1] == a[:, 1], 1.0, b[:, 1] - a[:, 1])
-    right = grid[:, :1] < a[:, 0] + (grid[:, 1:] - a[:, 1]) * (b[:, 0] - a[:, 0]) / rise
-    within: Floats = grid[(crosses & right).sum(axis=1) % 2 == 1]
-    return within if len(within) else flat.mean(axis=0)[None]
-
-
-def _spread(candidates: Floats, count: int) -> Floats:
-    """`count` of the candidates, each as far as possible from those chosen before (Gonzalez 1985)."""
-    chosen = [int(np.argmin(((candidates - candidates.mean(axis=0)) ** 2).sum(axis=1)))]
-    chosen = [int(np.argmax(((candidates - candidates[chosen[0]]) ** 2).sum(axis=1)))]
-    near = ((candidates - candidates[chosen[0]]) ** 2).sum(axis=1)
-    while len(chosen) < min(count, len(candidates)):
-        chosen.append(int(np.argmax(near)))
-        near = np.minimum(near, ((candidates - candidates[chosen[-1]]) ** 2).sum(axis=1))
-    return candidates[chosen]
+    edge = MARGIN * (high - low)
+    free = middle[((middle >= low + edge) & (middle <= high - edge)).all(axis=1)]
+    chosen = spread(free if len(free) else middle, surface_points(float(areas.sum()), feature))
+    return [(corners[0] + u * x + v * y, z) for u, v in (free if len(free) else middle)[chosen]]
 
 
 def _angles(feature: Feature, count: int, turned: float = 0.0) -> Floats:

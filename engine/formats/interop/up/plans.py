@@ -6,6 +6,7 @@ from unified_planning.plans import ActionInstance, PartialOrderPlan, SequentialP
 from unified_planning.plans import Plan as UpPlan
 
 from engine.formats.interop.up.problem import Translated
+from kb.loader.amounts import amounts_of
 from kb.model.plan import Plan, StepId
 from kb.model.traits import step_of
 from kb.terms import Function, Number, Term
@@ -48,9 +49,10 @@ def read(problem: Translated, plan: UpPlan) -> tuple[Plan, list[ActionInstance]]
         instances = list(nx.lexicographical_topological_sort(graph, key=str))
         places = {each: place for place, each in enumerate(instances)}
         before = [sorted(places[other] for other in graph.predecessors(each)) for each in instances]
+    amounts = amounts_of(problem.ours)
     steps = (
         step_of(
-            problem.ours.domain,
+            amounts,
             StepId(place + 1),
             operator_of(problem, each),
             tuple(StepId(other + 1) for other in before[place]),

@@ -9,12 +9,14 @@ from functools import cached_property, lru_cache
 
 from engine.stages.macros.lifted.bodies import Bindings, satisfiable, solve
 from engine.stages.macros.lifted.digests import Digests
-from engine.stages.macros.lifted.facts import Facts
+from engine.stages.macros.lifted.facts import Evaluated, Facts
 from engine.stages.macros.lifted.ground_steps import GroundStep, ground_step, is_plain
 from engine.stages.macros.lifted.schema import Following, NotGeneral, OperatorSchema, Schemas, stand_in
 from kb.asp import Grounder
 from kb.asp.vocabulary import VIOLATED, guard, static_program
 from kb.graphs import components
+from kb.loader.amounts import amounts_of
+from kb.model.amounts import Amounts
 from kb.model.conditions import Aggregate, Body, Literal, Parameter
 from kb.model.domain import Domain, Rule
 from kb.model.problem import Problem
@@ -54,7 +56,15 @@ class CellDomain:
         """The atoms that hold in every state. They are evaluated at the first use."""
         grounder = Grounder()
         grounder.ground("\n".join([static_program(self.problem), *_aggregate_rules(self.domain)]))
-        return Facts(grounder.everything())
+        return Evaluated(grounder.named, grounder.holds)
+
+    @cached_property
+    def amounts(self) -> Amounts:
+        """The durations and costs of steps in the cell."""
+        return amounts_of(self.problem, self._facts_of)
+
+    def _facts_of(self, name: str, arity: int) -> Iterator[tuple[Term, ...]]:
+        return (each.arguments for each in self.statics.named(name) if len(each.arguments) == arity)
 
     @property
     def violated(self) -> bool:

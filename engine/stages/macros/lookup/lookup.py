@@ -74,7 +74,7 @@ def _instances(entry: Entry, asked: Query, work: MatchingBudget) -> Iterator[Hit
         if gives_up(program.macrop, bindings, asked):
             return
         try:
-            plan = instantiate(program.macrop, bindings)
+            plan = instantiate(program.macrop, bindings, asked.world.amounts)
         except NotGeneral:
             return
         after = check(plan, asked)

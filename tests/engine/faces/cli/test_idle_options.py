@@ -54,7 +54,7 @@ def plan_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
         ("cell show a --output b", "--output"),
         ("cell show a --format gltf --azimuth 3", "--azimuth"),
         ("cell show a --elevation 3", "--elevation"),
-        ("import qif a.qif --unit m", "--unit"),
+        ("import qif a.csv --edge-distance 2", "--edge-distance"),
         ("diagnose a --history --exception b", "--exception"),
         ("diagnose a --reset --tree", "--tree"),
         ("diagnose a --exception b --done 1", "--plan"),

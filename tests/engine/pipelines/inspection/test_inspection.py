@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 
 from engine.faces.cli import app
 from engine.formats.interop.inspections import import_file
-from engine.formats.interop.measurements import read_table
+from engine.formats.interop.tables import read_table
 from engine.pipelines.inspection import partition, tour_problem
 from kb.diagnostics import InvalidInput
 from kb.loader import load

@@ -16,6 +16,7 @@ from engine.stages.macros.lookup.matching import MatchingBudget, matches
 from engine.stages.macros.lookup.program import Program
 from engine.stages.macros.lookup.query import Query
 from engine.stages.validation import validate
+from kb.loader.amounts import amounts_of
 from kb.model.conditions import And, Literal
 from kb.model.plan import Plan
 from kb.terms import Function, Term, Variable, substitute_atom
@@ -24,7 +25,7 @@ from kb.terms import Function, Term, Variable, substitute_atom
 @pytest.mark.parametrize("path", GOLDEN, ids=lambda path: f"{path.parts[-3]}-{path.stem}")
 def test_instantiating_with_the_original_constants_gives_the_plan_back(path: Path) -> None:
     found = golden(path)
-    again = instantiate(found.learned.macrop, found.learned.bindings)
+    again = instantiate(found.learned.macrop, found.learned.bindings, amounts_of(found.problem))
     assert again.steps == found.plan.steps
     assert set(again.links) == set(found.plan.links)
 
@@ -59,7 +60,7 @@ def test_every_instance_that_satisfies_a_macrop_passes_the_checker(name: str, da
     bindings = found.learned.bindings | dict(_changes(found, data))
     assume(constraints_hold(macrop, found.world, bindings))
     problem = posed(found, bindings)
-    assert validate(problem, instantiate(macrop, bindings)) == []
+    assert validate(problem, instantiate(macrop, bindings, amounts_of(problem))) == []
 
 
 def _changes(found: Example, data: st.DataObject) -> Iterator[tuple[Variable, Term]]:

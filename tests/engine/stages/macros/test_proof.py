@@ -16,6 +16,7 @@ from engine.stages.macros.lookup.instantiate import instantiate
 from engine.stages.planning.improvement.deorder import deorder, is_internal
 from engine.stages.validation import validate
 from kb.diagnostics import InvalidInput
+from kb.loader.amounts import amounts_of
 from kb.model.conditions import And, Literal
 from kb.model.macro import Macrop
 from kb.model.plan import CausalLink, Plan, Step
@@ -72,7 +73,7 @@ def test_every_instance_of_a_random_proof_passes_the_checker(
     macrop = found.learned.macrop
     own = found.learned.bindings
     assert constraints_hold(macrop, found.world, own)
-    again = [(step.operator, step.after) for step in instantiate(macrop, own).steps]
+    again = [(step.operator, step.after) for step in instantiate(macrop, own, amounts_of(case[0])).steps]
     assert again == [(step.operator, step.after) for step in found.plan.steps]
     changed: dict[Variable, Term] = {each: data.draw(st.sampled_from(CONSTANTS)) for each in own}
     assume(constraints_hold(macrop, found.world, changed))
@@ -84,7 +85,7 @@ def test_every_instance_of_a_random_proof_passes_the_checker(
             if not p.positive
         )
     )
-    assert validate(problem, instantiate(macrop, changed)) == []
+    assert validate(problem, instantiate(macrop, changed, amounts_of(problem))) == []
 
 
 # What each proof demands, by example.

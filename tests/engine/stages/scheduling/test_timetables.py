@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from engine.formats.report.gantt import rows
 from engine.model.forecast import makespan
 from engine.model.outcome import Infeasible
 from engine.model.schedule import Timetable
@@ -30,6 +31,19 @@ def timed(problem: Problem) -> Timetable:
     assert max(ends.values(), default=0) == made.schedule.makespan
     assert makespan(made.plan) <= made.schedule.makespan
     return made
+
+
+@pytest.mark.parametrize("target", ["themse/two", "themse/furnace_of_two"])
+def test_the_chart_shows_each_object_where_the_plan_puts_it(target: str) -> None:
+    made = timed(planning.problem_of(target))
+    charted = {row.name: row.bars for row in rows(made.shop, made.schedule)}
+    heats = [step for step in made.plan.steps if step.operator.name in ("heat", "cool")]
+    assert heats
+    for step in heats:
+        probe, place, _ = map(str, step.operator.arguments)
+        start = made.starts[step.id]
+        within = [bar for bar in charted[place] if bar.start <= start < bar.end]
+        assert [bar.label for bar in within] == [probe]
 
 
 @pytest.mark.parametrize(

@@ -148,3 +148,28 @@ def test_a_stage_that_holds_to_the_end_needs_no_order() -> None:
     unordered = (step(1, "raise(a, one)"), step(2, "ring(a)"), step(3, "ring(b)", 2))
     assert wrong(awaited, unordered) != []
     assert wrong(awaited, (step(1, "raise(a, one)"), step(2, "ring(a)", 1), step(3, "ring(b)", 2))) == []
+
+
+def test_one_step_moves_several_chains() -> None:
+    both = posed(((("rung(a)",), False), (("rung(b)",), False)))
+    assert wrong(both, (step(1, "ring_both"),)) == []
+    once = posed(((("rung(a)", "rung(b)"), False),))
+    assert [each[:4] for each in wrong(once, (step(1, "ring_both"),))] == ["K506"]
+
+
+def test_a_last_stage_that_needs_no_order_leaves_the_order_of_those_before_it() -> None:
+    told = posed(((("rung(a)", "rung(b)", "up(a, one)"), False),))
+    raised, rung = step(1, "raise(a, one)"), step(2, "ring(a)", 1)
+    assert wrong(told, (raised, rung, step(3, "ring(b)", 2))) == []
+    assert wrong(told, (raised, rung, step(3, "ring(b)", 1))) == [
+        "K506: steps 2 and 3 must be ordered: they reach stages of c0"
+    ]
+
+
+def test_a_chain_that_comes_after_another_begins_after_its_end() -> None:
+    told = posed(((("rung(a)",), False), (("rung(b)", "up(a, two)"), True)))
+    last = step(3, "raise(a, two)", 1, 2)
+    assert wrong(told, (step(1, "ring(a)"), step(2, "ring(b)", 1), last)) == []
+    assert wrong(told, (step(1, "ring(a)"), step(2, "ring(b)"), last)) == [
+        "K506: steps 1 and 2 must be ordered: c1 comes after c0"
+    ]

@@ -256,3 +256,12 @@ def test_a_link_serves_its_consumer(idle: CausalLink, why: list[str]) -> None:
 def test_a_link_for_a_stage_names_the_step_that_reaches_it(stage: CausalLink, why: str) -> None:
     told = f"K504: link {stage.producer} to {stage.consumer} for {stage.condition}: {why}"
     assert said(SEEN, SHOWN, links=(stage,)) == ([told] if why else [])
+
+
+def test_a_step_that_does_not_hold_what_it_must_is_not_executed() -> None:
+    """Its precondition does not hold either, but it is not asked for."""
+    posed = problem(
+        "cold(bolt)", (), BENCH.replace("adds: cold(Item),", "adds: cold(Item), resources: Item,")
+    )
+    step_ = replace(step(1, "chill(bolt)"), duration=3)
+    assert said(posed, (step_,)) == ["K501: step 1 chill(bolt) must hold bolt"]

@@ -207,3 +207,63 @@ def test_another_problem_shares_what_is_known_only_if_its_facts_are_the_same() -
     assert other.statics is own.statics
     assert own.about(dataclasses.replace(one, statics=())) is None
     assert own.about(dataclasses.replace(one, domain=dataclasses.replace(one.domain))) is None
+
+
+OVEN = """domain: oven
+types: {item: object}
+objects: {item: [bolt, nut]}
+fluents: {"in(item)": {}, "hot(item)": {}, on: {}, loud: {}, full: {}, lit: {}}
+operators:
+  bake:
+    effects:
+      - {when: in(I), adds: hot(I)}
+      - {when: on, adds: loud}
+  insert(Item): {adds: in(Item)}
+deductive_operators:
+  - {when: in(bolt), implies: full}
+  - {when: not in(bolt), denies: full}
+  - {when: in(nut), implies: lit}
+"""
+
+
+@pytest.mark.parametrize(
+    ("initial", "goals", "reached"),
+    [
+        (("in(bolt)",), "hot(bolt)", True),
+        (("in(bolt)",), "hot(nut)", False),
+        (("in(bolt)", "in(nut)"), "hot(bolt), hot(nut)", True),
+        (("in(bolt)",), "loud", False),
+        (("on",), "loud", True),
+        (("on",), "hot(bolt)", False),
+        ((), "loud", False),
+    ],
+)
+def test_a_conditional_effect_happens_for_whatever_its_condition_holds(
+    initial: tuple[str, ...], goals: str, reached: bool
+) -> None:
+    found = wrong(problem(goals, initial, OVEN), (step(1, "bake"),))
+    assert [each[:4] for each in found] == ([] if reached else ["K502"] * (goals.count(",") + 1))
+
+
+@pytest.mark.parametrize(
+    ("item", "goals", "reached"), [("bolt", "full", True), ("bolt", "lit", False), ("nut", "lit", True)]
+)
+def test_an_operator_deduces_from_the_atoms_that_match_its_trigger_alone(
+    item: str, goals: str, reached: bool
+) -> None:
+    found = wrong(problem(goals, (), OVEN), (step(1, f"insert({item})"),))
+    assert [each[:4] for each in found] == ([] if reached else ["K502"])
+
+
+def test_the_meaning_of_a_domain_serves_problems_with_the_same_facts_and_objects_alone() -> None:
+    posed = problem("tidy", (), DEFAULTS, statics=("home(bolt, table)", "home(nut, bin)"))
+    own = Semantics(posed)
+    for statics in (posed.statics, tuple(list(posed.statics))):
+        shared = own.about(dataclasses.replace(posed, statics=statics))
+        assert shared is not None
+        assert shared.statics is own.statics
+    for statics in (posed.statics[:1], (*posed.statics, posed.statics[0]), posed.statics[1:]):
+        assert own.about(dataclasses.replace(posed, statics=statics)) is None
+    other = problem("tidy", (), DEFAULTS, objects="item: [screw]")
+    assert own.about(other) is None
+    assert own.about(dataclasses.replace(posed, domain=other.domain)) is None

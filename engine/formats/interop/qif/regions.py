@@ -1,0 +1,78 @@
+"""Regions of a plane between closed polygons: what lies inside, and points spread over it.
+
+A point lies inside if a ray from it crosses an odd number of sides (Shimrat 1962).
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from engine.kernels.arrays import Floats, Truths
+
+CHUNK = 4_000_000  # pairs of points and sides looked at together
+
+
+def sides(polygons: Sequence[Floats]) -> tuple[Floats, Floats]:
+    """Where the sides of closed polygons begin and end: two arrays (m, 2)."""
+    starts = [each for each in polygons if len(each)]
+    if not starts:
+        return np.zeros((0, 2)), np.zeros((0, 2))
+    return np.concatenate(starts), np.concatenate([np.roll(each, -1, axis=0) for each in starts])
+
+
+def inside(polygons: Sequence[Floats], points: Floats) -> Truths:
+    """Whether each of the points (n, 2) lies inside the polygons taken together."""
+    a, b = sides(polygons)
+    step = max(1, CHUNK // max(1, len(a)))
+    parts = [_odd(a, b, points[i : i + step]) for i in range(0, len(points), step)]
+    return np.concatenate(parts) if parts else np.zeros(0, bool)
+
+
+def _odd(a: Floats, b: Floats, points: Floats) -> Truths:
+    x, y = points[:, :1], points[:, 1:]
+    crosses = (a[:, 1] > y) != (b[:, 1] > y)
+    rise = np.where(b[:, 1] == a[:, 1], 1.0, b[:, 1] - a[:, 1])
+    right = x < a[:, 0] + (y - a[:, 1]) * (b[:, 0] - a[:, 0]) / rise
+    found: Truths = (crosses & right).sum(axis=1) % 2 == 1
+    return found
+
+
+def rows(polygons: Sequence[Floats], count: int) -> tuple[Floats, Floats]:
+    """Points (n, 2) inside polygons, on `count` rows of equal height, and the area (n,) that each stands for.
+
+    On each stretch of a row there is at least one point, so that narrow regions get points, too.
+    """
+    a, b = sides(polygons)
+    if not len(a):
+        return np.zeros((0, 2)), np.zeros(0)
+    low, high = np.minimum(a, b).min(axis=0), np.maximum(a, b).max(axis=0)
+    height, step = (high[1] - low[1]) / count, (high[0] - low[0]) / count
+    points, areas = [np.zeros((0, 2))], [np.zeros(0)]
+    for y in low[1] + height * (np.arange(count) + 0.5):
+        crossed = (a[:, 1] > y) != (b[:, 1] > y)
+        p, q = a[crossed], b[crossed]
+        xs = np.sort(p[:, 0] + (y - p[:, 1]) * (q[:, 0] - p[:, 0]) / (q[:, 1] - p[:, 1]))
+        for first, last in zip(xs[::2], xs[1::2], strict=False):
+            if last > first:
+                number = max(1, round((last - first) / step))
+                x = first + (last - first) * (np.arange(number) + 0.5) / number
+                points.append(np.stack([x, np.full(number, y)], axis=1))
+                areas.append(np.full(number, (last - first) / number * height))
+    return np.concatenate(points), np.concatenate(areas)
+
+
+def spread(candidates: Floats, count: int, taken: Floats | None = None) -> list[int]:
+    """`count` of the candidates (n, k), each as far as possible from those before and those taken (Gonzalez 1985)."""
+    if not len(candidates) or count <= 0:
+        return []
+    if taken is not None and len(taken):
+        near = np.min([((candidates - each) ** 2).sum(axis=1) for each in taken], axis=0)
+        chosen: list[int] = []
+    else:
+        middle = candidates[int(np.argmin(((candidates - candidates.mean(axis=0)) ** 2).sum(axis=1)))]
+        chosen = [int(np.argmax(((candidates - middle) ** 2).sum(axis=1)))]
+        near = ((candidates - candidates[chosen[0]]) ** 2).sum(axis=1)
+    while len(chosen) < min(count, len(candidates)):
+        chosen.append(int(np.argmax(near)))
+        near = np.minimum(near, ((candidates - candidates[chosen[-1]]) ** 2).sum(axis=1))
+    return chosen

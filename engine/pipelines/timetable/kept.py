@@ -1,0 +1,123 @@
+"""Timetables that keep the order of a plan: every step as early as that order and the travel between its steps allow.
+
+A longest path is exact here, so nothing is searched, and plans of any length are scheduled.
+"""
+
+import itertools
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+from engine.model.forecast import makespan
+from engine.model.schedule import Schedule, Timetable
+from engine.model.shop import Shop
+from engine.pipelines.gate import InternalError
+from engine.pipelines.timetable.orders import by_step
+from engine.stages.scheduling.blocks import Unstructured, arm_of, mentions
+from engine.stages.scheduling.checker import check_schedule
+from engine.stages.scheduling.work import Wishes
+from kb.diagnostics import Diagnostic, Source
+from kb.model.plan import Plan, Step, StepId
+from kb.model.problem import Problem
+from kb.terms import Term
+
+LONG = 400  # steps; longer plans keep their order
+KEPT = "of all schedules that keep this order of the steps"
+
+
+def kept(problem: Problem, plan: Plan, wishes: Wishes, note: str = "") -> Timetable:
+    """The timetable of a plan that the checker accepts, in its own order. Nobody watches longest stays in it.
+
+    The checker of schedules has replayed it.
+    """
+    round_ = _round(plan, wishes)
+    starts = _starts(plan, wishes, round_)
+    last, late = makespan(plan, starts), _late(plan, wishes, starts)
+    made = Schedule({}, (), last, last, late, proved=not wishes.longest_stay)
+    timetable = by_step(problem, plan, starts, made, note, KEPT)
+    shop = _travelling(timetable.shop, round_)
+    replayed = replace(timetable.schedule, tardiness=0)  # due times are of objects, and so of several jobs
+    if wrong := check_schedule(shop, replayed):
+        raise InternalError([Diagnostic(Source(problem.path), "K508", wrong[0])])
+    return replace(timetable, shop=shop, unwatched=bool(wishes.longest_stay))
+
+
+@dataclass(frozen=True, slots=True)
+class _Round:
+    """What the arm does between steps: the steps before its steps, the times from there, and where its stages are."""
+
+    arm: str
+    before: Mapping[StepId, StepId]
+    ways: Mapping[StepId, int]
+    places: Mapping[str, str]  # by the name of the stage
+    travel: Mapping[tuple[str, str], int]
+
+
+def _round(plan: Plan, wishes: Wishes) -> _Round:
+    """The round of the arm through the places of its steps; a step that names no place is done where the last one was."""
+    own = _steps_of_arm(plan, wishes)
+    arm, steps = own if own is not None else (None, [])
+    stops: list[Term | None] = []
+    for step in steps:
+        at = wishes.place(step.operator, step.resources, arm) if arm is not None else None
+        stops.append(at if at is not None or not stops else stops[-1])
+    found = _Round(str(arm), {}, {}, {}, {})
+    before, ways, travel = dict[StepId, StepId](), dict[StepId, int](), dict[tuple[str, str], int]()
+    for (one, here), (other, there) in itertools.pairwise(zip(steps, stops, strict=True)):
+        lasts = 0 if here is None or there is None else wishes.travel.get((here, there), 0)
+        before[other.id], ways[other.id] = one.id, lasts
+        travel[(str(here or ""), str(there or ""))] = lasts
+    places = {f"{s.id} {s.operator}": str(at or "") for s, at in zip(steps, stops, strict=True)}
+    return replace(found, before=before, ways=ways, places=places, travel=travel)
+
+
+def _steps_of_arm(plan: Plan, wishes: Wishes) -> tuple[Term, list[Step]] | None:
+    if not wishes.stops:
+        return None
+    try:
+        arm = arm_of(plan.steps)
+    except Unstructured:
+        return None
+    return arm, [step for step in plan.steps if arm in step.resources]
+
+
+def _starts(plan: Plan, wishes: Wishes, round_: _Round) -> dict[StepId, int]:
+    """The earliest start of each step: after the steps that it waits for, its release, and the way of the arm to it."""
+    starts: dict[StepId, int] = {}
+    ends: dict[StepId, int] = {}
+    for step in plan.steps:
+        soonest = [ends[before] for before in step.after]
+        soonest += [time for subject, time in wishes.release.items() if mentions(step.operator, subject)]
+        if step.id in round_.before:
+            soonest.append(ends[round_.before[step.id]] + round_.ways[step.id])
+        starts[step.id] = max(soonest, default=0)
+        ends[step.id] = starts[step.id] + step.duration
+    return starts
+
+
+def _late(plan: Plan, wishes: Wishes, starts: Mapping[StepId, int]) -> int:
+    """The weighted sum of how late the steps about each object end."""
+    late = 0
+    for subject, due in wishes.due.items():
+        ends = [starts[s.id] + s.duration for s in plan.steps if mentions(s.operator, subject)]
+        late += wishes.priority.get(subject, 1) * max(0, max(ends, default=0) - due)
+    return late
+
+
+def _travelling(shop: Shop, round_: _Round) -> Shop:
+    """The shop with the ways of the arm between its steps, so that the checker of schedules sees them."""
+    if not round_.travel:
+        return shop
+    resources = tuple(
+        replace(each, travel=round_.travel) if each.name == round_.arm else each for each in shop.resources
+    )
+    jobs = tuple(
+        replace(
+            job,
+            stages=tuple(
+                replace(s, origin=round_.places.get(s.name, ""), destination=round_.places.get(s.name, ""))
+                for s in job.stages
+            ),
+        )
+        for job in shop.jobs
+    )
+    return replace(shop, jobs=jobs, resources=resources)

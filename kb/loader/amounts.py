@@ -1,0 +1,74 @@
+"""The durations and costs of a problem: its static facts, and the places of the cell beside its domain."""
+
+from collections.abc import Callable
+from functools import cache, lru_cache
+from pathlib import Path
+
+from kb.asp import Grounder
+from kb.asp.vocabulary import static_program
+from kb.diagnostics import InvalidInput, unknown_name
+from kb.files import is_file
+from kb.model.amounts import Amounts, Facts, Standing
+from kb.model.cell import WORLD, Cell
+from kb.model.domain import Domain
+from kb.model.motion import Point
+from kb.model.positions import is_fixed, position
+from kb.model.problem import Problem
+from kb.targets import CELL_FILE
+
+
+def amounts_of(problem: Problem, facts: Facts | None = None) -> Amounts:
+    """The durations and costs of a problem. Nothing is evaluated before it is needed.
+
+    `facts` gives its static facts if they have been evaluated already.
+    """
+    return Amounts(problem.domain, facts or _evaluated(problem), standing(problem.domain))
+
+
+def standing(domain: Domain) -> Standing:
+    """The points of the places in the cell beside a domain, in micrometres, in the frame of its travel.
+
+    The cell is read when a point is first asked for. Raises `InvalidInput` then for a bad cell or an unknown frame.
+    """
+    frame = domain.motion.frame if domain.motion else WORLD
+    cell = cache(lambda: _framed(domain, frame))
+
+    def point(place: str) -> Point | None:
+        found = cell()
+        at = position(found, place, frame) if found else None
+        return None if at is None else (round(at[0] * 1e6), round(at[1] * 1e6), round(at[2] * 1e6))
+
+    return point
+
+
+def _evaluated(problem: Problem) -> Facts:
+    """The static facts, evaluated by clingo when the first of them is asked for."""
+
+    def grounded() -> Grounder:
+        grounder = Grounder()
+        grounder.ground(static_program(problem))
+        return grounder
+
+    ask: Callable[[], Grounder] = cache(grounded)
+    return lambda name, arity: ask().atoms(name, arity)
+
+
+def _framed(domain: Domain, frame: str) -> Cell | None:
+    """The cell beside a domain, which has the frame; None if there is no cell. Raises `InvalidInput`."""
+    path = Path(domain.path).with_name(CELL_FILE) if domain.path else None
+    if path is None or not is_file(path):
+        return None
+    stamp = path.stat()
+    cell = _cell(path, stamp.st_mtime_ns, stamp.st_size)
+    if domain.motion is not None and not is_fixed(cell, frame):
+        known = [name for name in (*cell.frames, *cell.bodies) if is_fixed(cell, name)]
+        raise InvalidInput([unknown_name("frame", frame, [WORLD, *known], domain.motion.where)])
+    return cell
+
+
+@lru_cache(maxsize=4)
+def _cell(path: Path, _changed: int, _size: int) -> Cell:
+    """The cell in a file; a program that plans piece by piece reads it once for each version of the file."""
+    from kb.loader.cell import load_cell  # only travel needs cells, and they take a while to load
+
+    return load_cell(path)
