@@ -64,7 +64,8 @@ def _planned(
     from engine.formats.report import motion_svg
     from engine.pipelines import motion as pipeline
 
-    found = pipeline.move(target, *ends, *settings)
+    margin, seed, bridges = settings
+    found = pipeline.move(target, *ends, margin, seed, bridges)
     path, timed = found.path(), found.trajectory()
     times = timed.corners_s
     status = report.status(found.answer)
