@@ -97,7 +97,7 @@ def partition(problem: Troubleshooting, arrays: Beliefs) -> Partition | None:
     )
 
 
-def groups(problem: Troubleshooting, arrays: Beliefs) -> Groups:
+def groups(arrays: Beliefs) -> Groups:
     """The groups of causes that may be concluded together, and what the policies of a rollout cost at most."""
     losses = arrays.losses
     worst = float(losses[np.isfinite(losses)].max(initial=0.0))
