@@ -18,6 +18,7 @@ from kb.model.problem import Problem
 from kb.targets import reference
 from kb.terms import Function
 
+NEARER = "give a smaller --edge-distance if that is too near"
 HINT = "measure it otherwise, or add points with `cellwright measurement add`"
 
 
@@ -70,8 +71,8 @@ def _require_free_names(inspection: Inspection, domain: Domain, path: Path) -> N
 
 def remarks(inspection: Inspection, path: Path) -> tuple[Diagnostic, ...]:
     """A warning for each feature that has no points, or others than were asked for."""
-    told = [(each.feature, f"has no points: {each.reason}") for each in inspection.excluded]
-    told += [(each.feature, each.reason) for each in inspection.remarks]
+    told = [(each.feature, f"has no points: {each.reason}", HINT) for each in inspection.excluded]
+    told += [(each.feature, each.reason, NEARER) for each in inspection.remarks]
     where = Source(str(path))
     undeclared = (
         Diagnostic(
@@ -85,7 +86,7 @@ def remarks(inspection: Inspection, path: Path) -> tuple[Diagnostic, ...]:
     )
     return (
         *undeclared,
-        *(Diagnostic(where, "K807", f"{name} {what}", HINT, warning=True) for name, what in told),
+        *(Diagnostic(where, "K807", f"{name} {what}", hint, warning=True) for name, what, hint in told),
     )
 
 
