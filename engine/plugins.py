@@ -7,10 +7,12 @@ from collections.abc import Callable
 from importlib import metadata
 from typing import Any
 
-from engine.ports import GeometryBackend
+from engine.ports import ContactFilter, GeometryBackend
 from kb.diagnostics import Diagnostic, InvalidInput, Source, nearest
+from kb.model.contacts import ContactModel
 
 GEOMETRY = "cellwright.geometry"
+CONTACT_FILTERS = "cellwright.contact_filters"
 
 
 def known(group: str) -> list[str]:
@@ -27,14 +29,20 @@ def geometry_backend(name: str = "builtin") -> GeometryBackend:
     return backend
 
 
-def _load(group: str, name: str) -> Callable[[], Any]:
+def contact_filter(name: str, model: ContactModel) -> ContactFilter:
+    """The filter of contact states of this name, made for a contact model. Raises `InvalidInput` as `geometry_backend` does."""
+    made: ContactFilter = _load(CONTACT_FILTERS, name)(model)
+    return made
+
+
+def _load(group: str, name: str) -> Callable[..., Any]:
     found = [point for point in metadata.entry_points(group=group) if point.name == name]
     if not found:
         names = known(group)
         hint = nearest(name, names) or f"one of: {', '.join(names)}"
         raise InvalidInput([Diagnostic(Source(name), "K414", f"no plug-in of this name for {group}", hint)])
     try:
-        factory: Callable[[], Any] = found[0].load()
+        factory: Callable[..., Any] = found[0].load()
     except ImportError as error:
         hint = f"pip install 'cellwright[{name}]'"
         message = f"the plug-in '{name}' needs a package that is not installed: {error.name}"

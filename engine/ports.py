@@ -1,8 +1,12 @@
 """The replaceable parts of the engine, as Protocols. `engine.plugins` finds their implementations."""
 
+from collections.abc import Sequence
 from typing import Protocol
 
+from engine.kernels.geometry.edges import Edges
+from engine.kernels.geometry.proof import Proof
 from engine.model.geometry import Contact, Floats, Scene, Truths
+from kb.model.octuples import Octuple
 
 
 class CollisionChecker(Protocol):
@@ -39,6 +43,21 @@ class CollisionChecker(Protocol):
         ...
 
 
+class MotionGround(CollisionChecker, Protocol):
+    """A checker that motions are planned on. It has joints: its scene is not free."""
+
+    def lines(self, step: float, margin_m: float = 0.0) -> Edges:
+        """The straight lines between configurations, each checked whole in one call, every `step` (rad, m).
+
+        What comes within `margin_m` of another thing touches it.
+        """
+        ...
+
+    def proof(self, margin_m: float, finest_m: float) -> Proof:
+        """What proves that nothing comes within `margin_m` anywhere on a path, by stretches of motions down to `finest_m`."""
+        ...
+
+
 class GeometryBackend(Protocol):
     """A library that computes distances and collisions."""
 
@@ -57,4 +76,23 @@ class GeometryBackend(Protocol):
 
     def checker(self, scene: Scene) -> CollisionChecker:
         """The checker for a scene. Raises `ValueError` when the backend cannot represent the scene."""
+        ...
+
+
+class ContactFilter(Protocol):
+    """Says which contact states of a cell are infeasible or unwanted. It is made for one `ContactModel`.
+
+    It is asked about one cluster at a time, with one object for all that are alike. What it says must not depend on which
+    of them it is, nor on which of several alike anchor points, except for those that it names in `individuals`.
+    """
+
+    def individuals(self) -> frozenset[tuple[str, str]]:
+        """The anchor points (object class, anchor point) that are not exchangeable for this filter."""
+        ...
+
+    def reason(self, objects: Sequence[str], contacts: Sequence[Octuple], change: Octuple | None) -> str:
+        """Why a cluster of objects with these contacts cannot be; empty if it can.
+
+        `change` is the contact that is made; None if one is broken, or if nothing changes.
+        """
         ...

@@ -9,6 +9,7 @@ from kb.model.domain import Domain
 
 DOMAIN_FILE = "domain.yaml"
 CELL_FILE = "cell.yaml"
+CONTACTS_FILE = "contacts.yaml"
 BUNDLED = Path(__file__).parents[1] / "domains"  # beside this package, whatever else has that name
 
 

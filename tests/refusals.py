@@ -13,7 +13,12 @@ REFUSALS = {
         "measurement list themse",
         "diagnose bulkhead --exception no_echo --recover",
     ],
-    "K405": ["diagnose {bare} --exception any", "cell show {bare}", "sequence {bare}/problem.yaml"],
+    "K405": [
+        "diagnose {bare} --exception any",
+        "states {bare}",
+        "cell show {bare}",
+        "sequence {bare}/problem.yaml",
+    ],
     "K406": [
         "plan bulkhead/one_point --strategy asap",
         "sequence bulkhead/one_point --method exakt",

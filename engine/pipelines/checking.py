@@ -1,4 +1,4 @@
-"""All errors in a domain, its problems, its cell and its fault base, reported in one run."""
+"""All errors in a domain, its problems, its cell, its fault base and its contact model, reported in one run."""
 
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
@@ -6,6 +6,8 @@ from pathlib import Path
 
 from engine.model.stages import stage_atom
 from engine.model.task import Task
+from engine.pipelines.inspection.demands import findings_of
+from engine.pipelines.task_space import Wanted, generated_if_bare, space_of
 from engine.plugins import geometry_backend
 from engine.stages.grounding import default_instances, ground, reachable_atoms, reachable_operators
 from kb.check import check_domain, unreachable
@@ -13,7 +15,7 @@ from kb.check.alike import fewer
 from kb.check.faults import check_faults
 from kb.check.start import crowded, hopeless
 from kb.diagnostics import Diagnostic, InvalidInput, in_order
-from kb.loader import CELL_FILE, Loaded, find, load, problem_files
+from kb.loader import CELL_FILE, CONTACTS_FILE, DOMAIN_FILE, Loaded, find, load, problem_files
 from kb.loader.amounts import standing
 from kb.loader.faults import FAULTS_FILE, load_faults
 from kb.model.domain import Domain
@@ -30,7 +32,7 @@ class CheckReport:
 
 
 def check(target: str, reach: bool = True) -> CheckReport:
-    """All errors in a problem, or in a domain and all its problems, and in the cell and the fault base beside it.
+    """All errors in a problem, or in a domain and all its problems, and in the cell, fault base and contact model beside it.
 
     With `reach`, places of the cell that no arm reaches are reported, too.
     """
@@ -50,6 +52,7 @@ def check(target: str, reach: bool = True) -> CheckReport:
     grounded = [(each, task) for each in small if (task := _grounded(each.problem, found)) is not None]
     tasks = [task for _, task in grounded]
     own = [each.problem for each in small]
+    found += [each for problem in problems for each in findings_of(problem)]
     lost = [each for each, task in grounded if _starts_badly(each.problem, task, own, found)]
     if loaded is not None and loaded.problem is None and len(tasks) == len(problems) > len(lost):
         reached = frozenset[str]().union(*map(reachable_operators, tasks))
@@ -63,6 +66,9 @@ def check(target: str, reach: bool = True) -> CheckReport:
     if loaded is not None and (faults := Path(loaded.domain.path).with_name(FAULTS_FILE)).is_file():
         paths.append(faults)
         found += _checked_faults(Path(loaded.domain.path))
+    if loaded is not None and (contacts := Path(loaded.domain.path).with_name(CONTACTS_FILE)).is_file():
+        paths.append(contacts)
+        found += _checked_contacts(Path(loaded.domain.path))
     return CheckReport(tuple(map(str, paths)), in_order(found))
 
 
@@ -112,6 +118,18 @@ def _checked_faults(domain: Path) -> list[Diagnostic]:
     return [*warnings, *check_faults(model)]
 
 
+def _checked_contacts(domain: Path) -> list[Diagnostic]:
+    """The errors in the contact model beside a domain, and whether its filters let the start pass."""
+    from kb.loader.contacts import load_contacts
+
+    try:
+        model, warnings = load_contacts(domain)
+        space_of(model, Wanted(forms=0))
+    except InvalidInput as error:
+        return list(error.diagnostics)
+    return list(warnings)
+
+
 def _grounded(problem: Problem, found: list[Diagnostic]) -> Task | None:
     try:
         return ground(problem)
@@ -120,10 +138,14 @@ def _grounded(problem: Problem, found: list[Diagnostic]) -> Task | None:
         return None
 
 
+def _none(_: Path) -> None:
+    """A domain itself is checked as it is written."""
+
+
 def _loaded(path: Path, found: list[Diagnostic]) -> "Loaded | None":
 
     try:
-        loaded = load(path)
+        loaded = load(path, _none if path.name == DOMAIN_FILE else generated_if_bare)
     except InvalidInput as error:
         found += error.diagnostics
         return None

@@ -116,8 +116,14 @@ def scheduled(problem: Problem, outcome: Outcome, limits: Limits, objective: Obj
 def fastest(
     problem: Problem, limits: Limits, work: ScheduleLimits = ScheduleLimits()
 ) -> Timetable | Infeasible | GaveUp:
-    """The timetable of the plan with the least makespan that is found, or why there is none. Raises `InvalidInput`."""
+    """The timetable of the plan with the least makespan that is found, or why there is none. Raises `InvalidInput`.
+
+    The plan of an inspection follows its sequence, and the schedule keeps this order.
+    """
     started = time.perf_counter()
+    followed = sequenced(problem, limits)
+    if followed is not None:
+        return _kept(problem, followed, started)
     outcome, task = planned(problem, limits)
     if not isinstance(outcome, Found):
         return outcome
@@ -127,6 +133,16 @@ def fastest(
         return refused
     seconds = {"planning": planning, **best.statistics.seconds, "in all": time.perf_counter() - started}
     return replace(best, statistics=Statistics(best.statistics.counts, seconds))
+
+
+def _kept(problem: Problem, followed: Run, started: float) -> Timetable | Infeasible | GaveUp:
+    """The timetable of a plan that follows a sequence, or why there is none."""
+    outcome = followed.outcome
+    if not isinstance(outcome, Found):
+        return outcome
+    made = followed.timetable or keeping(problem, outcome.plan)
+    seconds = {**outcome.statistics.seconds, "in all": time.perf_counter() - started}
+    return replace(made, statistics=replace(outcome.statistics, seconds=seconds))
 
 
 def _run(problem: Problem, task: Task, outcome: Outcome, limits: Limits, objective: Objective | None) -> Run:

@@ -28,12 +28,13 @@ LARGE = 200_000  # possible instances of operators
 def problem_of(target: str, goals: str = "", command: str = "") -> Problem:
     """The problem that a target names. `goals`, or else a `command` in words, replaces its goals.
 
-    Raises `InvalidInput`.
+    A domain without operators that has a contact model beside it gets those that are generated. Raises `InvalidInput`.
     """
+    from engine.pipelines.task_space import generated_if_bare
     from kb.commands import understand
     from kb.loader import find, load, problem_files, with_goals
 
-    loaded = load(find(target))
+    loaded = load(find(target), generated_if_bare)
     if goals and command:
         raise InvalidInput(
             [

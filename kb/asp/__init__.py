@@ -93,6 +93,10 @@ class Grounder:
                             known[each] = term(each)
                     yield Function(name, tuple([known[each] for each in arguments]))
 
+    def holds(self, atom: Function) -> bool:
+        """Whether a ground atom is true."""
+        return self._control.symbolic_atoms[symbol(atom)] is not None
+
     def tables(self, arities: Mapping[str, int]) -> dict[str, Table]:
         """For each predicate over integers, its true atoms as sorted rows."""
         first = self._tables
@@ -123,6 +127,19 @@ def term(symbol: clingo.Symbol) -> Term:
             return Function(symbol.name, tuple(map(term, symbol.arguments)))
         case _:
             return Function(str(symbol))
+
+
+def symbol(ground: Term) -> clingo.Symbol:
+    """A ground term as a symbol of clingo."""
+    match ground:
+        case Number(value):
+            return clingo.Number(value)
+        case Text(value):
+            return clingo.String(value)
+        case Function(name, arguments):
+            return clingo.Function(name, [symbol(each) for each in arguments])
+        case _:
+            raise TypeError(f"{ground} is not ground")
 
 
 def ground_term(text: str) -> Term:

@@ -1,6 +1,6 @@
 """Domains and problems from files. All errors are collected and raised together as `InvalidInput`."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -16,10 +16,11 @@ from kb.loader.tree import Node
 from kb.model.conditions import TRUE
 from kb.model.domain import Domain
 from kb.model.problem import Problem
-from kb.targets import CELL_FILE, DOMAIN_FILE, bundled, find, reference
+from kb.targets import CELL_FILE, CONTACTS_FILE, DOMAIN_FILE, bundled, find, reference
 
 __all__ = [
     "CELL_FILE",
+    "CONTACTS_FILE",
     "DOMAIN_FILE",
     "Loaded",
     "bundled",
@@ -48,15 +49,21 @@ def problem_files(domain: Path) -> list[Path]:
     return sorted((domain.parent / "problems").glob("*.yaml"))
 
 
-def load(path: Path) -> Loaded:
-    """The domain or problem in a file. Raises `InvalidInput` with all errors."""
+Rewrite = Callable[[Path], File | None]
+
+
+def load(path: Path, rewrite: Rewrite = lambda _: None) -> Loaded:
+    """The domain or problem in a file. `rewrite` may give another text for the file of the domain.
+
+    Raises `InvalidInput` with all errors.
+    """
     findings = Findings()
     reader = Reader.of(read_file(path), findings)
     if isinstance(reader.root.value, dict):
         if "problem" in reader.root.value:
-            return _load_problem(reader, findings)
+            return _load_problem(reader, findings, rewrite)
         _require_no_other(path, reader.root.value)
-    domain, _ = read_domain(path, findings)
+    domain, _ = read_domain(path, findings, rewrite(path))
     require(findings)
     return Loaded(domain, None, findings.warnings())
 
@@ -73,6 +80,7 @@ _WITH_ITS_DOMAIN = "name the folder of this file: the file is checked with its d
 _OTHERS = {
     "cell": ("a cell", _WITH_ITS_DOMAIN),
     "faults": ("a fault base", _WITH_ITS_DOMAIN),
+    "contacts": ("a contact model", _WITH_ITS_DOMAIN),
     "arm": ("an arm", "name the domain whose cell uses it"),
     "data": (
         "an answer",
@@ -81,10 +89,11 @@ _OTHERS = {
 }
 
 
-def _load_problem(reader: Reader, findings: Findings) -> Loaded:
+def _load_problem(reader: Reader, findings: Findings, rewrite: Rewrite) -> Loaded:
     if not validate_shape(reader, "problem"):
         require(findings)
-    domain, names = read_domain(domain_file(reader), findings)
+    path = domain_file(reader)
+    domain, names = read_domain(path, findings, rewrite(path))
     problem = read_problem(reader, domain, names, findings)
     require(findings)
     return Loaded(domain, problem, findings.warnings())

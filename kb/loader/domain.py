@@ -4,6 +4,7 @@ import re
 from pathlib import Path
 
 from kb.commands import check_phrases
+from kb.files import File
 from kb.loader.conventions import read_conventions
 from kb.loader.declarations import read_declarations
 from kb.loader.deduction import read_deductive_operators, read_defaults
@@ -17,9 +18,12 @@ from kb.model.computed import with_named_values
 from kb.model.domain import Domain, Phrase
 
 
-def read_domain(path: Path, findings: Findings) -> tuple[Domain, Names]:
-    """The domain in a file and its symbol table. Raises `InvalidInput` if its form is wrong; other errors are noted."""
-    reader = Reader.of(read_file(path), findings)
+def read_domain(path: Path, findings: Findings, file: File | None = None) -> tuple[Domain, Names]:
+    """The domain in a file and its symbol table. `file` has the text, if it is not that of `path`.
+
+    Raises `InvalidInput` if its form is wrong; other errors are noted.
+    """
+    reader = Reader.of(file or read_file(path), findings)
     if not validate_shape(reader, "domain"):
         require(findings)
     reader.time_unit = reader.text("units", "time") or "s"

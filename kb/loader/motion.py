@@ -11,11 +11,11 @@ from kb.model.cell import WORLD
 from kb.model.conventions import CONVENTIONS
 from kb.model.domain import Predicate
 from kb.model.motion import DISTANCE, Motion
-from kb.syntax import SECONDS
+from kb.syntax import SECONDS, unit_seconds
 
 MICROMETRES = {"m": 1_000_000, "cm": 10_000, "mm": 1_000, "in": 25_400}
-SPEED = re.compile(rf"([0-9]+(?:\.[0-9]+)?)\s*({'|'.join(MICROMETRES)})\s*/\s*({'|'.join(SECONDS)})")
-DURATION = re.compile(rf"([0-9]+(?:\.[0-9]+)?)\s*({'|'.join(SECONDS)})?")
+SPEED = re.compile(rf"([0-9]+(?:\.[0-9]+)?)\s*({'|'.join(MICROMETRES)})\s*/\s*([a-z]+)")
+DURATION = re.compile(r"([0-9]+(?:\.[0-9]+)?)\s*([a-z]*)")
 LONGEST = Fraction(86_400)  # seconds
 FASTEST = Fraction(10**10)  # micrometres per second
 SLOWEST = Fraction(1, 10**3)
@@ -41,11 +41,12 @@ def read_motion(reader: Reader, names: Names) -> Motion | None:
 def _speed(node: Node, reader: Reader) -> Fraction | None:
     """Micrometres per unit of the domain's time."""
     found = SPEED.fullmatch(str(node.value).strip())
-    if found is None:
+    unit = unit_seconds(found[3]) if found else None
+    if found is None or unit is None:
         hint = "write 250 mm/s, 0.2 m/s or 12 m/min"
         reader.findings.add(node.where, "K005", f"'{str(node.value)[:40]}' is not a speed", hint)
         return None
-    per_second = Fraction(found[1]) * MICROMETRES[found[2]] / SECONDS[found[3]]
+    per_second = Fraction(found[1]) * MICROMETRES[found[2]] / unit
     if not SLOWEST <= per_second <= FASTEST:
         hint = "a speed must be greater than 0, and less than 10 km/s"
         reader.findings.add(node.where, "K113", f"the speed {found[0]} is out of range", hint)
@@ -59,11 +60,11 @@ def _settling(reader: Reader) -> Fraction | None:
     if not said:
         return Fraction(0)
     found = DURATION.fullmatch(said)
-    if found is None:
+    unit = unit_seconds(found[2] or reader.time_unit) if found else None
+    if found is None or unit is None:
         hint = "write 300 ms, 0.5 s or 0"
         reader.findings.add(node.where, "K005", f"'{said[:40]}' is not a time of 0 or more", hint)
         return None
-    unit = SECONDS[found[2] or reader.time_unit]
     settling = Fraction(found[1]) * unit
     if settling > LONGEST:
         reader.findings.add(

@@ -19,6 +19,12 @@ class Element:
     attributes: Mapping[str, str]
     where: Source
     children: list["Element"] = field(default_factory=list)
+    words: list[str] = field(default_factory=list)
+
+    @property
+    def text(self) -> str:
+        """Its own text, without blanks around it."""
+        return "".join(self.words).strip()
 
     def all(self, tag: str) -> Iterator["Element"]:
         """Its children of this tag."""
@@ -58,6 +64,7 @@ def read_xml(file: File) -> Element:
 
     parser.StartElementHandler = start
     parser.EndElementHandler = lambda _: stack.pop()
+    parser.CharacterDataHandler = lambda data: stack[-1].words.append(data)
     parser.StartDoctypeDeclHandler = refuse
     parser.EntityDeclHandler = refuse
     try:

@@ -58,6 +58,10 @@ def model_of(kind: str) -> type[BaseModel]:
             from kb.schema.faults import FaultsFile
 
             return FaultsFile
+        case "contacts":
+            from kb.schema.contacts import ContactsFile
+
+            return ContactsFile
         case _:
             raise KeyError(kind)
 

@@ -9,6 +9,7 @@ import pytest
 from engine.formats.interop.inspections import remarks
 from engine.formats.interop.jobshop import read_jobshop
 from engine.formats.interop.pddl import read_pddl
+from engine.formats.interop.pnml import read_pnml
 from engine.formats.interop.qif import inspection_of
 from engine.formats.interop.tables import read_table
 from engine.formats.interop.tsplib import read_tsplib
@@ -27,6 +28,7 @@ READERS: dict[str, Callable[[Path], object]] = {
     "*.tsp": read_tsplib,
     "*.csv": read_table,
     "*.txt": read_jobshop,
+    "*.pnml": read_pnml,
 }
 
 

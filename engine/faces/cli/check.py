@@ -47,6 +47,7 @@ class SchemaKind(StrEnum):
     CELL = "cell"
     ARM = "arm"
     FAULTS = "faults"
+    CONTACTS = "contacts"
 
 
 def schema(kind: Annotated[SchemaKind, typer.Argument(help="the kind of file")]) -> None:

@@ -71,7 +71,7 @@ def carried_on(
     lost = tuple(sorted({*plan.lost, *news.lost} - set(news.restored)))
     bad = {name: why for name, why in {**plan.bad, **news.bad}.items() if name not in news.restored}
     parts = parted(problem, lost)
-    asked = tour_problem(problem, parts)
+    asked = tour_problem(problem, parts, timed=False)
     visits = tuple(PlannedVisit(each.name, each.tool, each.position or ()) for each in asked.visits)
     done = _done(plan, visits, parts, news)
     names = {each.name for each in done}

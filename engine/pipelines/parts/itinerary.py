@@ -8,10 +8,8 @@ from engine.model.tour import Tour, TourProblem, cost_of
 from engine.pipelines.inspection import Partition, chooses_tools, measurements_of, partition, tour_problem
 from engine.pipelines.inspection.keeping import carry_on
 from engine.pipelines.inspection.places import with_places
-from engine.pipelines.inspection.ways import has_table
 from engine.stages.macros.lookup.query import goal_literal
 from engine.stages.sequencing import Limits, sequence
-from kb.loader.amounts import amounts_of
 from kb.model.conditions import Condition, Literal, goal_parts
 from kb.model.conditions import literals as literals_of
 from kb.model.domain import OBJECT
@@ -108,8 +106,7 @@ def _made(problem: Problem, parts: Partition, limits: Limits) -> Itinerary | Non
     if not isinstance(tour, Tour):
         return None
     visits = tuple((asked.visits[n].name, asked.visits[n].tool) for n in tour.order)
-    even = all(asked.changes.get((b, a)) == cost for (a, b), cost in asked.changes.items())
-    even = even and not has_table(problem, amounts_of(problem).facts)
+    even = cost_of(asked, tour.order[::-1]) == tour.cost
     bound = asked.closed or asked.ordered or asked.start is not None or asked.end is not None
     return Itinerary(visits, parts, asked, tour, fixed=bound or not even)
 

@@ -40,6 +40,7 @@ Bindings = Mapping[Variable, Term]
 
 NONE: Mapping[Atom, None] = {}
 MANY = 16  # atoms of a predicate
+SINGLY = 200  # atoms of a predicate that are asked for before all are read
 
 
 class Facts:
@@ -125,9 +126,18 @@ class Facts:
 class Evaluated(Facts):
     """Facts that someone else has evaluated. Each predicate is read when it is first asked for."""
 
-    def __init__(self, read: Callable[[str], Iterable[Atom]]) -> None:
+    def __init__(self, read: Callable[[str], Iterable[Atom]], holds: Callable[[Atom], bool]) -> None:
+        """Facts that `read` gives for a predicate, and that `holds` tells one by one."""
         super().__init__()
-        self._read = read
+        self._read, self._holds = read, holds
+        self._asked: dict[str, int] = {}
+
+    def __contains__(self, atom: Atom) -> bool:
+        """Whether an atom is among the facts. The first questions do not read its predicate, which may be large."""
+        asked = self._asked[atom.name] = self._asked.get(atom.name, 0) + 1
+        if asked <= SINGLY and atom.name not in self._by_name:
+            return self._holds(atom)
+        return atom in self._extent(atom.name)
 
     def _extent(self, name: str) -> Mapping[Atom, None]:
         if name not in self._by_name:

@@ -64,7 +64,7 @@ class Semantics:
         """Every static fact, types included. Each body with aggregates gets a predicate of its own."""
         grounder = Grounder()
         grounder.ground("\n".join([static_program(self.problem), *self._aggregate_rules()]))
-        return Evaluated(grounder.named)
+        return Evaluated(grounder.named, grounder.holds)
 
     @cached_property
     def amounts(self) -> Amounts:

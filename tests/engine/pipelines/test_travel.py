@@ -20,7 +20,7 @@ from engine.stages.scheduling import check_schedule
 from engine.stages.validation import validate
 from kb.asp import ground_term
 from kb.diagnostics import InvalidInput
-from kb.loader import load_problem, with_goals
+from kb.loader import load_domain, load_problem, with_goals
 from kb.model.domain import Domain, Kind, Predicate
 from kb.model.motion import Motion, distance
 from kb.model.plan import Plan, Step, StepId
@@ -197,3 +197,45 @@ def test_positions_of_the_cell_and_of_facts_are_seen_from_one_frame() -> None:
     problem = inspection(BULKHEAD, ["position(m1, -300000, -750000, 0)"])
     tours = tour_problem(with_places(problem), partition(with_places(problem)))
     assert int(tours.travel[0, 1]) == 300_000
+
+
+@pytest.mark.parametrize(
+    ("speed", "settling", "expected"),
+    [
+        ("250 mm/s", "500 ms", Motion(Fraction(250_000), Fraction(1, 2))),
+        ("15 m / min", "", Motion(Fraction(250_000))),
+        ("0.5 in/second", "1 min", Motion(Fraction(12_700), Fraction(60))),
+        ("1cm/s", "2", Motion(Fraction(10_000), Fraction(2))),
+    ],
+)
+def test_speeds_and_times_have_units(speed: str, settling: str, expected: Motion, tmp_path: Path) -> None:
+    said = f"domain: bare\nmotion:\n  speed: {speed}\n" + (f"  settling: {settling}\n" if settling else "")
+    (tmp_path / "domain.yaml").write_text(said, "utf-8")
+    assert load_domain(str(tmp_path)).motion == expected
+
+
+@pytest.mark.parametrize(
+    ("section", "code"),
+    [
+        ("speed: nan mm/s", "K005"),
+        ("speed: inf m/s", "K005"),
+        ("speed: 250", "K005"),
+        ("speed: 250 mm", "K005"),
+        ("speed: -250 mm/s", "K005"),
+        ("speed: 250 mm/year", "K005"),
+        ("speed: 0.0 mm/s", "K113"),
+        ("speed: 99999999 m/s", "K113"),
+        ("speed: 1 m/s\n  settling: nan", "K005"),
+        ("speed: 1 m/s\n  settling: -1", "K005"),
+        ("speed: 1 m/s\n  settling: 9999999 h", "K113"),
+        ("speed: [1, 2]", "K005"),
+        ("settling: 1 s", "K005"),
+        ("velocity: 1 m/s", "K005"),
+    ],
+)
+def test_what_is_no_speed_or_time_is_reported_at_its_place(section: str, code: str, tmp_path: Path) -> None:
+    (tmp_path / "domain.yaml").write_text(f"domain: bare\nmotion:\n  {section}\n", "utf-8")
+    with pytest.raises(InvalidInput) as caught:
+        load_domain(str(tmp_path))
+    assert {each.code for each in caught.value.diagnostics} == {code}
+    assert all(each.where.line in (2, 3, 4) for each in caught.value.diagnostics)

@@ -8,6 +8,7 @@ from collections.abc import Callable, Collection, Iterable, Iterator
 from kb.model.domain import NUMERIC_TYPES, OBJECT
 from kb.terms import Atom, Function, Number, Term, Text, is_ground, match
 
+SINGLY = 200  # atoms of a predicate that are asked for before all are read
 SMALL = 4  # atoms; up to this number they are tried one by one
 
 
@@ -132,11 +133,20 @@ class Facts:
 class Evaluated(Facts):
     """Facts that someone else has evaluated. Each predicate is read when it is first asked for; nothing is changed."""
 
-    __slots__ = ("_read",)
+    __slots__ = ("_asked", "_holds", "_read")
 
-    def __init__(self, read: Callable[[str], Iterable[Atom]]) -> None:
+    def __init__(self, read: Callable[[str], Iterable[Atom]], holds: Callable[[Atom], bool]) -> None:
+        """Facts that `read` gives for a predicate, and that `holds` tells one by one."""
         super().__init__()
-        self._read = read
+        self._read, self._holds = read, holds
+        self._asked: dict[str, int] = {}
+
+    def __contains__(self, atom: Atom) -> bool:
+        """Whether an atom is among the facts. The first questions do not read its predicate, which may be large."""
+        asked = self._asked[atom.name] = self._asked.get(atom.name, 0) + 1
+        if asked <= SINGLY and atom.name not in self._extents:
+            return self._holds(atom)
+        return atom in self._extent(atom.name).atoms
 
     def _extent(self, name: str) -> Extent:
         if name not in self._extents:

@@ -56,7 +56,7 @@ class CellDomain:
         """The atoms that hold in every state. They are evaluated at the first use."""
         grounder = Grounder()
         grounder.ground("\n".join([static_program(self.problem), *_aggregate_rules(self.domain)]))
-        return Evaluated(grounder.named)
+        return Evaluated(grounder.named, grounder.holds)
 
     @cached_property
     def amounts(self) -> Amounts:

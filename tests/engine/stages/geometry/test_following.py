@@ -47,7 +47,7 @@ def test_at_the_start_everything_is_where_the_file_has_it_but_the_lid(laboratory
     world = following(laboratory, state)
     assert all(close(world, laboratory, f"probe_{n}") for n in (1, 2, 3, 4))
     on_rim = world.pose("freezer", "lid")
-    assert np.abs(on_rim - transforms.translation(0, 0, 0.13)).max() < 1e-9
+    assert np.abs(on_rim - transforms.translation(0, 0, 0.15)).max() < 1e-9
     assert close(following(world, [fact("at", "lid", "stand")]), laboratory, "lid")
 
 

@@ -1,0 +1,214 @@
+"""A net of contact states as SVG: places without a robot on the left, operators in the middle, places with a robot on the right.
+
+An operator and the one that undoes it are one box with two heads on its lines. One-way operators have their own colour.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from xml.sax.saxutils import escape
+
+from engine.model.task_space import Net, Place, Transition
+
+CHARACTER, ROW, BOX, PLACE, MARGIN, CHANNEL, SWEEPS = 6.6, 30, 20, 26, 24, 150, 24
+INK, PAPER, DEVICE, ROBOT, OPERATOR, ONE_WAY = (
+    "#1b1b1b",
+    "#ffffff",
+    "#f3f5f8",
+    "#dbe9f8",
+    "#fff7e0",
+    "#b5341f",
+)
+STYLE = """
+  .line:hover { stroke-width: 3; }
+  @media (prefers-color-scheme: dark) {
+    .paper { fill: #16181c; } .device { fill: #262a31; stroke: #e8e8e8; } .robot { fill: #1f3a57; stroke: #e8e8e8; }
+    .operator { fill: #3a3320; stroke: #e8e8e8; } .line { stroke: #c8c8c8; } .head { fill: #c8c8c8; } .text { fill: #e8e8e8; }
+  }
+"""
+
+
+@dataclass(frozen=True, slots=True)
+class _Box:
+    """An operator with its undoing: the name, the places before and after, and what stands in the tooltip."""
+
+    name: str
+    before: tuple[str, ...]
+    after: tuple[str, ...]
+    both: bool
+    title: str
+
+
+@dataclass(frozen=True, slots=True)
+class _Spot:
+    """Where something is drawn: its left end, its width and its middle height."""
+
+    x: float
+    width: float
+    y: float
+
+
+def net(made: Net) -> str:
+    """The drawing. The same net gives the same bytes."""
+    boxes = list(_boxes(made.transitions))
+    left = [each for each in made.places if not each.robot]
+    right = [each for each in made.places if each.robot]
+    rows, heights = _arranged(boxes, left, right)
+    width = [
+        max([CHARACTER * len(_label(each)) + 20 for each in column], default=60.0) for column in (left, right)
+    ]
+    middle = max([CHARACTER * len(each.name) + 20 for each in boxes], default=60.0)
+    xs = MARGIN, MARGIN + width[0] + CHANNEL, MARGIN + width[0] + middle + 2 * CHANNEL
+    spots = {each.name: _Spot(xs[0], width[0], heights[each.name]) for each in left}
+    spots |= {each.name: _Spot(xs[2], width[1], heights[each.name]) for each in right}
+    operators = {n: _Spot(xs[1], middle, row) for n, row in rows.items()}
+    lowest = max([*heights.values(), *rows.values()], default=0.0)
+    size = xs[2] + width[1] + MARGIN, lowest + ROW + MARGIN
+    return (
+        "\n".join(
+            [
+                *_head(made, *size),
+                *_lines(boxes, operators, spots),
+                *_drawn(made, boxes, operators, spots),
+                "</svg>",
+            ]
+        )
+        + "\n"
+    )
+
+
+def _label(place: Place) -> str:
+    return f"{place.name} {place.say}"
+
+
+def _boxes(transitions: Sequence[Transition]) -> Iterator[_Box]:
+    done: set[str] = set()
+    for each in transitions:
+        if each.name in done:
+            continue
+        back = next(
+            (
+                other
+                for other in transitions
+                if other.name not in done
+                and other is not each
+                and (other.inputs, other.outputs, other.contact) == (each.outputs, each.inputs, each.contact)
+            ),
+            None,
+        )
+        first, second = (each, back) if each.makes or back is None else (back, each)
+        done |= {each.name, *([back.name] if back else [])}
+        name = (
+            first.name
+            if second is None
+            else f"{first.operator}, {second.operator} {first.name.removeprefix(first.operator + '_')}"
+        )
+        title = "\n".join(_told(one) for one in (first, second) if one is not None)
+        yield _Box(name, first.inputs, first.outputs, second is not None, title)
+
+
+def _told(each: Transition) -> str:
+    moved = ", ".join(
+        f"{row.type} {row.most if row.least == row.most else f'{row.least}..{row.most}'} from {row.source} to {row.target}"
+        for row in each.transfers
+    )
+    only = "".join(f"; only if {one}" for one in each.restrictions)
+    return f"{each.name}: {moved}{only}"
+
+
+def _arranged(
+    boxes: Sequence[_Box], left: Sequence[Place], right: Sequence[Place]
+) -> tuple[dict[int, float], dict[str, float]]:
+    """The heights of operators and places: each near the mean of what it is joined to (barycentres, Sugiyama 1981)."""
+    order = list(range(len(boxes)))
+    height = float(max(len(boxes), len(left), len(right), 1))
+    places: dict[str, float] = {}
+    for column in (left, right):
+        places |= {each.name: (n + 0.5) * height / len(column) for n, each in enumerate(column)}
+    rows = {n: at + 0.5 for at, n in enumerate(order)}
+    for _ in range(SWEEPS):
+        order.sort(key=lambda n: (_mean([places[p] for p in (*boxes[n].before, *boxes[n].after)]), n))
+        rows = {n: (at + 0.5) * height / len(order) for at, n in enumerate(order)}
+        for column in (left, right):
+            joined = {
+                each.name: [rows[n] for n, box in enumerate(boxes) if each.name in (*box.before, *box.after)]
+                for each in column
+            }
+            ranked = sorted(column, key=lambda each: (_mean(joined[each.name]), each.name))
+            places |= {each.name: (at + 0.5) * height / len(column) for at, each in enumerate(ranked)}
+    top = MARGIN + ROW
+    return {n: top + y * ROW for n, y in rows.items()}, {name: top + y * ROW for name, y in places.items()}
+
+
+def _mean(values: Sequence[float]) -> float:
+    return sum(values) / len(values) if values else 0.0
+
+
+def _head(made: Net, width: float, height: float) -> Iterator[str]:
+    yield (
+        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width:g} {height:g}" width="{width:g}"'
+        f' height="{height:g}" font-family="DejaVu Sans Mono, Menlo, Consolas, monospace">'
+    )
+    yield f"<style>{STYLE}</style>"
+    yield "<defs>"
+    for name, fill in (("head", INK), ("one-way", ONE_WAY)):
+        yield (
+            f'<marker id="{name}" viewBox="0 0 8 8" refX="8" refY="4" markerWidth="8" markerHeight="7"'
+            f' markerUnits="userSpaceOnUse" orient="auto-start-reverse"><path class="{name}" d="M0 0L8 4L0 8z" fill="{fill}"/></marker>'
+        )
+    yield "</defs>"
+    yield f'<rect class="paper" x="0" y="0" width="{width:g}" height="{height:g}" fill="{PAPER}"/>'
+    yield (
+        f'<text class="text" x="{MARGIN}" y="{MARGIN}" font-size="12" fill="{INK}">{escape(made.name)}: '
+        f"{len(made.places)} places, {len(made.transitions)} transitions; with a robot on the right, apart dashed, together solid</text>"
+    )
+
+
+def _lines(
+    boxes: Sequence[_Box], operators: Mapping[int, _Spot], spots: Mapping[str, _Spot]
+) -> Iterator[str]:
+    """The arcs: from the places before to the operator, and from it to the places after."""
+    for n, box in enumerate(boxes):
+        for place in dict.fromkeys((*box.before, *box.after)):
+            inward, outward = place in box.before, place in box.after
+            yield _line(operators[n], spots[place], box, inward, outward, -4 if inward else 4)
+
+
+def _line(operator: _Spot, place: _Spot, box: _Box, inward: bool, outward: bool, shift: float) -> str:
+    on_left = place.x < operator.x
+    x, y = (operator.x if on_left else operator.x + operator.width), operator.y + shift
+    to_x = place.x + place.width if on_left else place.x
+    bend = (to_x - x) / 2
+    head = "head" if box.both else "one-way"
+    start = f' marker-start="url(#{head})"' if inward or box.both else ""
+    end = f' marker-end="url(#{head})"' if outward or box.both else ""
+    stroke = INK if box.both else ONE_WAY
+    dashes = ' stroke-dasharray="6 3"' if inward else ""
+    return (
+        f'<path class="line" d="M{x:g} {y:g}C{x + bend:g} {y:g} {to_x - bend:g} {place.y:g} {to_x:g} {place.y:g}"'
+        f' fill="none" stroke="{stroke}" stroke-width="1.1"{dashes}{start}{end}/>'
+    )
+
+
+def _drawn(
+    made: Net, boxes: Sequence[_Box], operators: Mapping[int, _Spot], spots: Mapping[str, _Spot]
+) -> Iterator[str]:
+    for place in made.places:
+        kind, fill = ("robot", ROBOT) if place.robot else ("device", DEVICE)
+        capacity = ", ".join(f"{name} {n}" for name, n in place.capacity)
+        title = "\n".join([f"{_label(place)}; room for {capacity}", *map(str, place.contacts)])
+        yield _shape(
+            kind, fill, spots[place.name], PLACE, 13, _label(place), title, 2 if place.initial else 1
+        )
+    for n, box in enumerate(boxes):
+        yield _shape("operator", OPERATOR, operators[n], BOX, 2, box.name, box.title, 1)
+
+
+def _shape(
+    kind: str, fill: str, at: _Spot, height: float, round_: float, text: str, title: str, rim: float
+) -> str:
+    return (
+        f'<g><title>{escape(title)}</title><rect class="{kind}" x="{at.x:g}" y="{at.y - height / 2:g}" width="{at.width:g}"'
+        f' height="{height:g}" rx="{round_:g}" fill="{fill}" stroke="{INK}" stroke-width="{rim:g}"/>'
+        f'<text class="text" x="{at.x + at.width / 2:g}" y="{at.y + 4:g}" text-anchor="middle" font-size="11"'
+        f' fill="{INK}">{escape(text)}</text></g>'
+    )

@@ -1,0 +1,1 @@
+"""Task-space modelling: generates the contact states of a cell, and the net of places and transitions between them."""
