@@ -67,7 +67,10 @@ MODULES: dict[
                 f"{DIAGNOSIS}/test_{name}.py"
                 for name in ("revision", "conversations", "knowledge", "circuits")
             ),
-            *(f"{DIAGNOSIS}/test_{name}.py" for name in ("searches", "trees", "session", "selection")),
+            *(
+                f"{DIAGNOSIS}/test_{name}.py"
+                for name in ("arrays", "searches", "trees", "session", "selection")
+            ),
         ),
     ),
     "MACROP proof": (

@@ -3,6 +3,8 @@
 from collections.abc import Sequence
 from typing import Protocol
 
+from engine.kernels.geometry.edges import Edges
+from engine.kernels.geometry.proof import Proof
 from engine.model.geometry import Contact, Floats, Scene, Truths
 from kb.model.octuples import Octuple
 
@@ -38,6 +40,21 @@ class CollisionChecker(Protocol):
 
         If a body consists of several pieces, the contact is that of its nearest (or deepest) piece.
         """
+        ...
+
+
+class MotionGround(CollisionChecker, Protocol):
+    """A checker that motions are planned on. It has joints: its scene is not free."""
+
+    def lines(self, step: float, margin_m: float = 0.0) -> Edges:
+        """The straight lines between configurations, each checked whole in one call, every `step` (rad, m).
+
+        What comes within `margin_m` of another thing touches it.
+        """
+        ...
+
+    def proof(self, margin_m: float, finest_m: float) -> Proof:
+        """What proves that nothing comes within `margin_m` anywhere on a path, by stretches of motions down to `finest_m`."""
         ...
 
 

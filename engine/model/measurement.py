@@ -34,7 +34,7 @@ class MeasurementPoint:
     the point lies in.
 
     `kind` is what the tool must measure (thickness, profile). `tolerance_m` is the width of the tolerance
-    zone that the measurement must confirm.
+    zone that the measurement must confirm. `step` says in which step of the alignment the point is measured; 0: in none.
     """
 
     name: str
@@ -44,6 +44,7 @@ class MeasurementPoint:
     normal: Triple
     tolerance_m: float | None = None
     bore_m: float | None = None
+    step: int = 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,10 +57,11 @@ class Excluded:
 
 @dataclass(frozen=True, slots=True)
 class Inspection:
-    """The measurements of a part."""
+    """The measurements of a part. `left_out` names the kinds of facts about them that a domain does not know."""
 
     name: str
     points: tuple[MeasurementPoint, ...]
     excluded: tuple[Excluded, ...] = ()
     features: int = 0
     remarks: tuple[Excluded, ...] = ()
+    left_out: tuple[str, ...] = ()

@@ -45,7 +45,8 @@ class Task:
 
     `weights` are criticalities per atom; each mutex group holds at most one true atom. A negative condition
     on atom p is a positive one on the complementary atom `not(p)`, kept by every effect on p. `goals` are
-    alternatives: a state that contains any one of the bitsets is a goal state.
+    alternatives: a state that contains any one of the bitsets is a goal state. A task that is not `whole` leaves out
+    objects that are like others, so what bounds its plans need not bound those of its problem.
     """
 
     atoms: tuple[Atom, ...]
@@ -54,6 +55,7 @@ class Task:
     goals: tuple[Bits, ...]
     weights: tuple[int, ...]
     mutex_groups: tuple[Bits, ...] = ()
+    whole: bool = True
 
     def names(self, bits: Bits) -> tuple[Atom, ...]:
         """The atoms in a bitset."""

@@ -7,9 +7,12 @@ from itertools import pairwise
 import numpy as np
 
 from engine.kernels.arrays import Floats as Floats
+from engine.kernels.arrays import Ints
 from engine.kernels.arrays import Longs as Longs
+from engine.model.metric import Metric
 
 Window = tuple[int, int]
+ENDLESS = 2**40  # the end of a window that has none: later than any tour
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,7 +36,7 @@ class Visit:
 class TourProblem:
     """Which order of the visits costs least?
 
-    `travel` (n, n) is the cost from visit i to visit j, not negative. `changes` is the additional cost of
+    `travel` (n, n) is the cost from visit i to visit j, not negative; for many visits it may be a metric. `changes` is the additional cost of
     going on with another tool. With windows, costs are times. An open tour ends at its last visit; a closed
     one goes back to its first. `start` and `end` are the first and the last visit, if given. The visits of
     each pair in `precedence` come in that order.
@@ -41,7 +44,7 @@ class TourProblem:
 
     name: str
     visits: tuple[Visit, ...]
-    travel: Longs
+    travel: Longs | Metric
     closed: bool = True
     start: int | None = None
     end: int | None = None
@@ -52,14 +55,29 @@ class TourProblem:
     @property
     def arcs(self) -> Longs:
         """The cost from visit to visit (n, n): travel and change of tool together."""
+        travel = self.travel.matrix() if isinstance(self.travel, Metric) else self.travel
         if not self.changes or not self.visits:
-            return self.travel
-        tools = [visit.tool for visit in self.visits]
-        names = sorted(set(tools))
-        extra = np.array([[self.changes.get((a, b), 0) for b in names] for a in names], np.int64)
-        kind = np.array([names.index(tool) for tool in tools], np.intp)
-        found: Longs = self.travel + extra[kind[:, None], kind[None, :]]
+            return travel
+        kind, extra = self.kinds
+        found: Longs = travel + extra[kind[:, None], kind[None, :]]
         return found
+
+    @property
+    def kinds(self) -> tuple[Ints, Longs]:
+        """The number of each visit's tool (n,), and the cost of a change from tool to tool."""
+        tools = [visit.tool for visit in self.visits]
+        names = {name: number for number, name in enumerate(sorted(set(tools)))}
+        extra = np.array([[self.changes.get((a, b), 0) for b in names] for a in names], np.int64)
+        return np.array([names[tool] for tool in tools], np.int32), extra
+
+    def lengths(self, order: tuple[int, ...]) -> list[int]:
+        """The costs from each visit of an order to the next, travel and change of tool together."""
+        a, b = np.array(order[:-1], np.int32), np.array(order[1:], np.int32)
+        found = self.travel.between(a, b) if isinstance(self.travel, Metric) else self.travel[a, b]
+        if self.changes and len(order):
+            kind, extra = self.kinds
+            found = found + extra[kind[a], kind[b]]
+        return [int(each) for each in found]
 
     @property
     def timed(self) -> bool:
@@ -124,9 +142,33 @@ class Tour:
 
 def cost_of(problem: TourProblem, order: tuple[int, ...]) -> int:
     """The cost of an order: its arcs, and the way back if the tour is closed."""
-    arcs = problem.arcs
-    total = sum(int(arcs[a, b]) for a, b in pairwise(order))
-    return total + int(arcs[order[-1], order[0]]) if problem.closed and len(order) > 1 else total
+    circle = (*order, order[0]) if problem.closed and len(order) > 1 else order
+    return sum(problem.lengths(circle))
+
+
+def times_of(problem: TourProblem, order: tuple[int, ...]) -> list[tuple[int, int]]:
+    """When each visit of an order is reached, and when it begins: it waits until its window opens."""
+    clock, found = 0, list[tuple[int, int]]()
+    ways = problem.lengths(order)
+    for index, at in enumerate(order):
+        if index:
+            clock += problem.visits[order[index - 1]].duration + ways[index - 1]
+        window = problem.visits[at].window
+        begin = clock if window is None else max(clock, window[0])
+        found.append((clock, begin))
+        clock = begin
+    return found
+
+
+def slack_of(problem: TourProblem, order: tuple[int, ...]) -> list[int]:
+    """How much later each visit of an order may begin so that no window is missed; ENDLESS or so if none can be."""
+    slack, found = ENDLESS, list[int]()
+    for at, (arrives, begins) in zip(reversed(order), reversed(times_of(problem, order)), strict=True):
+        window = problem.visits[at].window
+        slack = min(slack, ENDLESS if window is None else window[1] - begins)
+        found.append(slack)
+        slack += begins - arrives
+    return found[::-1]
 
 
 def violations(problem: TourProblem, order: tuple[int, ...]) -> list[str]:
@@ -154,14 +196,11 @@ def violations(problem: TourProblem, order: tuple[int, ...]) -> list[str]:
 
 
 def _late(problem: TourProblem, order: tuple[int, ...]) -> list[str]:
-    arcs, clock, found = problem.arcs, 0, []
-    for index, at in enumerate(order):
+    if not problem.timed:
+        return []
+    found = []
+    for at, (_, begin) in zip(order, times_of(problem, order), strict=True):
         visit = problem.visits[at]
-        if index:
-            before = order[index - 1]
-            clock += problem.visits[before].duration + int(arcs[before, at])
-        if visit.window is not None:
-            clock = max(clock, visit.window[0])
-            if clock > visit.window[1]:
-                found.append(f"{visit.name} is reached at {clock}, later than {visit.window[1]}")
+        if visit.window is not None and begin > visit.window[1]:
+            found.append(f"{visit.name} is reached at {begin}, later than {visit.window[1]}")
     return found

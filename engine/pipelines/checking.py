@@ -6,10 +6,12 @@ from pathlib import Path
 
 from engine.model.stages import stage_atom
 from engine.model.task import Task
+from engine.pipelines.inspection.demands import findings_of
 from engine.pipelines.task_space import Wanted, generated_if_bare, space_of
 from engine.plugins import geometry_backend
 from engine.stages.grounding import default_instances, ground, reachable_atoms, reachable_operators
 from kb.check import check_domain, unreachable
+from kb.check.alike import fewer
 from kb.check.faults import check_faults
 from kb.check.start import crowded, hopeless
 from kb.diagnostics import Diagnostic, InvalidInput, in_order
@@ -46,15 +48,18 @@ def check(target: str, reach: bool = True) -> CheckReport:
         problems += [each.problem for file in paths[1:] if (each := _loaded(file, found)) and each.problem]
     if loaded is not None and loaded.problem is None:
         found += check_domain(loaded.domain, problems)
-    grounded = [(each, task) for each in problems if (task := _grounded(each, found)) is not None]
+    small = [fewer(each) for each in problems]
+    grounded = [(each, task) for each in small if (task := _grounded(each.problem, found)) is not None]
     tasks = [task for _, task in grounded]
-    lost = [problem for problem, task in grounded if _starts_badly(problem, task, problems, found)]
+    own = [each.problem for each in small]
+    found += [each for problem in problems for each in findings_of(problem)]
+    lost = [each for each, task in grounded if _starts_badly(each.problem, task, own, found)]
     if loaded is not None and loaded.problem is None and len(tasks) == len(problems) > len(lost):
         reached = frozenset[str]().union(*map(reachable_operators, tasks))
         found += unreachable(loaded.domain, reached)
     if loaded is not None and (cell := Path(loaded.domain.path).with_name(CELL_FILE)).is_file():
         paths.append(cell)
-        atoms = {atom for task in tasks for atom in task.atoms}
+        atoms = {atom for each, task in grounded for atom in each.told_of_all(task.atoms)}
         found += _checked_cell(cell, loaded.domain, reach, atoms)
         found += [each for each in _checked_frame(loaded.domain) if each not in found]
     if loaded is not None and (faults := Path(loaded.domain.path).with_name(FAULTS_FILE)).is_file():
@@ -85,12 +90,12 @@ def _checked_cell(cell: Path, domain: Domain, reach: bool, atoms: Collection[Ato
 
 def _checked_frame(domain: Domain) -> list[Diagnostic]:
     """The error about the frame of a domain's travel, if the cell has no such frame."""
-    if domain.travel is None:
+    if domain.motion is None:
         return []
     try:
         standing(domain)("")
     except InvalidInput as error:
-        return [each for each in error.diagnostics if each.where == domain.travel.where]
+        return [each for each in error.diagnostics if each.where == domain.motion.where]
     return []
 
 

@@ -13,11 +13,13 @@ from engine.model.outcome import Found, GaveUp, Infeasible, Outcome, Statistics
 from engine.model.schedule import Timetable
 from engine.model.task import Task
 from engine.pipelines.gate import accepted
+from engine.pipelines.parts import Itinerary, Memory, by_sequence
 from engine.pipelines.planning import planned
 from engine.pipelines.timetable import by_other_means, keeping, own_order, timed
 from engine.pipelines.timetable.kept import LONG
 from engine.pipelines.timetable.orders import least_makespan
 from engine.stages.grounding import ground
+from engine.stages.grounding.limits import size
 from engine.stages.planning import Limits
 from engine.stages.planning import plan as plan_task
 from engine.stages.scheduling import ScheduleLimits
@@ -29,6 +31,7 @@ CHOOSING = 2.0  # at most of it, and a sixth, spent on other means
 SOON = 5_000  # expansions after which no second plan is looked for
 SECOND = 2_000  # expansions that a second plan may take
 PLANS = "of all plans"
+SMALL = 500  # instances of operators of a problem whose sequence the planner may prove to be cheapest
 
 
 class Objective(StrEnum):
@@ -38,12 +41,23 @@ class Objective(StrEnum):
     MAKESPAN = "makespan"
 
 
+class Order(StrEnum):
+    """Who decides the order of measurements: the sequencer, or the planner alone."""
+
+    SEQUENCE = "sequence"
+    FREE = "free"
+
+
 @dataclass(frozen=True, slots=True)
 class Run:
-    """An outcome, and when each step of its plan happens; None if no step takes any time."""
+    """An outcome, and when each step of its plan happens; None if no step takes any time.
+
+    `itinerary` is the sequence of measurements that the plan follows, if it follows one.
+    """
 
     outcome: Outcome
     timetable: Timetable | None = None
+    itinerary: Itinerary | None = None
 
     @property
     def starts(self) -> Mapping[StepId, int] | None:
@@ -51,13 +65,45 @@ class Run:
         return self.timetable.starts if self.timetable else None
 
 
-def plan(problem: Problem, limits: Limits = Limits(), objective: Objective | None = None) -> Run:
+def plan(
+    problem: Problem,
+    limits: Limits = Limits(),
+    objective: Objective | None = None,
+    order: Order = Order.SEQUENCE,
+) -> Run:
     """A checked plan for a problem with the least that is found of an objective. Raises `InvalidInput`.
 
-    Without an objective it is the makespan where steps of the plan take time, else the cost.
+    Without an objective it is the makespan where steps of the plan take time, else the cost. Measurements are made in the
+    order of the sequencer, unless the order is free.
     """
+    followed = sequenced(problem, limits) if order is Order.SEQUENCE else None
+    if followed is not None:
+        return followed
     outcome, task = planned(problem, limits)
     return _run(problem, task, outcome, limits, objective)
+
+
+def sequenced(problem: Problem, limits: Limits, memory: Memory | None = None, store: str = "") -> Run | None:
+    """The run of an inspection in the order of its sequence; None if the problem is none, or has no such plan.
+
+    MACROPs are found in `memory` and learned there, and a sequence is kept in `store`, if they are given.
+    """
+    found = by_sequence(problem, limits, memory, store)
+    if found is None:
+        return None
+    if not isinstance(found.outcome, Found) or not _lasts(found.outcome.plan):
+        return Run(found.outcome, None, found.itinerary)
+    outcome = _proved(problem, found.outcome, limits)
+    return Run(outcome, keeping(problem, outcome.plan), found.itinerary)
+
+
+def _proved(problem: Problem, outcome: Found, limits: Limits) -> Found:
+    """The outcome for a small problem with the proof that no plan costs less, if the planner finds such a proof."""
+    if size(problem) > SMALL:
+        return outcome
+    free, _ = planned(problem, limits)
+    optimal = isinstance(free, Found) and free.optimal and free.plan.cost == outcome.plan.cost
+    return replace(outcome, optimal=optimal)
 
 
 def scheduled(problem: Problem, outcome: Outcome, limits: Limits, objective: Objective | None) -> Run:
@@ -70,8 +116,14 @@ def scheduled(problem: Problem, outcome: Outcome, limits: Limits, objective: Obj
 def fastest(
     problem: Problem, limits: Limits, work: ScheduleLimits = ScheduleLimits()
 ) -> Timetable | Infeasible | GaveUp:
-    """The timetable of the plan with the least makespan that is found, or why there is none. Raises `InvalidInput`."""
+    """The timetable of the plan with the least makespan that is found, or why there is none. Raises `InvalidInput`.
+
+    The plan of an inspection follows its sequence, and the schedule keeps this order.
+    """
     started = time.perf_counter()
+    followed = sequenced(problem, limits)
+    if followed is not None:
+        return _kept(problem, followed, started)
     outcome, task = planned(problem, limits)
     if not isinstance(outcome, Found):
         return outcome
@@ -81,6 +133,16 @@ def fastest(
         return refused
     seconds = {"planning": planning, **best.statistics.seconds, "in all": time.perf_counter() - started}
     return replace(best, statistics=Statistics(best.statistics.counts, seconds))
+
+
+def _kept(problem: Problem, followed: Run, started: float) -> Timetable | Infeasible | GaveUp:
+    """The timetable of a plan that follows a sequence, or why there is none."""
+    outcome = followed.outcome
+    if not isinstance(outcome, Found):
+        return outcome
+    made = followed.timetable or keeping(problem, outcome.plan)
+    seconds = {**outcome.statistics.seconds, "in all": time.perf_counter() - started}
+    return replace(made, statistics=replace(outcome.statistics, seconds=seconds))
 
 
 def _run(problem: Problem, task: Task, outcome: Outcome, limits: Limits, objective: Objective | None) -> Run:

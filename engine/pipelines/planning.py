@@ -8,17 +8,21 @@ from dataclasses import replace
 
 from engine.model.outcome import Found, Outcome, Statistics
 from engine.model.task import Task
-from engine.pipelines.gate import PlanGate, accepted
+from engine.pipelines.gate import InternalError, PlanGate
 from engine.stages.grounding import ground
-from engine.stages.grounding.limits import require_affordable_statics
+from engine.stages.grounding.limits import require_affordable_statics, size
+from engine.stages.grounding.need import Named, faithful, thinned, without_irrelevant
 from engine.stages.planning import NO_MACROS, Limits, Macros
 from engine.stages.planning import plan as plan_task
 from engine.stages.validation import validate
 from engine.stages.validation.claims import makespan, times
 from kb.diagnostics import Diagnostic, InvalidInput, Source
+from kb.model.domain import Operator
 from kb.model.plan import Claims, Plan
 from kb.model.problem import Problem
-from kb.terms import Atom
+from kb.terms import Atom, variables
+
+LARGE = 200_000  # possible instances of operators
 
 
 def problem_of(target: str, goals: str = "", command: str = "") -> Problem:
@@ -61,23 +65,64 @@ def plan(problem: Problem, limits: Limits = Limits()) -> Outcome:
 
 def planned(problem: Problem, limits: Limits = Limits(), macros: Macros = NO_MACROS) -> tuple[Outcome, Task]:
     """The outcome of `plan`, and the ground task. The searches may use `macros` as operators. Raises `InvalidInput`."""
+    outcome, task = searched(problem, limits, macros)
     started = time.perf_counter()
-    task = ground(problem)
+    if isinstance(outcome, Found):
+        gate = PlanGate()
+        made, wrong = gate.settled(problem, outcome.plan)
+        if wrong and not task.whole:  # what was left out did play a part
+            outcome, task = _searched(ground(problem), limits, macros)
+            made = gate.accepted(problem, outcome.plan) if isinstance(outcome, Found) else made
+        elif wrong:
+            raise InternalError(wrong)
+        outcome = replace(outcome, plan=made) if isinstance(outcome, Found) else outcome
+    seconds = {**outcome.statistics.seconds, "check": time.perf_counter() - started}
+    return replace(outcome, statistics=replace(outcome.statistics, seconds=seconds)), task
+
+
+def searched(
+    problem: Problem, limits: Limits = Limits(), macros: Macros = NO_MACROS, statics: Named | None = None
+) -> tuple[Outcome, Task]:
+    """An outcome that the gate has not seen, and the task that was searched; `statics` are the problem's, if known already.
+
+    Only what the goals can need is grounded. The whole problem is, if something that was left out might shorten a plan. A
+    problem too large for that is planned without it first. Raises `InvalidInput`.
+    """
+    started = time.perf_counter()
+    small = thinned(problem, statics)
+    if not small.left_out:
+        return _searched(ground(problem), limits, macros, started)
+    task = replace(without_irrelevant(ground(small.problem)), whole=False)
+    sure = faithful(task, small.spares)
+    if sure or size(problem) > LARGE:
+        outcome, _ = _searched(task, limits, macros, started)
+        if isinstance(outcome, Found):
+            alike = sure and not any(map(_is_priced, problem.domain.operators))
+            return replace(outcome, optimal=outcome.optimal and alike), task
+        if sure:
+            return outcome, task
+    return _searched(ground(problem), limits, macros, started)
+
+
+def _searched(
+    task: Task, limits: Limits, macros: Macros, started: float | None = None
+) -> tuple[Outcome, Task]:
     grounded = time.perf_counter()
     outcome = plan_task(task, limits, macros)
-    finished = time.perf_counter()
-    if isinstance(outcome, Found):
-        outcome = replace(outcome, plan=accepted(problem, outcome.plan))
-    checked = time.perf_counter()
     counts = {
         "operators": len(task.operators),
         "atoms": len(task.atoms),
         "mutex groups": len(task.mutex_groups),
         **outcome.statistics.counts,
     }
-    seconds = {"grounding": grounded - started, "search": finished - grounded, "check": checked - finished}
-    statistics = Statistics(counts, seconds, outcome.statistics.offer)
-    return replace(outcome, statistics=statistics), task
+    before = grounded if started is None else started
+    seconds = {"grounding": grounded - before, "search": time.perf_counter() - grounded}
+    return replace(outcome, statistics=Statistics(counts, seconds, outcome.statistics.offer)), task
+
+
+def _is_priced(operator: Operator) -> bool:
+    """Whether the cost of an operator depends on its arguments."""
+    return operator.cost is not None and next(variables(operator.cost), None) is not None
 
 
 def check_plan(

@@ -51,6 +51,7 @@ class Grounder:
         self._control.ground([("base", [])])
         self._parts = 0
         self._tables = 0
+        self._known: dict[clingo.Symbol, Term] = {}
 
     def ground(self, text: str) -> None:
         """Adds statements, and everything that follows from them. Raises `AspError`."""
@@ -68,18 +69,28 @@ class Grounder:
         return [tuple(map(term, atom.symbol.arguments)) for atom in found]
 
     def everything(self) -> Iterator[Function]:
-        """Every true atom of every predicate.
+        """Every true atom of every predicate."""
+        for name in dict.fromkeys(name for name, _, _ in self._control.symbolic_atoms.signatures):
+            yield from self.named(name)
+
+    def named(self, predicate: str) -> Iterator[Function]:
+        """Every true atom of a predicate, of any arity.
 
         Few arguments are different, so each different one is read only once.
         """
-        atoms, known = self._control.symbolic_atoms, dict[clingo.Symbol, Term]()
+        atoms, known = self._control.symbolic_atoms, self._known
         for name, arity, positive in atoms.signatures:
-            for atom in atoms.by_signature(name, arity, positive):
-                arguments = atom.symbol.arguments
-                for each in arguments:
-                    if each not in known:
-                        known[each] = term(each)
-                yield Function(name, tuple([known[each] for each in arguments]))
+            if name == predicate:
+                for atom in atoms.by_signature(name, arity, positive):
+                    arguments = atom.symbol.arguments
+                    for each in arguments:
+                        if each not in known:
+                            known[each] = term(each)
+                    yield Function(name, tuple([known[each] for each in arguments]))
+
+    def holds(self, atom: Function) -> bool:
+        """Whether a ground atom is true."""
+        return self._control.symbolic_atoms[symbol(atom)] is not None
 
     def tables(self, arities: Mapping[str, int]) -> dict[str, Table]:
         """For each predicate over integers, its true atoms as sorted rows."""
@@ -111,6 +122,19 @@ def term(symbol: clingo.Symbol) -> Term:
             return Function(symbol.name, tuple(map(term, symbol.arguments)))
         case _:
             return Function(str(symbol))
+
+
+def symbol(ground: Term) -> clingo.Symbol:
+    """A ground term as a symbol of clingo."""
+    match ground:
+        case Number(value):
+            return clingo.Number(value)
+        case Text(value):
+            return clingo.String(value)
+        case Function(name, arguments):
+            return clingo.Function(name, [symbol(each) for each in arguments])
+        case _:
+            raise TypeError(f"{ground} is not ground")
 
 
 def ground_term(text: str) -> Term:

@@ -11,9 +11,9 @@ from kb.files import is_file
 from kb.model.amounts import Amounts, Facts, Standing
 from kb.model.cell import WORLD, Cell
 from kb.model.domain import Domain
+from kb.model.motion import Point
 from kb.model.positions import is_fixed, position
 from kb.model.problem import Problem
-from kb.model.travel import Point
 from kb.targets import CELL_FILE
 
 
@@ -30,7 +30,7 @@ def standing(domain: Domain) -> Standing:
 
     The cell is read when a point is first asked for. Raises `InvalidInput` then for a bad cell or an unknown frame.
     """
-    frame = domain.travel.frame if domain.travel else WORLD
+    frame = domain.motion.frame if domain.motion else WORLD
     cell = cache(lambda: _framed(domain, frame))
 
     def point(place: str) -> Point | None:
@@ -60,9 +60,9 @@ def _framed(domain: Domain, frame: str) -> Cell | None:
         return None
     stamp = path.stat()
     cell = _cell(path, stamp.st_mtime_ns, stamp.st_size)
-    if domain.travel is not None and not is_fixed(cell, frame):
+    if domain.motion is not None and not is_fixed(cell, frame):
         known = [name for name in (*cell.frames, *cell.bodies) if is_fixed(cell, name)]
-        raise InvalidInput([unknown_name("frame", frame, [WORLD, *known], domain.travel.where)])
+        raise InvalidInput([unknown_name("frame", frame, [WORLD, *known], domain.motion.where)])
     return cell
 
 

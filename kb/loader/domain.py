@@ -8,11 +8,11 @@ from kb.files import File
 from kb.loader.conventions import read_conventions
 from kb.loader.declarations import read_declarations
 from kb.loader.deduction import read_deductive_operators, read_defaults
+from kb.loader.motion import read_motion
 from kb.loader.names import Names
 from kb.loader.operators import read_operators
 from kb.loader.reader import Findings, Reader, require, validate_shape
 from kb.loader.rules import read_rules
-from kb.loader.travel import read_travel
 from kb.loader.tree import read_file
 from kb.model.computed import with_named_values
 from kb.model.domain import Domain, Phrase
@@ -30,7 +30,7 @@ def read_domain(path: Path, findings: Findings, file: File | None = None) -> tup
     names = Names(findings)
     read_declarations(reader, names)
     asp, rules = read_rules(reader, names, path.parent)
-    travel = read_travel(reader, names)
+    motion = read_motion(reader, names)
     domain = Domain(
         str(reader.root.descend(("domain",)).value),
         names.types,
@@ -43,7 +43,7 @@ def read_domain(path: Path, findings: Findings, file: File | None = None) -> tup
         asp=tuple(asp),
         rules=tuple(rules),
         time_unit=reader.time_unit,
-        travel=travel,
+        motion=motion,
         words=_words(reader),
         phrases=tuple(_phrases(reader)),
         path=str(path),

@@ -25,7 +25,7 @@ class Names:
     missing: set[str] = field(
         default_factory=set
     )  # types that are used and not declared: each is reported once
-    travels: bool = False  # the domain declares `travel:`
+    travel: str = ""  # what durations call the travel time, if the domain declares `motion:`
     derived: list[str] = field(
         default_factory=list
     )  # as declared; those that only read statics become static

@@ -11,9 +11,10 @@ from kb.loader.safety import closed, extended, occurrences, refuse_unbound, warn
 from kb.model.amounts import asks
 from kb.model.conditions import TRUE, And, Condition, Parameter, free_variables
 from kb.model.domain import NUMERIC_TYPES, OBJECT, Command, Effect, Kind, Operator
-from kb.model.travel import DISTANCE, TIME
+from kb.model.motion import DISTANCE
 from kb.terms import ANYTHING, Function, Number, Operation, Term, Variable, variables
 
+UNDECLARED = ("travel", DISTANCE)  # what a duration may ask for once a domain declares how an arm moves
 READABLE = (Kind.STATIC, Kind.FLUENT, Kind.DERIVED)
 CHANGEABLE = (Kind.FLUENT, Kind.EVENT)
 
@@ -155,15 +156,15 @@ class _OperatorReader:
                 self._counted(name, type_, left, expression)
                 self._counted(name, type_, right, expression)
             case Function(known, arguments) if asks(
-                self.names.predicates, self.names.travels, known, len(arguments)
+                self.names.predicates, self.names.travel, known, len(arguments)
             ):
                 declared = self.names.predicates.get(known)
                 types = declared.arguments if declared else (OBJECT, OBJECT)
                 for argument, expected in zip(arguments, types, strict=False):
                     self.typing.term(argument, expected, expression, term)
-            case Function(known, (_, _)) if known in (TIME, DISTANCE) and known not in self.names.functions:
-                hint = "declare `travel:` with a speed, or the static travel(place, place, time)"
-                message = f"no travel is declared, so '{known}' is not known"
+            case Function(known, (_, _)) if known in UNDECLARED and known not in self.names.functions:
+                hint = "declare `motion:` with a speed, or the static travel(place, place, time)"
+                message = f"no motion is declared, so '{known}' is not known"
                 self.names.findings.add(expression.place(term), "K101", message, hint)
                 self.typing.sound = False
             case _:

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 
 from kb.arithmetic import amount
 from kb.model.domain import NUMERIC_TYPES, Domain, Kind, Predicate
-from kb.model.travel import DISTANCE, TIME, Point, Travel, distance
+from kb.model.motion import DISTANCE, Motion, Point, distance
 from kb.terms import Function, Number, Operation, Substitution, Term, substitute
 
 LARGEST = 2**31 - 1  # clingo counts in 32 bits
@@ -50,13 +50,8 @@ class Amounts:
         return amount(self._known(substitute(term, bindings)), {}, default)
 
     def travel_time(self, here: Term, there: Term) -> int:
-        """The declared travel time between two places, in the domain's unit; 0 at one place. Raises `NoAmount`."""
-        return 0 if here == there else self._number(Function(self.travel_name, (here, there)))
-
-    @property
-    def travel_name(self) -> str:
-        """What durations call the travel time: its own word, or the name of the domain's table."""
-        return TIME if self.domain.travel else self.domain.conventions.travel
+        """The declared travel time between two places, in the domain's unit. Raises `NoAmount`."""
+        return self._number(Function(self.domain.conventions.travel, (here, there)))
 
     def point(self, place: Term) -> Point:
         """Where a place is, in micrometres: its own position, that of its measurement, or that of the cell.
@@ -104,28 +99,28 @@ class Amounts:
 
     def _number(self, asked: Function) -> int:
         """What a duration asks for. Raises `NoAmount`."""
-        travel = self.domain.travel
-        if travel is not None and asked.name in (TIME, DISTANCE) and len(asked.arguments) == 2:
-            return self._way(travel, asked)
-        stays = asked.name == self.domain.conventions.travel and len(set(asked.arguments)) == 1
-        return self._listed(asked, 0 if stays else None)
-
-    def _way(self, travel: Travel, asked: Function) -> int:
+        motion, travel = self.domain.motion, self.domain.conventions.travel
+        if asked.name not in (travel, DISTANCE) or len(asked.arguments) != 2:
+            return self._listed(asked)
+        if asked.name == travel and self._table(travel, 2).get(asked.arguments):
+            return self._listed(asked)
         here, there = asked.arguments
         if here == there:
             return 0
-        ends = self.point(here), self.point(there)
-        value = travel.time(*ends) if asked.name == TIME else distance(*ends)
+        return self._listed(asked) if motion is None else self._way(motion, asked)
+
+    def _way(self, motion: Motion, asked: Function) -> int:
+        """A travel time or distance along the straight line."""
+        here, there = map(self.point, asked.arguments)
+        value = distance(here, there) if asked.name == DISTANCE else motion.time(here, there)
         if value > LARGEST:
             raise NoAmount(f"{asked} is {value}, larger than {LARGEST}", "choose a larger unit of time")
         return value
 
-    def _listed(self, asked: Function, default: int | None = None) -> int:
+    def _listed(self, asked: Function) -> int:
         """The number that the facts of a predicate give to its other arguments."""
         given = self._table(asked.name, len(asked.arguments)).get(asked.arguments, [])
         fact = f"{asked.name}({', '.join(map(str, asked.arguments))}, N)"
-        if not given and default is not None:
-            return default
         if not given:
             raise NoAmount(f"{asked} is not known", f"add the fact {fact}")
         if len(given) > 1:
@@ -161,12 +156,12 @@ def _only_point(name: Term, given: list[Term]) -> Point:
     return x, y, z
 
 
-def asks(predicates: Mapping[str, Predicate], travels: bool, name: str, arity: int) -> bool:
-    """Whether a term of a duration or cost stands for a number: travel, or a static whose last argument is one.
+def asks(predicates: Mapping[str, Predicate], travel: str, name: str, arity: int) -> bool:
+    """Whether a term of a duration or cost stands for a number: of a way, or of a static whose last argument is one.
 
-    `travels` says whether the domain declares `travel:`.
+    `travel` is what durations call travel times if the domain declares how an arm moves, else empty.
     """
-    if travels and name in (TIME, DISTANCE) and arity == 2:
+    if travel and name in (travel, DISTANCE) and arity == 2:
         return True
     declared = predicates.get(name)
     return (
@@ -178,7 +173,7 @@ def asks(predicates: Mapping[str, Predicate], travels: bool, name: str, arity: i
 
 
 def _asks(domain: Domain, name: str, arity: int) -> bool:
-    return asks(domain.predicates, domain.travel is not None, name, arity)
+    return asks(domain.predicates, domain.conventions.travel if domain.motion else "", name, arity)
 
 
 def asked(domain: Domain, term: Term | None) -> Iterator[Function]:
@@ -195,7 +190,7 @@ def asked(domain: Domain, term: Term | None) -> Iterator[Function]:
 
 def travels_itself(domain: Domain) -> bool:
     """Whether a step of the domain spends the travel time itself, so that nobody else adds it between steps."""
-    name = TIME if domain.travel else domain.conventions.travel
+    name = domain.conventions.travel
     return any(
         each.name == name for operator in domain.operators for each in asked(domain, operator.duration)
     )

@@ -138,6 +138,16 @@ class Conventions:
         "refused", "tool, measurement, text", EVERYWHERE, "why a tool for its kind cannot take a measurement"
     )
     unavailable: str = _static("unavailable", "tool", TOURS, "a tool was lost; the engine adds these facts")
+    window: str = _static(
+        "window",
+        "measurement, time, time",
+        TOURS,
+        "the earliest and the latest time at which a measurement may begin, from the start of the tour",
+    )
+    lasts: str = _static("lasts", "measurement, time", TOURS, "how long a measurement takes in a tour")
+    before: str = _static(
+        "before", "measurement, measurement", TOURS, "the first measurement is made before the second"
+    )
     change: str = _static(
         "change", "tool, tool, int", TOURS, "what a change of tools costs, as a way in micrometres"
     )

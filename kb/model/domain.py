@@ -12,7 +12,7 @@ from kb.terms import Atom, Function, Term, Variable
 
 if TYPE_CHECKING:
     from kb.model.conventions import Conventions
-    from kb.model.travel import Travel
+    from kb.model.motion import Motion
 
 OBJECT = "object"
 NUMERIC_TYPES = ("int", "time")
@@ -177,7 +177,7 @@ class Domain:
     asp: tuple[Statement, ...] = ()  # over statics only
     rules: tuple[Rule, ...] = ()
     time_unit: str = "s"
-    travel: "Travel | None" = None  # along straight lines; a table is the static that conventions name
+    motion: "Motion | None" = None  # what gives the travel times that no fact gives
     words: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     phrases: tuple[Phrase, ...] = ()
     path: str = ""

@@ -29,7 +29,7 @@ class UnitsEntry(Strict):
     time: Literal["ms", "s", "min", "h"] = Field("s", description="the unit of numbers of type `time`")
 
 
-class TravelEntry(Strict):
+class MotionEntry(Strict):
     """How long it takes from place to place, along straight lines."""
 
     speed: str | int = Field(description="of the arm along the line: 250 mm/s, 0.2 m/s, 12 m/min")
@@ -178,8 +178,8 @@ class DomainFile(Strict):
         description="names that the engine knows: what this domain calls them, where it is another name",
         json_schema_extra={"properties": _ROLES, "additionalProperties": False},
     )
-    travel: TravelEntry | None = Field(
-        None, description="the travel time between places, which durations call travel(From, To)"
+    motion: MotionEntry | None = Field(
+        None, description="how an arm moves between places: what durations call travel(From, To)"
     )
     commands: CommandsEntry = Field(
         default_factory=lambda: CommandsEntry(), description="words and phrases that people use"

@@ -23,6 +23,10 @@ DOMAIN = """(define (domain shelf) (:predicates (at ?x) (on ?x))
 """
 PROBLEM = "(define (problem one) (:domain shelf) (:objects box) (:init (at box)) (:goal (on box)))\n"
 POINTS = "name,x,y,z,nx,ny,nz\na,0,0,0,0,0,1\nb,9,0,0,0,0,1\n"
+PART = """<QIFDocument><Features><FeatureDefinitions><PlaneFeatureDefinition id="1"/></FeatureDefinitions><FeatureNominals>
+<PlaneFeatureNominal id="2"><FeatureDefinitionId>1</FeatureDefinitionId><Normal>0 0 1</Normal>
+<PolyLine count="4">0 0 0 90 0 0 90 90 0 0 90 0</PolyLine></PlaneFeatureNominal></FeatureNominals></Features></QIFDocument>
+"""
 SQUARE = """NAME: square
 TYPE: TSP
 DIMENSION: 4
@@ -43,7 +47,8 @@ PLACEHOLDERS = {
     "DOMAIN": "shelf.pddl",
     "PROBLEM": "box.pddl",
     "INSTANCE": "square.tsp",
-    "POINTS": "points.csv",
+    "TABLE": "points.csv",
+    "PART": "part.qif",
 }
 ANSWERS = {0, exits.INFEASIBLE}
 
@@ -74,6 +79,8 @@ def desk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     (tmp_path / "plan.ipc").write_text("(lift box)\n")
     (tmp_path / "square.tsp").write_text(SQUARE)
     (tmp_path / "points.csv").write_text(POINTS)
+    (tmp_path / "part.qif").write_text(PART)
+    run("cellwright import qif part.qif --output inspection.yaml")
     run(f"cellwright export pddl {PLACEHOLDERS['TARGET']} --output exported")
     planned = run("cellwright plan --pddl exported/domain.pddl exported/problem.pddl --format ipc")
     (tmp_path / "exported.ipc").write_text(planned.stdout)

@@ -53,6 +53,11 @@ class Interruption:
         seconds = time.monotonic() - self.started
         _say(f"{counted(len(plan.steps), 'step')}, cost {plan.cost}, after {seconds:.1f} s\n")
 
+    def tell_cost(self, cost: int) -> None:
+        """Show the cost of the best tour so far in the line of progress."""
+        if self._progress:
+            self._progress.news = f", best cost {cost}"
+
     @contextmanager
     def while_waiting(self) -> Iterator[None]:
         """A context that waits for a person instead of searching: Ctrl-C ends it at once with `KeyboardInterrupt`."""
@@ -76,12 +81,13 @@ class _ProgressLine:
 
     def __init__(self) -> None:
         self.started = self.shown = time.monotonic()
+        self.news = ""
 
     def tick(self) -> None:
         now = time.monotonic()
         if now - self.shown >= 0.5:
             self.shown = now
-            _say(f"\rsearching {now - self.started:5.1f} s; Ctrl-C stops with the best plan so far ")
+            _say(f"\rsearching {now - self.started:5.1f} s{self.news}; Ctrl-C stops with the best so far ")
 
     def clear(self) -> None:
         if self.shown > self.started:

@@ -7,24 +7,34 @@ if TYPE_CHECKING:
 
     from rich.console import RenderableType
 
-    from engine.pipelines.objective import Objective, Run
+    from engine.pipelines.objective import Objective, Order, Run
     from engine.stages.planning import Limits
     from kb.model.problem import Problem
 
 
 def planned(
-    problem: "Problem", limits: "Limits", wanted: "Objective | None", store: str, folded: bool
+    problem: "Problem",
+    limits: "Limits",
+    wanted: "Objective | None",
+    order: "Order",
+    store: str,
+    folded: bool,
 ) -> "tuple[Run, dict[str, Any]]":
     """The outcome for a problem, and when its steps happen. With a library, also where it comes from; with `folded`, also
     its parts, as data."""
     from engine.pipelines import objective
 
     if not store:
-        return objective.plan(problem, limits, wanted), {}
+        return objective.plan(problem, limits, wanted, order), {}
     from engine.pipelines.reuse import Practice
     from kb.store import Library
 
     with Library(store) as library, Practice(library, limits) as practice:
+        if order is objective.Order.SEQUENCE:
+            memory = practice.repertoire(problem.domain) if practice.learns else None
+            followed = objective.sequenced(problem, limits, memory, store)
+            if followed is not None:
+                return followed, {"source": {"origin": "sequence", "macrop": None, "name": "", "reason": ""}}
         found = practice.plan(problem)
         found = practice.folded(problem, found) if folded else found
     entry = {"origin": found.origin, "macrop": found.macrop, "name": found.name, "reason": found.reason}

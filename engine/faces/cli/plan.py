@@ -56,6 +56,23 @@ Folded = Annotated[
 ]
 
 
+class Ordering(StrEnum):
+    """Who decides the order of measurements."""
+
+    SEQUENCE = "sequence"
+    FREE = "free"
+
+
+Order = Annotated[
+    Ordering | None,
+    typer.Option(
+        "--order",
+        help="who orders measurements: the sequencer, or the planner alone (free); without it the sequencer, unless "
+        "--objective, --strategy, --race or --anytime asks the planner",
+    ),
+]
+
+
 class PlanForm(StrEnum):
     """How a plan is written: as a table, as data, as a picture of its partial order, or in the format of PDDL planners."""
 
@@ -82,6 +99,7 @@ def plan(
     memory_limit: MemoryLimit = None,
     seed: Seed = 0,
     objective: Objective = None,
+    order: Order = None,
     store: Library = "",
     folded: Folded = False,
 ) -> None:
@@ -89,6 +107,10 @@ def plan(
     wanted = PlanRequest(target, goals, command, task)
     _refuse_misfits(wanted, pddl, strategy if race else "auto")
     _refuse_unseen(format, stats, folded, store)
+    searching = {"--objective": objective, "--race": race, "--anytime": anytime, "--pddl": pddl}
+    searching["--strategy"] = strategy != "auto"
+    if order is Ordering.SEQUENCE:
+        refuse_idle(searching, "with --order sequence: the planner seeks no order then")
     work = SearchOptions(
         time_limit,
         memory_limit,
@@ -99,6 +121,7 @@ def plan(
         store,
         folded,
         objective or (Wish.COST if strategy == "shortest" else None),
+        order or (Ordering.FREE if any(searching.values()) else Ordering.SEQUENCE),
     )
     give(lambda: _plan(wanted, format, stats, work), Form.JSON if format is PlanForm.JSON else Form.TEXT)
 
@@ -147,6 +170,7 @@ class SearchOptions:
     store: str = ""
     folded: bool = False
     objective: "Wish | None" = None
+    order: Ordering = Ordering.SEQUENCE
 
 
 def _read_task(wanted: "PlanRequest") -> "PddlProblem | None":
@@ -161,8 +185,8 @@ def _plan(wanted: PlanRequest, form: PlanForm, stats: bool, work: SearchOptions)
     from engine.faces.cli.interruption import Interruption, limit_memory
     from engine.faces.cli.origin import planned
     from engine.formats.report import json
+    from engine.pipelines import objective as objectives
     from engine.pipelines import planning
-    from engine.pipelines.objective import Objective
     from engine.stages.planning import LITTLE, RESTARTS, ROOM, Limits
 
     _require_strategy(work.strategy)
@@ -180,8 +204,9 @@ def _plan(wanted: PlanRequest, form: PlanForm, stats: bool, work: SearchOptions)
             seed=work.seed,
             improved=interrupted.tell if work.anytime else lambda _: None,
         )
-        wish = Objective(work.objective.value) if work.objective else None
-        run, origin = planned(problem, limits, wish, work.store, work.folded)
+        wish = objectives.Objective(work.objective.value) if work.objective else None
+        order = objectives.Order(work.order.value)
+        run, origin = planned(problem, limits, wish, order, work.store, work.folded)
     outcome = run.outcome
     return Answer(
         json.status(outcome),
@@ -194,10 +219,12 @@ def _plan(wanted: PlanRequest, form: PlanForm, stats: bool, work: SearchOptions)
 
 def _document(run: "Run", problem: "Problem", origin: "Mapping[str, Any]", stats: bool) -> dict[str, Any]:
     """The outcome as data, with its statistics if they were asked for."""
-    from engine.formats.report import json
+    from engine.formats.report import itinerary, json
     from engine.formats.report.gantt import proof_entry
 
     content = {**json.outcome(run.outcome, problem, starts=run.starts), **origin}
+    if run.itinerary:
+        content |= itinerary.entry(run)
     if run.timetable:
         content["makespan"] = proof_entry(run.timetable.schedule, run.timetable.scope)
     return {**content, "statistics": json.statistics(run.outcome.statistics)} if stats else content
@@ -231,11 +258,13 @@ def _text(
     from rich.console import Group
 
     from engine.faces.cli.origin import origin_text
-    from engine.formats.report import text
+    from engine.formats.report import itinerary, text
 
     parts = [text.outcome(run.outcome, problem, run.timetable), *origin_text(origin)]
     if folded and origin.get("source", {}).get("parts"):
         parts = parts[1:]
+    if run.itinerary:
+        parts.append(itinerary.text(run, problem.domain.time_unit))
     return Group(*parts, *([text.statistics(run.outcome.statistics)] if stats else []))
 
 

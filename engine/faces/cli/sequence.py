@@ -68,6 +68,14 @@ Restored = Annotated[
     list[str] | None, typer.Option("--restored", help="visits, tools and resources that can be used again")
 ]
 Anew = Annotated[bool, typer.Option("--anew", help="forget the kept sequence")]
+Windows = Annotated[
+    list[str] | None,
+    typer.Option("--window", help="when a visit may begin, from the start of the tour: 'm3=10..90, m4=..60'"),
+]
+Lasts = Annotated[list[str] | None, typer.Option("--lasts", help="how long a visit takes: 'm3=4, m4=6'")]
+Before = Annotated[
+    list[str] | None, typer.Option("--before", help="visits that come in this order, separated by commas")
+]
 Shown = Annotated[TourForm, typer.Option("--format", help="how the tour is written")]
 
 
@@ -78,6 +86,9 @@ def sequence(
     open_: Open = False,
     start: Start = "",
     end: End = "",
+    window: Windows = None,
+    lasts: Lasts = None,
+    before: Before = None,
     cost: Cost = TravelCost.STRAIGHT,
     time_limit: TimeLimit = None,
     work: Work = 0,
@@ -96,6 +107,8 @@ def sequence(
     news = (done or [], lost or [], bad or [], restored or [])
     kept = {"--next": next_, "--anew": anew, **dict(zip(NEWS, news, strict=True))}
     given = {"--closed": closed, "--start": start, "--end": end, "--format svg": format is TourForm.SVG}
+    wanted = (window or [], lasts or [], before or [])
+    given |= dict(zip(("--window", "--lasts", "--before"), map(bool, wanted), strict=True))
     given["--method"] = "" if method == "auto" else method
     form, effort = Form.JSON if format is TourForm.JSON else Form.TEXT, (time_limit, work, seed)
     joints = cost is TravelCost.JOINTS
@@ -110,7 +123,7 @@ def sequence(
     if joints:
         refuse_idle({**given, "--open": open_}, "with --cost joints, whose tours are closed")
         give(lambda: _posed(target, effort), form)
-    give(lambda: _sequence(target, method, (back, start, end), effort, format), form)
+    give(lambda: _sequence(target, method, (back, start, end), wanted, effort, format), form)
 
 
 def _returns(closed: bool, open_: bool) -> bool | None:
@@ -124,6 +137,7 @@ def _sequence(
     target: str,
     method: str,
     ends: tuple[bool | None, str, str],
+    wanted: tuple[list[str], list[str], list[str]],
     effort: tuple[float | None, int, int],
     form: TourForm,
 ) -> Answer:
@@ -135,8 +149,8 @@ def _sequence(
         hint = nearest(method, list(METHODS)) or f"one of {', '.join(METHODS)}"
         raise InvalidInput([Diagnostic(Source("--method"), "K406", f"no method '{method}'", hint)])
     with Interruption(effort[0]) as interrupted:
-        limits = Limits(effort[1], effort[2], interrupted)
-        found, answer = _solve(target, method, ends, limits)
+        limits = Limits(effort[1], effort[2], interrupted, tell=interrupted.tell_cost)
+        found, answer = _solve(target, method, ends, wanted, limits)
     return _answer(found, answer, form, interrupted.heard)
 
 
@@ -162,11 +176,15 @@ def _posed(target: str, effort: tuple[float | None, int, int]) -> Answer:
 
 
 def _solve(
-    target: str, method: str, ends: tuple[bool | None, str, str], limits: "Limits"
+    target: str,
+    method: str,
+    ends: tuple[bool | None, str, str],
+    wanted: tuple[list[str], list[str], list[str]],
+    limits: "Limits",
 ) -> "tuple[Visits, Tour | Infeasible | GaveUp]":
     from engine.stages.sequencing import sequence
 
-    found = _read(target)
+    found = _read(target, wanted)
     closed, start, end = ends
     asked = replace(
         found.tours,
@@ -186,17 +204,22 @@ class Visits:
     problem: "Problem | None" = None
 
 
-def _read(target: str) -> Visits:
+def _read(target: str, wanted: tuple[list[str], list[str], list[str]]) -> Visits:
     from engine.formats.interop.tsplib import read_tsplib
     from engine.pipelines.inspection import partition, tour_problem
+    from engine.pipelines.inspection.demands import known, of_options, with_demands
     from engine.pipelines.inspection.places import with_places
     from kb.files import is_file
 
+    demands = of_options(*wanted)
     if is_file(Path(target)) and Path(target).suffix not in (".yaml", ".yml"):
-        return Visits(read_tsplib(Path(target)))
-    problem = with_places(_problem_of(target))
-    parts = partition(problem)
-    return Visits(tour_problem(problem, parts), parts, problem)
+        found = Visits(with_demands(read_tsplib(Path(target)), demands))
+    else:
+        problem = with_places(_problem_of(target))
+        parts = partition(problem)
+        found = Visits(tour_problem(problem, parts, demands), parts, problem)
+    known(demands, {visit.name for visit in found.tours.visits})
+    return found
 
 
 def _problem_of(target: str) -> "Problem":

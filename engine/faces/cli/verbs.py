@@ -24,6 +24,7 @@ VERBS = {
     "init": "init:init",
     "macros": "macros:app",
     "measurement": "measurement:app",
+    "motion": "motion:app",
     "plan": "plan:plan",
     "prepare": "prepare:prepare",
     "revise": "revise:revise",

@@ -1,5 +1,7 @@
 """Problems made from files of measurements, and changes of single measurements in problem files."""
 
+from collections.abc import Collection, Iterable, Iterator
+from dataclasses import replace
 from pathlib import Path
 
 from engine.formats.interop import editing
@@ -14,8 +16,10 @@ from kb.loader import find, load
 from kb.model.domain import Domain
 from kb.model.problem import Problem
 from kb.targets import reference
+from kb.terms import Function
 
-HINTS = "measure it otherwise, or add points with `cellwright measurement add`"
+NEARER = "give a smaller --edge-distance if that is too near"
+HINT = "measure it otherwise, or add points with `cellwright measurement add`"
 
 
 def import_file(
@@ -30,9 +34,22 @@ def import_file(
     cell = load(find(domain)).domain
     inspection = read_table(path, unit) if table else _read(path, unit, edge)
     _require_free_names(inspection, cell, path)
-    parts = partition(_problem(inspection, cell))
-    possible = (name for names in parts.groups.values() for name in names)
-    return inspection, parts, problem_text(inspection, reference(cell), cell.conventions, sorted(possible))
+    told = tuple(all_facts(inspection, cell.conventions))
+    facts = tuple(fact for fact in told if fact.name in cell.predicates)
+    inspection = replace(
+        inspection, left_out=tuple(sorted({fact.name for fact in told} - {*cell.predicates}))
+    )
+    parts = partition(_problem(inspection, cell, facts))
+    possible = {name for names in parts.groups.values() for name in names}
+    kept = _attainable(facts, possible, cell)
+    wanted = [name for name in names(inspection) if name in possible]
+    return inspection, parts, problem_text(inspection, reference(cell), cell.conventions, kept, wanted)
+
+
+def _attainable(facts: Iterable[Function], possible: Collection[str], domain: Domain) -> Iterator[Function]:
+    """The facts without steps of the alignment that no tool can measure: nothing should wait for these."""
+    step = domain.conventions.alignment
+    return (fact for fact in facts if fact.name != step or str(fact.arguments[0]) in possible)
 
 
 def _read(path: Path, unit: str, edge: float | None) -> Inspection:
@@ -54,20 +71,28 @@ def _require_free_names(inspection: Inspection, domain: Domain, path: Path) -> N
 
 def remarks(inspection: Inspection, path: Path) -> tuple[Diagnostic, ...]:
     """A warning for each feature that has no points, or others than were asked for."""
-    told = [(each.feature, f"has no points: {each.reason}") for each in inspection.excluded]
-    told += [(each.feature, each.reason) for each in inspection.remarks]
+    told = [(each.feature, f"has no points: {each.reason}", HINT) for each in inspection.excluded]
+    told += [(each.feature, each.reason, NEARER) for each in inspection.remarks]
     where = Source(str(path))
-    return tuple(Diagnostic(where, "K807", f"{name} {what}", HINTS, warning=True) for name, what in told)
-
-
-def _problem(inspection: Inspection, domain: Domain) -> Problem:
-    words = domain.conventions
-    return Problem(
-        inspection.name,
-        domain,
-        dict.fromkeys(names(inspection), words.measurement),
-        tuple(all_facts(inspection, words)),
+    undeclared = (
+        Diagnostic(
+            where,
+            "K807",
+            f"the domain declares no '{name}': such facts are left out",
+            "declare it",
+            warning=True,
+        )
+        for name in inspection.left_out
     )
+    return (
+        *undeclared,
+        *(Diagnostic(where, "K807", f"{name} {what}", hint, warning=True) for name, what, hint in told),
+    )
+
+
+def _problem(inspection: Inspection, domain: Domain, facts: tuple[Function, ...]) -> Problem:
+    objects = dict.fromkeys(names(inspection), domain.conventions.measurement)
+    return Problem(inspection.name, domain, objects, facts)
 
 
 def rewrite(path: Path, how: str, what: MeasurementPoint | str) -> None:

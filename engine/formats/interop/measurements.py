@@ -21,6 +21,8 @@ def atoms(point: MeasurementPoint, words: Conventions) -> list[Function]:
     ]
     if point.tolerance_m is not None:
         found.append(Function(words.tolerance, (name, Number(round(point.tolerance_m * 1e6)))))
+    if point.step:
+        found.append(Function(words.alignment, (name, Number(point.step))))
     if point.bore_m is not None:
         found.append(Function(words.bore, (name, Number(round(point.bore_m * 1e6)))))
     return found
@@ -56,21 +58,26 @@ def all_facts(inspection: Inspection, words: Conventions) -> Iterator[Function]:
         yield Function(words.impossible, (name, Text(each.reason)))
 
 
-def problem_text(inspection: Inspection, domain: str, words: Conventions, wanted: Iterable[str]) -> str:
+def problem_text(
+    inspection: Inspection, domain: str, words: Conventions, facts: Iterable[Function], wanted: Iterable[str]
+) -> str:
     """A problem file: every point with its facts, excluded features with their reason, and a goal for each wanted name.
 
     `domain` is how the file refers to its domain, `words` is what that calls things.
     """
-    return "\n".join(_lines(inspection, domain, words, wanted)) + "\n"
+    return "\n".join(_lines(inspection, domain, words, facts, wanted)) + "\n"
 
 
-def _lines(inspection: Inspection, domain: str, words: Conventions, wanted: Iterable[str]) -> Iterator[str]:
+def _lines(
+    inspection: Inspection, domain: str, words: Conventions, facts: Iterable[Function], wanted: Iterable[str]
+) -> Iterator[str]:
     name = re.sub(r"[^A-Za-z0-9_]", "_", inspection.name)
     counts = f"{len(inspection.points)} points; {len(inspection.excluded)} features without any"
     yield f"# {inspection.features} features, {counts}; micrometres"
+    yield "# What is not said here is at the start as the defaults of the domain say."
     yield from (f"problem: {name}", f"domain: {domain}", "objects:", f"  {words.measurement}:")
     yield from (f"    - {each}" for each in names(inspection))
     yield "statics:"
-    yield from (f"  - {fact}" for fact in all_facts(inspection, words))
+    yield from (f"  - {fact}" for fact in facts)
     goals = [f"  - {goal(each, words)}" for each in wanted]
     yield from ("goals:", *goals) if goals else ("goals: []",)

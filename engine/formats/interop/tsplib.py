@@ -10,11 +10,14 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from engine.model.metric import Metric
 from engine.model.tour import Longs, TourProblem, Visit
 from kb.diagnostics import Diagnostic, InvalidInput, Source
 from kb.files import File, read_file
 
-MAX_CITIES = 8_000
+MAX_CITIES = 1_000_000
+MATRIX = 8_000  # at most so many cities with a matrix of costs
+DENSE = 1_000  # costs of more cities are computed when they are needed
 SECTION = re.compile(r"^\s*([A-Z_]+_SECTION)\s*:?\s*$", re.MULTILINE)
 Floats = NDArray[np.float64]
 
@@ -87,7 +90,7 @@ def _is_number(text: str) -> bool:
 
 def _distances(
     file: File, head: dict[str, str], sections: dict[str, tuple[int, str]], n: int
-) -> tuple[Longs, Floats | None]:
+) -> tuple[Longs | Metric, Floats | None]:
     """The costs, and the coordinates if the costs were computed from coordinates."""
     kind = head.get("EDGE_WEIGHT_TYPE", "EXPLICIT" if "ATSP" in head.get("TYPE", "") else "")
     if kind == "EXPLICIT":
@@ -98,67 +101,26 @@ def _distances(
     rows = _numbers(file, sections, "NODE_COORD_SECTION", 3 * n)
     if rows is None:
         raise _wrong(Source(file.path), "there is no NODE_COORD_SECTION")
-    positions = rows.reshape(n, 3)[:, 1:]
-    travel = np.empty((n, n), np.int64)
-    for i in range(n):
-        travel[i] = METRICS[kind](positions[i : i + 1], positions)[0]
-    np.fill_diagonal(travel, 0)
-    return travel, rows
+    metric = Metric(METRICS[kind], np.ascontiguousarray(rows.reshape(n, 3)[:, 1:]))
+    if kind == "GEO":
+        _not_too_many(file, n, "EDGE_WEIGHT_TYPE GEO")
+    return metric if n > DENSE and kind != "GEO" else metric.matrix(), rows
 
 
-def _euclidean(a: Floats, b: Floats) -> Floats:
-    found: Floats = np.hypot(a[:, None, 0] - b[None, :, 0], a[:, None, 1] - b[None, :, 1])
-    return found
+def _not_too_many(file: File, n: int, what: str) -> None:
+    """Raises `InvalidInput` if a matrix of costs would be too large."""
+    if n > MATRIX:
+        hint = "coordinates with EUC_2D, CEIL_2D, MAN_2D, MAX_2D or ATT may have more"
+        raise _wrong(Source(file.path), f"{what} allows at most {MATRIX} cities", hint)
 
 
-def _rounded(a: Floats, b: Floats) -> Floats:
-    return np.floor(_euclidean(a, b) + 0.5)
-
-
-def _raised(a: Floats, b: Floats) -> Floats:
-    return np.ceil(_euclidean(a, b))
-
-
-def _manhattan(a: Floats, b: Floats) -> Floats:
-    found: Floats = np.floor(np.abs(a[:, None] - b[None]).sum(axis=2) + 0.5)
-    return found
-
-
-def _largest(a: Floats, b: Floats) -> Floats:
-    found: Floats = np.floor(np.abs(a[:, None] - b[None]) + 0.5).max(axis=2)
-    return found
-
-
-def _pseudo_euclidean(a: Floats, b: Floats) -> Floats:
-    exact = np.sqrt(((a[:, None] - b[None]) ** 2).sum(axis=2) / 10.0)
-    near = np.floor(exact + 0.5)
-    found: Floats = near + (near < exact)
-    return found
-
-
-def _geographical(a: Floats, b: Floats) -> Floats:
-    """Distances on the sphere in kilometres; coordinates are DDD.MM, and pi is 3.141592."""
-
-    def radians(x: Floats) -> Floats:
-        degrees = np.trunc(x)
-        found: Floats = 3.141592 * (degrees + 5.0 * (x - degrees) / 3.0) / 180.0
-        return found
-
-    u, v = radians(a), radians(b)
-    q1 = np.cos(u[:, None, 1] - v[None, :, 1])
-    q2 = np.cos(u[:, None, 0] - v[None, :, 0])
-    q3 = np.cos(u[:, None, 0] + v[None, :, 0])
-    cosine = np.clip(0.5 * ((1.0 + q1) * q2 - (1.0 - q1) * q3), -1.0, 1.0)
-    return np.trunc(6378.388 * np.arccos(cosine) + 1.0)
-
-
-METRICS: dict[str, Callable[[Floats, Floats], Floats]] = {
-    "EUC_2D": _rounded,
-    "CEIL_2D": _raised,
-    "MAN_2D": _manhattan,
-    "MAX_2D": _largest,
-    "ATT": _pseudo_euclidean,
-    "GEO": _geographical,
+METRICS = {
+    "EUC_2D": "rounded",
+    "CEIL_2D": "raised",
+    "MAN_2D": "manhattan",
+    "MAX_2D": "largest",
+    "ATT": "pseudo_euclidean",
+    "GEO": "geographical",
 }
 
 
@@ -169,6 +131,7 @@ def _explicit(file: File, head: dict[str, str], sections: dict[str, tuple[int, s
         raise _wrong(
             Source(file.path), f"EDGE_WEIGHT_FORMAT '{shape}' is not supported", f"one of {', '.join(SHAPES)}"
         )
+    _not_too_many(file, n, "EXPLICIT")
     cells = [*SHAPES[shape](n)]
     numbers = _numbers(file, sections, "EDGE_WEIGHT_SECTION", len(cells))
     if numbers is None:

@@ -3,16 +3,21 @@
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
-from rich.console import Console, ConsoleOptions, RenderableType
+from rich.console import Console, ConsoleOptions, RenderResult
+from rich.segment import Segment
 from rich.table import Table
 from rich.text import Text
 
+from engine.formats.report.lines import lines
 from engine.formats.report.rows import headed
 from engine.formats.report.wrapping import wrapped
 from kb.model.plan import Plan, Step, StepId
 
 LIST = 12  # characters of a line of step numbers
 GAP = 2  # characters between columns
+LONG = 300  # steps
+LEAST = 30  # characters for operators of a long plan
+MANY, NAMED = 40, 10  # of more consumers of a condition than MANY, so many are named first
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,7 +33,7 @@ class StepTable:
     purposes: Mapping[StepId, Mapping[str, Sequence[str]]]
     unit: str
 
-    def __rich_console__(self, console: Console, options: ConsoleOptions) -> Iterator[RenderableType]:
+    def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
         head, rows = self._narrow()
         taken = sum(max(map(_width, cells)) + GAP for cells in zip(head, *rows, strict=True))
         room = options.max_width - taken
@@ -36,7 +41,10 @@ class StepTable:
         reasons = (len(said) for step in self.plan.steps for said in self.purposes.get(step.id, {}))
         achieved = max([len("achieves"), *reasons])
         if operators + GAP + achieved <= room:
-            yield self._beside(head, rows, room - operators - GAP)
+            long = len(self.plan.steps) > LONG
+            yield from self._long(head, rows) if long else [self._beside(head, rows, room - operators - GAP)]
+        elif len(self.plan.steps) > LONG:
+            yield from self._long_below(head, rows, max(room, LEAST))
         elif max(operators, achieved + GAP) <= room:
             yield self._below(head, rows, room)
         else:
@@ -60,10 +68,32 @@ class StepTable:
         _add_narrow(table, head[1:])
         table.add_column("operator, and what it achieves", overflow="fold")
         for step, row in zip(self.plan.steps, rows, strict=True):
-            achieved = _joined(self._reasons(step), room - GAP)
-            below = "".join(f"\n{' ' * GAP}{line}" for line in achieved.splitlines())
+            below = "".join(f"\n{line}" for line in self._indented(step, room))
             table.add_row(*row, _operator(step).append_text(_marked(below)))
         return table
+
+    def _long(self, head: Sequence[str], rows: Sequence[tuple[str, ...]]) -> Iterator[Segment]:
+        """`_beside` for a long plan."""
+        cells = (
+            (number, str(step.operator), *rest, "\n".join(self._reasons(step)))
+            for step, (number, *rest) in zip(self.plan.steps, rows, strict=True)
+        )
+        names = (head[0], "operator", *head[1:], "achieves")
+        return lines(names, cells, {0, *range(3, len(names) - 1)})
+
+    def _long_below(
+        self, head: Sequence[str], rows: Sequence[tuple[str, ...]], room: int
+    ) -> Iterator[Segment]:
+        """`_below` for a long plan."""
+        cells = (
+            (*row, "\n".join([wrapped(str(step.operator), room), *self._indented(step, room)]))
+            for step, row in zip(self.plan.steps, rows, strict=True)
+        )
+        names = (*head, "operator, and what it achieves")
+        return lines(names, cells, {0, *range(2, len(names) - 1)})
+
+    def _indented(self, step: Step, room: int) -> list[str]:
+        return [" " * GAP + line for line in _joined(self._reasons(step), room - GAP).splitlines()]
 
     def _stacked(self, width: int) -> Table:
         """The steps for a narrow terminal: the content of the table in lines below each step."""
@@ -89,10 +119,16 @@ class StepTable:
 
     def _reasons(self, step: Step) -> list[str]:
         """The conditions that a step achieves, each with its consumers in order, the goal last."""
-        return [
-            f"{condition} for {', '.join(sorted(users, key=lambda user: (user == 'goal', len(user), user)))}"
-            for condition, users in self.purposes.get(step.id, {}).items()
-        ]
+        achieved = self.purposes.get(step.id, {})
+        return [f"{condition} for {_users(users)}" for condition, users in achieved.items()]
+
+
+def _users(users: Sequence[str]) -> str:
+    """The consumers of a condition; of very many the first ones, how many more there are, and the last."""
+    known = sorted(users, key=lambda user: (user == "goal", len(user), user))
+    if len(known) > MANY:
+        known = [*known[:NAMED], f"{len(known) - NAMED - 1} more", known[-1]]
+    return ", ".join(known)
 
 
 def span(start: int, duration: int, unit: str) -> str:

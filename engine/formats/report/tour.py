@@ -6,7 +6,7 @@ from rich.console import Group, RenderableType
 from rich.text import Text
 
 from engine.formats.report.rows import TextTable
-from engine.model.tour import Tour, TourProblem
+from engine.model.tour import ENDLESS, Tour, TourProblem, slack_of, times_of
 
 SHOWN = 40
 
@@ -27,6 +27,8 @@ def entry(tour: Tour, problem: TourProblem) -> dict[str, Any]:
     }
     if any(visit.tool for visit in problem.visits):
         found["tools"] = [problem.visits[each].tool for each in tour.order]
+    if problem.timed or any(visit.duration for visit in problem.visits):
+        found["times"] = times(tour, problem)
     if tour.poses:
         found["poses"] = list(tour.poses)
     return found
@@ -41,7 +43,44 @@ def text(tour: Tour, problem: TourProblem) -> RenderableType:
         rest = f", and {len(names) - SHOWN} more (--format json has all)" if len(names) > SHOWN else ""
         shown = ", ".join(names[:SHOWN]) + rest
         rows.append((tool or "-", str(len(names)), shown))
-    return Group(TextTable(("tool", "visits", "in order"), rows), Text(summary(tour, problem)))
+    runs = TextTable(("tool", "visits", "in order"), rows)
+    return Group(runs, *_timetable(tour, problem), Text(summary(tour, problem)))
+
+
+def times(tour: Tour, problem: TourProblem) -> list[dict[str, Any]]:
+    """For each visit in order: when the arm arrives, begins and ends, its window, and its slack."""
+    made = []
+    slacks = slack_of(problem, tour.order)
+    for at, (arrives, begins), slack in zip(tour.order, times_of(problem, tour.order), slacks, strict=True):
+        visit = problem.visits[at]
+        ends = begins + visit.duration
+        row: dict[str, Any] = {"visit": visit.name, "arrives": arrives, "begins": begins, "ends": ends}
+        if visit.window is not None:
+            row["window"] = [visit.window[0], None if visit.window[1] >= ENDLESS else visit.window[1]]
+        made.append(row | {"slack": slack if slack < ENDLESS // 2 else None})
+    return made
+
+
+def _timetable(tour: Tour, problem: TourProblem) -> list[RenderableType]:
+    """The times of all visits, if there are windows or durations."""
+    if not (problem.timed or any(visit.duration for visit in problem.visits)):
+        return []
+    rows = [
+        (
+            each["visit"],
+            str(each["arrives"]),
+            str(each["begins"]),
+            str(each["ends"]),
+            _window(each.get("window")),
+            "-" if each["slack"] is None else str(each["slack"]),
+        )
+        for each in times(tour, problem)
+    ]
+    return [TextTable(("visit", "arrives", "begins", "ends", "window", "slack"), rows)]
+
+
+def _window(ends: list[int | None] | None) -> str:
+    return "-" if ends is None else f"{ends[0]}..{'' if ends[1] is None else ends[1]}"
 
 
 def time_entry(time: int | None, unit: str) -> dict[str, Any]:

@@ -14,9 +14,9 @@ cdef double separation(Room here, Separations s, Py_ssize_t i, Py_ssize_t j) noe
 @cython.locals(here=Room, found="long long[::1]", n=Py_ssize_t)
 cpdef void first_contacts(object poses, Pieces p, Pairs q, object out) except *
 
-cdef long long _first_contact(Room here, Pairs q, Py_ssize_t n) noexcept nogil
-cdef long long _first_of_group(Room here, Pairs q, Py_ssize_t g, Py_ssize_t n) noexcept nogil
-cdef bint _decided(Room here, Py_ssize_t i, Py_ssize_t j, Py_ssize_t n) noexcept nogil
+cdef long long first_contact(Room here, Pairs q, Py_ssize_t n, double by) noexcept nogil
+cdef long long first_of_group(Room here, Pairs q, Py_ssize_t g, Py_ssize_t n, double by) noexcept nogil
+cdef bint _decided(Room here, Py_ssize_t i, Py_ssize_t j, Py_ssize_t n, double by) noexcept nogil
 
 @cython.locals(here=Room, count="long long[::1]", n=Py_ssize_t, g=Py_ssize_t)
 cpdef void count_hits(object poses, Pieces p, Pairs q, object hits) except *

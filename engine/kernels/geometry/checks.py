@@ -50,7 +50,7 @@ def first_contacts(poses: Floats, p: Pieces, q: Pairs, out: Longs) -> None:
         raise ValueError(f"{here.batch} carrier poses have as many results, not {found.shape[0]}")
     with cython.nogil:
         for n in range(here.batch):
-            found[n] = _first_contact(here, q, n)
+            found[n] = first_contact(here, q, n, 0.0)
 
 
 def _room(poses: Floats, p: Pieces, q: Pairs) -> Room:
@@ -59,37 +59,39 @@ def _room(poses: Floats, p: Pieces, q: Pairs) -> Room:
     return Room(p, poses)
 
 
-def _first_contact(here: Room, q: Pairs, n: int) -> int:
+def first_contact(here: Room, q: Pairs, n: int, by: float) -> int:
+    """The first pair that is within `by` (at least 0) of each other in pose `n` of the batch, or -1."""
     room.move_bounds(here, n)
     for g in range(q._groups.shape[0]):
-        if volumes.verdict(here, q._groups[g, 0], q._groups[g, 1], 0.0) != volumes.APART:
-            first = _first_of_group(here, q, g, n)
-            if first >= 0:
-                return first
+        first = first_of_group(here, q, g, n, by)
+        if first >= 0:
+            return first
     return -1
 
 
-def _first_of_group(here: Room, q: Pairs, g: int, n: int) -> int:
-    """The first pair of a group that touches, or -1. A first piece that is off the other bounds spares its pairs."""
+def first_of_group(here: Room, q: Pairs, g: int, n: int, by: float) -> int:
+    """The same for one group, whose bounds are in place. A first piece that is off the other bounds spares its pairs."""
+    if volumes.verdict(here, q._groups[g, 0], q._groups[g, 1], by) == volumes.APART:
+        return -1
     m, last, around, checked = q._groups[g, 2], q._groups[g, 3], q._groups[g, 1], -1
     while m < last:
         i, j = q._pairs[m, 0], q._pairs[m, 1]
-        if i != checked and volumes.verdict(here, i, around, 0.0) == volumes.APART:
+        if i != checked and volumes.verdict(here, i, around, by) == volumes.APART:
             m = q._after[m]
             continue
         checked = i
-        said = volumes.verdict(here, i, j, 0.0)
-        if said == volumes.TOUCHING or (said == volumes.UNDECIDED and _decided(here, i, j, n)):
+        said = volumes.verdict(here, i, j, by)
+        if said == volumes.TOUCHING or (said == volumes.UNDECIDED and _decided(here, i, j, n, by)):
             return int(q._order[m])
         m += 1
     return -1
 
 
-def _decided(here: Room, i: int, j: int, n: int) -> bool:
-    """Whether two pieces touch; their vertices are placed first."""
+def _decided(here: Room, i: int, j: int, n: int, by: float) -> bool:
+    """Whether two pieces are within `by`; their vertices are placed first."""
     room.place_once(here, i, n)
     room.place_once(here, j, n)
-    return touches(here, i, j, 0.0)
+    return touches(here, i, j, by)
 
 
 def count_hits(poses: Floats, p: Pieces, q: Pairs, hits: Longs) -> None:
@@ -101,7 +103,7 @@ def count_hits(poses: Floats, p: Pieces, q: Pairs, hits: Longs) -> None:
         for n in range(here.batch):
             room.move_bounds(here, n)
             for g in range(count.shape[0]):
-                if _first_of_group(here, q, g, n) >= 0:
+                if first_of_group(here, q, g, n, 0.0) >= 0:
                     count[g] += 1
 
 

@@ -2,8 +2,8 @@
 import cython
 from libc cimport math
 
-cdef void _identity(double[:, :, :, ::1] out, Py_ssize_t n) noexcept nogil
-cdef void _joint(
+cdef void stand(double[:, :, :, ::1] out, Py_ssize_t n) noexcept nogil
+cdef void place_joint(
     const double[:, :, ::1] origin, const double[:, ::1] axis, bint prismatic, Py_ssize_t parent, Py_ssize_t j,
     double value, Py_ssize_t n, double[:, :, :, ::1] out
 ) noexcept nogil

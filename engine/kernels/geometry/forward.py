@@ -27,18 +27,19 @@ def carriers(parent: Longs, origin: Floats, axis: Floats, prismatic: Truths, q: 
             raise ValueError(f"joint {j} hangs on carrier {up[j]}, which does not come before it")
     with cython.nogil:
         for n in range(poses.shape[0]):
-            _identity(poses, n)
+            stand(poses, n)
             for j in range(up.shape[0]):
-                _joint(fixed, along, slides[j], up[j], j, values[n, j], n, poses)
+                place_joint(fixed, along, slides[j], up[j], j, values[n, j], n, poses)
 
 
-def _identity(out: Floats, n: int) -> None:
+def stand(out: Floats, n: int) -> None:
+    """Put the world where it is in pose `n` of the batch."""
     for r in range(3):
         for c in range(4):
             out[n, 0, r, c] = 1.0 if r == c else 0.0
 
 
-def _joint(
+def place_joint(
     origin: Floats, axis: Floats, prismatic: bool, parent: int, j: int, value: float, n: int, out: Floats
 ) -> None:
     """Put the carrier of joint `j` where it is: its origin, turned about the axis (Rodrigues) or moved along it."""

@@ -22,6 +22,7 @@ cdef void _place_bounds(Room room, Py_ssize_t n, Py_ssize_t i) noexcept nogil
 cdef void _turn(Room room, Py_ssize_t n, Py_ssize_t k, Py_ssize_t i, Py_ssize_t at) noexcept nogil
 cdef void place(Room room, Py_ssize_t n, Py_ssize_t i) noexcept nogil
 cdef void move_vertices(Room room, Py_ssize_t n) noexcept nogil
+cdef void forget(Room room) noexcept nogil
 cdef void place_once(Room room, Py_ssize_t i, Py_ssize_t n) noexcept nogil
 cdef void bring_bounds(Room room, Pieces visitors, Py_ssize_t r) noexcept nogil
 cdef void bring(Room room, Pieces visitors, Py_ssize_t r) noexcept nogil

@@ -86,6 +86,13 @@ def move_vertices(room: Room, n: int) -> None:
             place(room, n, i)
 
 
+def forget(room: Room) -> None:
+    """Take all that moves for not placed: the poses were written anew."""
+    for i in range(room.count):
+        if room.carrier[i] != 0:
+            room.placed[i] = -1
+
+
 def place_once(room: Room, i: int, n: int) -> None:
     """The same for one piece, unless it is there already."""
     if room.placed[i] < n:

@@ -9,6 +9,7 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
 from engine.model.tour import TourProblem, Visit
+from engine.pipelines.inspection.demands import Demands, of_facts, with_demands
 from engine.pipelines.inspection.ways import has_table, ordered
 from kb.asp import Grounder
 from kb.asp.vocabulary import static_program
@@ -51,7 +52,7 @@ def partition(problem: Problem, placed: Collection[str] | None = None) -> Partit
     done = tuple(name for name in measurements if words.place(name) in measured)
     left = [name for name in measurements if name not in set(done)]
     given = (str(name) for name, *_ in grounder.atoms(words.position, 4))
-    located = set(measurements if has_table(problem.domain) else given if placed is None else placed)
+    located = set(measurements if has_table(problem, grounder.atoms) else given if placed is None else placed)
     tools = sorted({chosen[name] for name in left if name in chosen})
     groups = {tool: tuple(n for n in left if chosen.get(n) == tool and n in located) for tool in tools}
     impossible = {
@@ -98,10 +99,14 @@ def _plain(term: Term) -> str:
     return term.value if isinstance(term, Text) else str(term)
 
 
-def tour_problem(problem: Problem, parts: Partition) -> TourProblem:
+def tour_problem(
+    problem: Problem, parts: Partition, more: Demands = Demands(), timed: bool = True
+) -> TourProblem:
     """The tour of all measurements that some tool takes, with ways and tool changes as the domain says.
 
-    Ways are straight lines in micrometres, or the times of a table. Raises `InvalidInput`.
+    Ways are straight lines in micrometres, or the times of a table. With windows and durations, which the problem or
+    `more` demands, they are times in any case; unless the tour is not `timed`, and leaves these out. Raises
+    `InvalidInput`.
     """
     words, grounder = problem.domain.conventions, _grounded(problem)
     where = _positions(grounder, words)
@@ -112,7 +117,12 @@ def tour_problem(problem: Problem, parts: Partition) -> TourProblem:
         for tool, names in parts.groups.items()
         for name in names
     )
-    return ordered(problem, problem.name, tuple(visits), changes, facts=grounder.atoms)
+    demands = of_facts(grounder.atoms, words, Source(problem.path)).and_also(more)
+    demands = demands if timed else Demands(before=demands.before)
+    tours = ordered(
+        problem, problem.name, tuple(visits), changes, facts=grounder.atoms, in_time=demands.need_times
+    )
+    return with_demands(tours, demands)
 
 
 def _phases(grounder: Grounder, words: Conventions) -> dict[str, int]:

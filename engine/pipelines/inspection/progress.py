@@ -15,6 +15,7 @@ from engine.pipelines.inspection.losses import parted
 from engine.pipelines.inspection.ways import ordered
 from engine.stages.sequencing import Limits, sequence
 from kb.diagnostics import Diagnostic, InvalidInput, Source, unknown_name
+from kb.loader.amounts import amounts_of
 from kb.model.problem import Problem
 from kb.store.sequences import PlannedVisit, SequencePlan
 
@@ -70,7 +71,7 @@ def carried_on(
     lost = tuple(sorted({*plan.lost, *news.lost} - set(news.restored)))
     bad = {name: why for name, why in {**plan.bad, **news.bad}.items() if name not in news.restored}
     parts = parted(problem, lost)
-    asked = tour_problem(problem, parts)
+    asked = tour_problem(problem, parts, timed=False)
     visits = tuple(PlannedVisit(each.name, each.tool, each.position or ()) for each in asked.visits)
     done = _done(plan, visits, parts, news)
     names = {each.name for each in done}
@@ -196,7 +197,8 @@ def _tours(
     )
     changes = {(a, b): cost for a, b, cost in plan.changes}
     start = 0 if before else None
-    return ordered(inspection, plan.problem, visits, changes, start), len(before)
+    facts = amounts_of(inspection).facts
+    return ordered(inspection, plan.problem, visits, changes, start, facts=facts), len(before)
 
 
 def _inserted(problem: TourProblem, wanted: Visits, old: Visits, first: int) -> tuple[int, ...]:

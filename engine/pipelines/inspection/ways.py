@@ -4,26 +4,33 @@ Straight ways are put in order by their lengths in micrometres, which are finer 
 order by its times.
 """
 
+import math
 from collections.abc import Collection, Mapping, Sequence
 from itertools import pairwise
 
 import numpy as np
 
+from engine.model.metric import Metric
 from engine.model.tour import TourProblem, Visit
 from kb.diagnostics import Diagnostic, InvalidInput, Source
 from kb.loader.amounts import amounts_of
-from kb.model.amounts import Amounts, Facts, NoAmount
-from kb.model.domain import Domain, Kind
+from kb.model.amounts import Amounts, Facts, NoAmount, travels_itself
+from kb.model.domain import Kind
 from kb.model.problem import Problem
 from kb.terms import Function, Term
 
+STRAIGHT = "µm"  # the unit of straight ways
+DENSE = 1000  # costs between more visits are computed when they are needed
 Changes = Mapping[tuple[str, str], int]
 
 
-def has_table(domain: Domain) -> bool:
-    """Whether a static of the domain is a table of travel times between places."""
-    declared = domain.predicates.get(domain.conventions.travel)
-    return declared is not None and declared.kind is Kind.STATIC and len(declared.arguments) == 3
+def has_table(problem: Problem, facts: Facts) -> bool:
+    """Whether travel times are put in order: facts give some, or durations ask for them and nothing else gives any."""
+    domain, travel = problem.domain, problem.domain.conventions.travel
+    declared = domain.predicates.get(travel)
+    if declared is None or declared.kind is not Kind.STATIC or len(declared.arguments) != 3:
+        return False
+    return any(True for _ in facts(travel, 3)) or (domain.motion is None and travels_itself(domain))
 
 
 def ordered(
@@ -32,14 +39,19 @@ def ordered(
     visits: tuple[Visit, ...],
     changes: Changes,
     start: int | None = None,
-    facts: Facts | None = None,
+    *,
+    facts: Facts,
+    in_time: bool = False,
 ) -> TourProblem:
-    """An open tour of measurements; `facts` gives the static facts if they are known. Raises `InvalidInput`.
+    """An open tour of measurements; `facts` gives the static facts. Raises `InvalidInput`.
 
-    Straight ways and changes of tools are in micrometres, those of a table in the domain's unit of time.
+    Straight ways and changes of tools are in micrometres, unless they must be `in_time`. Those of a table, and ways in
+    time, are in the domain's unit of time.
     """
-    if not has_table(problem.domain):
-        return straight(name, visits, changes, start)
+    if not has_table(problem, facts):
+        if not in_time:
+            return straight(name, visits, changes, start)
+        changes = _in_time(problem, changes)
     amounts, places = amounts_of(problem, facts), _places(problem, [each.name for each in visits])
     times = np.array([[_time(problem, amounts, a, b) for b in places] for a in places], np.int64)
     ways = times.reshape(len(visits), len(visits))
@@ -48,14 +60,21 @@ def ordered(
     )
 
 
+def _in_time(problem: Problem, changes: Changes) -> Changes:
+    """How long changes of tools take, if their ways are driven at the speed of the declared travel."""
+    motion = problem.domain.motion
+    if motion is None:
+        said = "windows and durations need travel times, and the domain declares none"
+        hint = "declare `motion:` with a speed, or a table travel(place, place, time)"
+        raise InvalidInput([Diagnostic(Source(problem.path), "K405", said, hint)])
+    return {pair: math.ceil(way / motion.speed) for pair, way in changes.items()}
+
+
 def straight(name: str, visits: tuple[Visit, ...], changes: Changes, start: int | None = None) -> TourProblem:
-    """An open tour of visits with known positions in metres. Travel costs are straight distances in micrometres."""
-    places = np.array([visit.position for visit in visits], float).reshape(-1, 3)
-    travel = (
-        np.stack([np.linalg.norm(places - place, axis=1) for place in places]) if visits else np.zeros((0, 0))
-    )
-    ways = np.rint(travel * 1e6).astype(np.int64)
-    return TourProblem(name, visits, ways, closed=False, start=start, changes=changes, unit="µm")
+    """An open tour of visits with known positions in metres. Motion costs are straight distances in micrometres."""
+    lines = Metric("micrometres", np.array([visit.position for visit in visits], float).reshape(-1, 3))
+    ways = lines if len(visits) > DENSE else lines.matrix()
+    return TourProblem(name, visits, ways, closed=False, start=start, changes=changes, unit=STRAIGHT)
 
 
 def time_between(problem: Problem, tour: TourProblem, order: Sequence[int]) -> int | None:
@@ -63,9 +82,9 @@ def time_between(problem: Problem, tour: TourProblem, order: Sequence[int]) -> i
 
     It is in the domain's unit of time. Raises `InvalidInput` if a time cannot be told.
     """
-    if problem.domain.travel is None and not has_table(problem.domain):
-        return None
     amounts = amounts_of(problem)
+    if problem.domain.motion is None and not has_table(problem, amounts.facts):
+        return None
     ends = [*order, *order[:1]] if tour.closed and len(order) > 1 else order
     legs = ((tour.visits[a], tour.visits[b]) for a, b in pairwise(ends))
     return sum(

@@ -21,12 +21,12 @@ def wishes_for(known: Semantics, *plans: Plan) -> Wishes:
     domain, said = known.problem.domain, wishes_of(known.statics, known.problem.domain.conventions)
     if travels_itself(domain):
         return replace(said, travel={}, stops=frozenset())
-    if domain.travel is None and not said.travel:
+    if domain.motion is None and not said.travel:
         return said
     steps = (step for plan in plans for step in plan.steps)
     terms = dict.fromkeys(term for s in steps for term in (*s.operator.arguments, *s.resources))
-    mentioned = tuple(t for t in terms if t in said.stops or (domain.travel and _is_place(known.amounts, t)))
-    travel = Ways(mentioned, tuple(said.travel), known.amounts, known.problem.where)
+    mentioned = tuple(t for t in terms if t in said.stops or (domain.motion and _is_place(known.amounts, t)))
+    travel = Ways(mentioned, said.travel, known.amounts, known.problem.where)
     return replace(said, travel=travel, stops=said.stops.union(mentioned))
 
 
@@ -47,18 +47,20 @@ def wishes_of(statics: Facts, words: Conventions) -> Wishes:
 
 @dataclass(frozen=True, eq=False)
 class Ways(Mapping[tuple[Term, Term], int]):
-    """The travel times between the places that plans mention, and of all pairs that facts list.
+    """The travel times of all pairs that facts list, and with a declared motion between all places that plans mention.
 
     Each is computed when it is first asked for. Raises `InvalidInput` then for one that cannot be told.
     """
 
     mentioned: tuple[Term, ...]
-    listed: tuple[tuple[Term, Term], ...]
+    listed: Mapping[tuple[Term, Term], int]
     amounts: Amounts
     where: Source
     _known: dict[tuple[Term, Term], int] = field(default_factory=dict)
 
     def __getitem__(self, pair: tuple[Term, Term]) -> int:
+        if self.amounts.domain.motion is None and pair not in self.listed:
+            raise KeyError(pair)
         if pair not in self._known:
             try:
                 self._known[pair] = self.amounts.travel_time(*pair)
@@ -67,8 +69,8 @@ class Ways(Mapping[tuple[Term, Term], int]):
         return self._known[pair]
 
     def __iter__(self) -> Iterator[tuple[Term, Term]]:
-        between = ((here, there) for here in self.mentioned for there in self.mentioned)
-        yield from dict.fromkeys((*self.listed, *between))
+        moving = self.mentioned if self.amounts.domain.motion else ()
+        yield from dict.fromkeys((*self.listed, *((here, there) for here in moving for there in moving)))
 
     def __len__(self) -> int:
         return len(self.listed) or len(self.mentioned) ** 2

@@ -97,15 +97,20 @@ def partition(problem: Troubleshooting, arrays: Beliefs) -> Partition | None:
     )
 
 
-def groups(problem: Troubleshooting, arrays: Beliefs) -> Groups:
+def groups(arrays: Beliefs) -> Groups:
     """The groups of causes that may be concluded together, and what the policies of a rollout cost at most."""
-    found = np.arange(len(problem.causes), dtype=np.int64)
     losses = arrays.losses
+    worst = float(losses[np.isfinite(losses)].max(initial=0.0))
+    return Groups(arrays, belonging(losses), arrays.costs.max(axis=0), worst)
+
+
+def belonging(losses: Floats) -> Longs:
+    """For each cause (C,) the first cause with which it hangs together by conclusions that join causes without loss."""
+    found = np.arange(losses.shape[1], dtype=np.int64)
     barred = np.isin(losses, (0.0, np.inf)).all(axis=1)
     for group in _merged(losses[barred] == 0.0):
         found[group] = found[group].min()
-    worst = float(losses[np.isfinite(losses)].max(initial=0.0))
-    return Groups(arrays, found, arrays.costs.max(axis=0), worst)
+    return found
 
 
 def priors(problem: Troubleshooting) -> Floats:

@@ -49,7 +49,7 @@ class Selector:
         beliefs, self._poll = arrays.beliefs(self.problem), Poll(self.interrupted)
         most = EXPANSIONS if self.expansions is None else self.expansions
         self.exact = searcher(self.problem, beliefs, most, self._poll)
-        self.groups = arrays.groups(self.problem, beliefs)
+        self.groups = arrays.groups(beliefs)
         self._bases = (self._memo(), self._memo(), self._memo())
         self._followed: dict[int, Memo] = {}
 

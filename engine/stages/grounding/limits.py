@@ -17,12 +17,14 @@ from engine.stages.grounding.program import (
     instance_rule,
     reachable,
     rule,
+    schemas,
 )
 from kb.asp.trial import affordable
 from kb.asp.vocabulary import guard, static_program
 from kb.diagnostics import Diagnostic, InvalidInput, Source
 from kb.model.conditions import Literal, Parameter
 from kb.model.domain import NUMERIC_TYPES, OBJECT, Consequence, DeductiveOperator, Domain
+from kb.model.normalise import Normaliser
 from kb.model.problem import Problem
 from kb.terms import Variable, variables
 
@@ -42,19 +44,26 @@ class Suspect:
     bound: float
 
 
-def require_affordable(problem: Problem, schemas: list[Schema], vocabulary: Vocabulary) -> None:
+def require_affordable(problem: Problem, found: list[Schema], vocabulary: Vocabulary) -> None:
     """Raises `InvalidInput` if grounding would exceed the limits of a trial.
 
     There is no trial if every upper bound is small.
     """
     require_affordable_statics(problem)
-    suspects = [*_operators(problem, schemas), *_consequences(problem)]
-    _require(suspects, lambda: "\n".join(_program(problem, schemas, vocabulary)))
+    suspects = [*_operators(problem, found), *_consequences(problem)]
+    _require(suspects, lambda: "\n".join(_program(problem, found, vocabulary)))
 
 
 def require_affordable_statics(problem: Problem) -> None:
     """The same check for the static facts and rules alone, which are all that the checker needs."""
     _require(list(_rules(problem)), lambda: static_program(problem))
+
+
+def size(problem: Problem) -> float:
+    """An upper bound on the number of operator instances of a problem."""
+    normaliser, vocabulary = Normaliser(), Vocabulary(problem.domain)
+    found = list(schemas(problem.domain, normaliser, vocabulary))
+    return sum(each.bound for each in _operators(problem, found))
 
 
 def _require(suspects: Sequence[Suspect], program: Callable[[], str]) -> None:
@@ -71,10 +80,10 @@ def _require(suspects: Sequence[Suspect], program: Callable[[], str]) -> None:
     )
 
 
-def _operators(problem: Problem, schemas: Sequence[Schema]) -> Iterator[Suspect]:
+def _operators(problem: Problem, found: Sequence[Schema]) -> Iterator[Suspect]:
     sizes = extents(problem)
     facts = Counter(fact.name for fact in problem.statics) if not problem.domain.asp else Counter[str]()
-    for schema in schemas:
+    for schema in found:
         operator = schema.operator
         values = {p.variable: sizes.get(p.type, NUMBERS) for p in operator.parameters}
         given = [
@@ -177,7 +186,7 @@ def _terms(domain: Domain, total: Mapping[str, float]) -> dict[str, float]:
     return made
 
 
-def _program(problem: Problem, schemas: list[Schema], vocabulary: Vocabulary) -> Iterator[str]:
+def _program(problem: Problem, found: list[Schema], vocabulary: Vocabulary) -> Iterator[str]:
     """The program of the trial.
 
     It derives what can be reached from the given facts and all defaults, and every pair of a trigger and a
@@ -189,7 +198,7 @@ def _program(problem: Problem, schemas: list[Schema], vocabulary: Vocabulary) ->
         yield rule(reachable(default.atom), [*guard(default.parameters), *map(str, default.body)])
     for chain in problem.chains:
         yield from (f"_v_{stage}." for stage in chain.stages if stage.name in vocabulary.events)
-    for schema in schemas:
+    for schema in found:
         yield instance_rule(schema, vocabulary)
         yield from effect_rules(schema, vocabulary)
     for number, deductive in enumerate(problem.domain.deductive_operators):

@@ -2,11 +2,15 @@
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
-from engine.kernels.arrays import Ints, Longs
+from engine.kernels.arrays import Floats, Ints, Longs
+from engine.stages.sequencing.costs import Costs
 
 COUNT = 6
-LIKELY = 64  # among this many nearest cities there is mostly one in each quadrant
+LIKELY = 48  # among this many nearest cities there is mostly one in each quadrant
+FURTHEST = 400  # at the rim, cities in the other quadrants may lie far away
+CHUNK = 400_000  # candidates that are weighed at once
 
 
 def nearest(cost: NDArray[np.integer], count: int = COUNT) -> Ints:
@@ -21,41 +25,69 @@ def nearest(cost: NDArray[np.integer], count: int = COUNT) -> Ints:
     return np.take_along_axis(chosen, order, 1).astype(np.int32)
 
 
-def quadrant(positions: NDArray[np.floating], cost: NDArray[np.integer], count: int = COUNT) -> Ints:
+def quadrant(positions: NDArray[np.floating], costs: Costs, count: int = COUNT) -> Ints:
     """The cheapest city in each quadrant around each city, then the next cheapest: (n, k), cheapest first.
 
-    `positions` (n, 2). Without quadrants, all neighbours of a city in a cluster would lie in this cluster
-    (Johnson & McGeoch 1997).
+    `positions` (m, d) are those of the first m cities; d is 2, or 3 for points near a plane. Without quadrants, all
+    neighbours of a city in a cluster would lie in this cluster (Johnson & McGeoch 1997). If there is one more city that
+    is no point (n = m + 1), each city is its candidate, and it is the last candidate of each. Only the `FURTHEST` nearest
+    cities are looked at.
     """
-    n = len(cost)
-    count = min(count, n - 1)
-    found = np.empty((n, count), np.int32)
-    for city in range(n):
-        far = cost[city].astype(np.int64)
-        far[city] = np.iinfo(np.int64).max
-        near = _cheapest(far, min(LIKELY, n - 1))
-        quarter = _quarters(positions, city, near)
-        if (
-            len(near) < n - 1 and len(set(quarter)) < 4
-        ):  # at the rim, cities in the other quadrants may lie far away
-            near = _cheapest(far, n - 1)
-            quarter = _quarters(positions, city, near)
-        picked = {int(np.argmax(quarter == each)) for each in range(4) if (quarter == each).any()}
-        rest = (index for index in range(len(near)) if index not in picked)
-        while len(picked) < count:
-            picked.add(next(rest))
-        found[city] = near[sorted(picked)[:count]]
+    n, m = len(costs), len(positions)
+    found = np.empty((m, min(count, m - 1)), np.int32)
+    plane, lacking = _plane(positions), np.arange(m)
+    tree = cKDTree(positions)
+    for width in sorted({min(LIKELY, m - 1), min(FURTHEST, m - 1)}):
+        again = []
+        for part in np.array_split(lacking, len(lacking) * width // CHUNK + 1):
+            near = _sorted(tree, positions, part, width, costs)
+            found[part], whole = _picked(plane, part, near, found.shape[1])
+            again.append(part[~whole])
+        lacking = np.concatenate(again)
+        if not len(lacking):
+            break
+    return found if n == m else _with_the_other(found, costs)
+
+
+def _plane(positions: NDArray[np.floating]) -> Floats:
+    """Coordinates in the plane in which the points lie widest (m, 2)."""
+    middle = np.asarray(positions, float) - positions.mean(axis=0)
+    if middle.shape[1] == 2:
+        return np.asarray(middle, np.float64)
+    _, _, axes = np.linalg.svd(middle.T @ middle)
+    found: Floats = middle @ axes[:2].T
     return found
 
 
-def _cheapest(far: Longs, count: int) -> NDArray[np.intp]:
-    """The `count` cities of least cost (more if costs are equal), cheapest first, then by number."""
-    most = np.partition(far, count - 1)[count - 1]
-    among = np.flatnonzero(far <= most)
-    return among[np.argsort(far[among], kind="stable")]
+def _sorted(
+    tree: "cKDTree", positions: NDArray[np.floating], part: NDArray[np.intp], width: int, costs: Costs
+) -> Longs:
+    """The nearest cities of each city of `part` without itself (p, width), cheapest first, then by number."""
+    _, near = tree.query(positions[part], width + 1)
+    near = np.sort(near.reshape(len(part), -1), axis=1)
+    cost = costs.between(part[:, None], near)
+    cost[near == part[:, None]] = np.iinfo(np.int64).max
+    order = np.argsort(cost, axis=1, kind="stable")
+    return np.take_along_axis(near, order, 1)[:, :width]
 
 
-def _quarters(positions: NDArray[np.floating], city: int, others: NDArray[np.intp]) -> Longs:
-    """The quadrant around a city in which each of the others lies, 0 to 3."""
-    step = positions[others] - positions[city]
-    return np.asarray(2 * (step[:, 0] >= 0) + (step[:, 1] >= 0), np.int64)
+def _picked(plane: Floats, part: NDArray[np.intp], near: Longs, count: int) -> tuple[Ints, NDArray[np.bool_]]:
+    """`count` of the near cities, first in each quadrant, then in order; and whether all quadrants were found."""
+    step = plane[near] - plane[part][:, None]
+    quarter = 2 * (step[..., 0] >= 0) + (step[..., 1] >= 0)
+    firsts, whole = np.zeros(near.shape, bool), np.ones(len(part), bool)
+    for each in range(4):
+        inside = quarter == each
+        some = inside.any(axis=1)
+        whole &= some
+        firsts[some, inside.argmax(axis=1)[some]] = True
+    chosen = np.sort(np.argsort(~firsts, axis=1, kind="stable")[:, :count], axis=1)
+    return np.take_along_axis(near, chosen, 1).astype(np.int32), whole
+
+
+def _with_the_other(found: Ints, costs: Costs) -> Ints:
+    """The candidates with those of one more city, to which and from which the costs are its `ends`."""
+    m, count = found.shape
+    cheapest = np.argsort(costs.ends[:m], kind="stable")[: count + 1].astype(np.int32)
+    own = np.resize(cheapest, count + 1)
+    return np.concatenate((np.hstack((found, np.full((m, 1), m, np.int32))), own[None]))

@@ -1,8 +1,13 @@
 """The limits of a search for a sequence. The work decides the answer; a time limit only ends the search."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from engine.kernels.cancellation import Interrupted, never
+
+
+def untold(_cost: int) -> None:
+    """Tell nobody."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -10,10 +15,11 @@ class Limits:
     """`work` is the greatest number of kicks or moves; 0: a number that suits the number of visits.
 
     `interrupted` is asked now and then whether to stop. `proof` is the solver's deterministic time for an
-    exact search, about seconds.
+    exact search, about seconds. `tell` is called now and then with the cost of the best tour so far.
     """
 
     work: int = 0
     seed: int = 0
     interrupted: Interrupted = never
     proof: float = 60.0
+    tell: Callable[[int], None] = untold

@@ -8,10 +8,12 @@ import numpy as np
 from engine.kernels.arrays import Longs
 from engine.model.outcome import GaveUp, Infeasible
 from engine.model.tour import Tour, TourProblem, cost_of, violations
+from engine.stages.sequencing.arborescent import lower_bound, searched
 from engine.stages.sequencing.candidates import nearest
 from engine.stages.sequencing.limits import Limits
 
 PROVABLE = 40  # a proof is tried up to this number of visits
+FEW, DOUBLED = 9, 2500  # between these numbers of visits, directed costs become costs of twice as many cities
 SLICE = 20_000
 MOST = 5_000_000  # the greatest number of moves, if the caller sets none
 FAR = 2**62
@@ -51,9 +53,12 @@ def _urgency(problem: TourProblem, visit: int) -> tuple[int, int]:
 
 def solve_directed(problem: TourProblem, limits: Limits, exact: bool = False) -> Tour | Infeasible | GaveUp:
     """The best order found. A proof is tried if there are few visits or `exact` asks for it."""
-    order, work = _annealed(problem, limits)
+    if FEW < len(problem.visits) <= DOUBLED and not problem.ordered:
+        order, work = searched(problem, best_first_order(problem) or (), limits)
+    else:
+        order, work = _annealed(problem, limits)
     kept: tuple[int, ...] | None = None if violations(problem, order) else order
-    lower = _assignment_bound(problem)
+    lower = 0 if kept is None else lower_bound(problem, cost_of(problem, kept), limits.interrupted)
     if (exact or len(problem.visits) <= PROVABLE) and limits.proof and not limits.interrupted():
         from engine.stages.sequencing.exact import solve_ordered
 
@@ -114,15 +119,3 @@ def _times(problem: TourProblem) -> Longs:
     windows = [visit.window or (0, FAR) for visit in problem.visits]
     rows = ([visit.duration for visit in problem.visits], [w[0] for w in windows], [w[1] for w in windows])
     return np.array(rows, np.int64)
-
-
-def _assignment_bound(problem: TourProblem) -> int:
-    """A lower bound: the sum of the cheapest ways into all visits, or out of them. Open ends cost nothing."""
-    arcs = problem.arcs.astype(np.int64)
-    np.fill_diagonal(arcs, FAR)
-    into, out = arcs.min(axis=0), arcs.min(axis=1)
-    if not problem.closed:
-        first = into.max() if problem.start is None else into[problem.start]
-        last = out.max() if problem.end is None else out[problem.end]
-        return int(max(into.sum() - first, out.sum() - last))
-    return int(max(into.sum(), out.sum()))

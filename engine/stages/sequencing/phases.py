@@ -1,11 +1,13 @@
 """Tours in phases: all visits of one phase come before those of the next. Each phase is a tour from where the last one ends."""
 
-import itertools
 from collections.abc import Callable
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 
+from engine.kernels.arrays import Longs
+from engine.model.metric import Metric
 from engine.model.outcome import GaveUp, Infeasible
 from engine.model.tour import Tour, TourProblem, cost_of
 from engine.stages.sequencing.limits import Limits
@@ -30,7 +32,7 @@ def refused(problem: TourProblem) -> str | None:
 def in_pairs(problem: TourProblem) -> TourProblem:
     """The problem with its phases as precedence: of each visit before each one of the next phase."""
     groups = _groups(problem)
-    pairs = tuple((a, b) for now, then in itertools.pairwise(groups) for a in now for b in then)
+    pairs = tuple((a, b) for now, then in pairwise(groups) for a in now for b in then)
     visits = tuple(replace(visit, phase=0) for visit in problem.visits)
     return replace(problem, visits=visits, precedence=(*problem.precedence, *pairs))
 
@@ -63,7 +65,7 @@ def _part(problem: TourProblem, members: list[int], led: bool) -> TourProblem:
     return replace(
         problem,
         visits=tuple(replace(problem.visits[each], phase=0) for each in members),
-        travel=problem.travel[np.ix_(members, members)],
+        travel=_travel(problem.travel, members),
         closed=False,
         start=0 if led else place.get(-1 if problem.start is None else problem.start),
         end=place.get(-1 if problem.end is None else problem.end),
@@ -77,5 +79,16 @@ def _bound(
     if not order:
         return found.lower_bound
     alone = solve(_part(problem, group, False), replace(limits, work=QUICK, proof=0.0), "auto")
-    between = int(problem.arcs[np.ix_(order, group)].min())
-    return between + (alone.lower_bound if isinstance(alone, Tour) else 0)
+    return _least_way(problem, order, group) + (alone.lower_bound if isinstance(alone, Tour) else 0)
+
+
+def _travel(travel: Longs | Metric, members: list[int]) -> Longs | Metric:
+    return travel.part(members) if isinstance(travel, Metric) else travel[np.ix_(members, members)]
+
+
+def _least_way(problem: TourProblem, order: list[int], group: list[int]) -> int:
+    """No way from a visit of the order to one of the group costs less."""
+    if isinstance(problem.travel, Metric):
+        here = np.array(order, np.int32)
+        return min(int(problem.travel.between(here, np.full(len(here), each)).min()) for each in group)
+    return int(problem.arcs[np.ix_(order, group)].min())

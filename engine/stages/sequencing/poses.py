@@ -13,6 +13,7 @@ import numpy as np
 from engine.kernels.arrays import Floats, Ints, Longs
 from engine.model.tour import PoseProblem, Tour
 from engine.stages.sequencing.candidates import nearest
+from engine.stages.sequencing.costs import of_matrix
 from engine.stages.sequencing.fields import fields, times
 from engine.stages.sequencing.limits import Limits
 from engine.stages.sequencing.sequence import nearest_first
@@ -74,7 +75,9 @@ def _of_fields(problem: PoseProblem, limits: Limits) -> list[PoseRing]:
     """A tour in each of the smoothest pose fields, with the poses chosen again for its order."""
     table, offset = _table(problem)
     n, start = len(problem.visits), nearest_first(_straight(problem))
-    costs = [times(table, rows) for rows in fields(table, offset, _straight(problem, FAR_M))[:FIELDS]]
+    costs = [
+        of_matrix(times(table, rows)) for rows in fields(table, offset, _straight(problem, FAR_M))[:FIELDS]
+    ]
     quick = Limits(1, limits.seed, limits.interrupted)
     found = [(search_order(cost, start, quick), index) for index, cost in enumerate(costs)]
     found.sort(key=lambda each: (each[0].cost, each[1]))

@@ -5,21 +5,27 @@ to the first visit cost nothing. Every other way to it costs more than any order
 """
 
 from dataclasses import replace
-from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from engine.kernels.arrays import Floats, Ints, Longs
+from engine.model.metric import Metric
 from engine.model.outcome import GaveUp, Infeasible
 from engine.model.tour import Tour, TourProblem, cost_of, violations
-from engine.stages.sequencing import phases, symmetric
+from engine.stages.sequencing import heldkarp, phases, symmetric
 from engine.stages.sequencing.chain1987 import chain
+from engine.stages.sequencing.costs import Costs, of_matrix
+from engine.stages.sequencing.curve import along_hilbert
 from engine.stages.sequencing.limits import Limits
 from engine.stages.sequencing.ordered import best_first_order, solve_directed
 
 METHODS = ("auto", "chain1987", "exact")
 PROVABLE = 120  # the default method tries to prove its tour up to this number of visits
+MATRIX = 8000  # more visits have no matrix of costs, which some methods need
+CHAINED = 12  # up to this number of visits the search begins with the chain of 1987
+CLOSE = 0.01  # a bound farther below the tour is raised after the search, if there is time
+LATER = 6_000_000  # cities that are looked at then
 SMALL = 9  # up to this number of visits everything is solved exactly at once
 
 Answer = Tour | Infeasible | GaveUp
@@ -40,13 +46,25 @@ def sequence(problem: TourProblem, limits: Limits = Limits(), method: str = "aut
         problem = phases.in_pairs(problem)
     if problem.phased:
         return phases.by_phases(problem, limits, method, sequence)
-    if n == 1:
-        single = Tour((0,), 0, 0, method=method)
-        return Infeasible(wrong[0]) if (wrong := violations(problem, (0,))) else single
-    plain = not problem.ordered and _symmetric(problem)
+    return _alone(problem, method) if n == 1 else _in_one(problem, limits, method)
+
+
+def _alone(problem: TourProblem, method: str) -> Answer:
+    """The tour of one visit."""
+    wrong = violations(problem, (0,))
+    return Infeasible(wrong[0]) if wrong else Tour((0,), 0, 0, method=method)
+
+
+def _in_one(problem: TourProblem, limits: Limits, method: str) -> Answer:
+    """The tour of two visits or more without phases."""
+    n, plain = len(problem.visits), not problem.ordered and _symmetric(problem)
     if method == "chain1987" and not plain:
         return GaveUp(
             "the chain of 1987 works only with symmetric costs, without windows and precedence", "method"
+        )
+    if n > MATRIX and (method != "auto" or not plain):
+        return GaveUp(
+            f"{_beyond(method, plain)} needs all costs between visits: at most {MATRIX} visits", "memory"
         )
     if (n <= SMALL and method != "chain1987") or not plain:
         return solve_directed(problem, limits, exact=n <= SMALL or method == "exact")
@@ -65,56 +83,107 @@ def _contradiction(problem: TourProblem) -> str | None:
     return None
 
 
+def _beyond(method: str, plain: bool) -> str:
+    """What cannot be done for so many visits."""
+    if plain:
+        return f"the method {method}"
+    return "a tour with windows, precedence or costs that depend on the direction"
+
+
 def _symmetric(problem: TourProblem) -> bool:
-    arcs = problem.arcs
-    return bool((arcs == arcs.T).all())
+    _, extra = problem.kinds
+    if not isinstance(problem.travel, Metric):
+        return bool((problem.arcs == problem.arcs.T).all())
+    return bool((extra == extra.T).all())
 
 
 def _plain(problem: TourProblem, limits: Limits, method: str) -> Tour:
     """The tour for symmetric costs without side conditions."""
     n, fixed = len(problem.visits), problem.start is not None and problem.end is not None
     circle = problem.closed and not fixed
-    cost, extra = _circle(problem) if circle else _with_ends(problem)
-    positions = _positions(problem) if circle else None
-    narrow = _narrow(cost)
+    costs, extra = (_costs(problem), 0) if circle else _with_ends(problem)
+    start = _start(problem, costs, method)
     if method == "chain1987":
-        tour, work = chain(narrow, positions), 0
-    else:
-        start = chain(narrow, positions) if n <= 12 else nearest_first(narrow)
-        found = symmetric.search(narrow, start, limits, positions)
-        tour, work = found.order, found.work
+        return _bounded(problem, _made(problem, start, 0, method), costs, extra, limits)
+    near = symmetric.candidates(costs, _positions(problem) if circle else None)
+    provable = n <= PROVABLE or method == "exact"
+    quick = symmetric.search(costs, start, replace(limits, work=1), near)
+    lower = 0 if provable else heldkarp.bound(costs, near, quick.order, limits.interrupted)
+    found = symmetric.search(costs, quick.order, limits, near)
+    made = _made(problem, found.order, found.work, method)
+    if provable:
+        return _bounded(problem, made, costs, extra, limits)
+    if not limits.interrupted() and found.cost - lower > CLOSE * found.cost:
+        lower = max(lower, heldkarp.bound(costs, near, found.order, limits.interrupted, LATER))
+    return replace(made, lower_bound=max(0, min(lower + extra, made.cost)))
+
+
+def _made(problem: TourProblem, tour: Ints, work: int, method: str) -> Tour:
+    """The tour of the problem that a closed tour of cities stands for."""
     order = _unrolled(problem, tour)
     if violations(problem, order):
-        order = best_first_order(problem) or tuple(range(n))
-    made = Tour(order, cost_of(problem, order), 0, work, method)
-    return _bounded(problem, made, cost, extra, limits)
+        order = best_first_order(problem) or tuple(range(len(order)))
+    return Tour(order, cost_of(problem, order), 0, work, method)
 
 
-def _circle(problem: TourProblem) -> tuple[Longs, int]:
-    return problem.arcs, 0
+def _start(problem: TourProblem, costs: Costs, method: str) -> symmetric.Order:
+    """The first tour of the search."""
+    n = len(problem.visits)
+    if isinstance(problem.travel, Metric) and method != "chain1987":
+        others = np.arange(n, len(costs), dtype=np.int32)
+        return np.concatenate((along_hilbert(problem.travel.points), others))
+    matrix = _matrix(costs)
+    if n <= CHAINED or method == "chain1987":
+        return chain(matrix, _positions(problem) if len(costs) == n else None)
+    return nearest_first(matrix)
 
 
-def _with_ends(problem: TourProblem) -> tuple[Longs, int]:
-    """Costs (n + 1, n + 1) with one more city, and what must be added to the cost of a tour with it."""
-    n, arcs = len(problem.visits), problem.arcs
-    dear = 4 * int(arcs.max(initial=0)) + 1
+def _matrix(costs: Costs) -> symmetric.Matrix:
+    """All costs."""
+    every = np.arange(len(costs))
+    matrix = costs.between(every[:, None], every[None]) if costs.matrix is None else costs.matrix
+    narrow = of_matrix(matrix).matrix
+    assert narrow is not None
+    return narrow
+
+
+def _costs(problem: TourProblem, ends: Longs | None = None) -> Costs:
+    """The costs between visits, and to one more city if there are `ends`. A metric stays a metric."""
+    if isinstance(problem.travel, Metric):
+        kind, extra = problem.kinds
+        groups = (kind, extra) if problem.changes else (kind[:0], extra[:1, :1])
+        return Costs(None, problem.travel, *groups, np.zeros(0, np.int64) if ends is None else ends)
+    if ends is None:
+        return of_matrix(problem.arcs)
+    n = len(problem.visits)
     cost = np.zeros((n + 1, n + 1), np.int64)
-    cost[:n, :n] = arcs
-    ends = {problem.start, problem.end} - {None}
-    extra = 0
-    if ends:
-        cost[n, :n] = cost[:n, n] = dear
-        for end in ends:
-            cost[n, end] = cost[end, n] = 0
-        extra = -dear * (2 - len(ends))
+    cost[:n, :n] = problem.arcs
+    cost[n], cost[:, n] = ends, ends
+    return of_matrix(cost)
+
+
+def _with_ends(problem: TourProblem) -> tuple[Costs, int]:
+    """Costs with one more city, and what must be added to the cost of a tour with it."""
+    n, named = len(problem.visits), {each for each in (problem.start, problem.end) if each is not None}
+    toward, extra = np.zeros(n + 1, np.int64), 0
+    if named:
+        dear = 4 * _dearest(problem) + 1
+        toward[:n] = dear
+        toward[list(named)] = 0
+        extra = -dear * (2 - len(named))
     if problem.closed and problem.start is not None and problem.end is not None:
-        extra += int(arcs[problem.end, problem.start])
-    return cost, extra
+        extra += problem.lengths((problem.end, problem.start))[0]
+    return _costs(problem, toward), extra
 
 
-def _narrow(cost: Longs) -> symmetric.Matrix:
-    """The costs in 32 bits if sums of four of them fit, else unchanged."""
-    return cost.astype(np.int32) if cost.max(initial=0) < 2**28 else cast(symmetric.Matrix, cost)
+def _dearest(problem: TourProblem) -> int:
+    """No arc costs more."""
+    if not isinstance(problem.travel, Metric):
+        return int(problem.arcs.max(initial=0))
+    points = problem.travel.points
+    corners = Metric(problem.travel.kind, np.array((points.min(axis=0), points.max(axis=0))))
+    across = corners.between(np.array([0], np.int32), np.array([1], np.int32))
+    return int(across[0]) + 1 + int(problem.kinds[1].max(initial=0))
 
 
 def nearest_first(cost: NDArray[np.integer]) -> symmetric.Order:
@@ -158,28 +227,27 @@ def _unrolled(problem: TourProblem, tour: Ints) -> tuple[int, ...]:
     return tuple(order)
 
 
-def _rolled(problem: TourProblem, order: tuple[int, ...], cost: Longs) -> tuple[int, ...]:
-    return (*order, len(order)) if len(cost) > len(problem.visits) else order
+def _rolled(problem: TourProblem, order: tuple[int, ...], costs: Costs) -> tuple[int, ...]:
+    return (*order, len(order)) if len(costs) > len(problem.visits) else order
 
 
-def _bounded(problem: TourProblem, made: Tour, cost: Longs, extra: int, limits: Limits) -> Tour:
-    """The tour with a lower bound. If a proof seems possible, it is proved or replaced by a better tour."""
+def _bounded(problem: TourProblem, made: Tour, costs: Costs, extra: int, limits: Limits) -> Tour:
+    """The tour with a lower bound by a matrix. If a proof seems possible, it is proved or replaced by a better tour."""
     from engine.stages.sequencing.kernels.bounds import excess
 
-    upper = made.cost - extra
+    upper, matrix = made.cost - extra, _matrix(costs)
     provable = len(problem.visits) <= PROVABLE or made.method == "exact"
-    narrow = _narrow(cost)
-    lower, penalties = symmetric.bound(narrow, upper, 2000 if provable else 0, limits.interrupted)
+    lower, penalties = symmetric.bound(matrix, upper, 2000 if provable else 0, limits.interrupted)
     made = replace(made, lower_bound=max(0, min(lower + extra, made.cost)))
     if made.proved or not provable or made.method == "chain1987" or limits.interrupted() or not limits.proof:
         return made
     from engine.stages.sequencing.exact import solve_circuit
 
-    allowed = lower + excess(narrow, penalties) <= upper + 1
-    rolled = _rolled(problem, made.order, cost)
+    allowed = lower + excess(matrix, penalties) <= upper + 1
+    rolled = _rolled(problem, made.order, costs)
     allowed[list(rolled), [*rolled[1:], rolled[0]]] = True
     allowed |= allowed.T
-    solved = solve_circuit(cost, allowed, upper, rolled, limits)
+    solved = solve_circuit(matrix.astype(np.int64), allowed, upper, rolled, limits)
     if solved.order is None:
         return made
     order = _unrolled(problem, np.array(solved.order, np.int32))

@@ -1,6 +1,7 @@
-"""Closed tours under symmetric costs: annealed exchanges, and the bound of Held and Karp."""
+"""Closed tours under symmetric costs: annealed exchanges, merged tours, and the bound of Held and Karp."""
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,14 +9,24 @@ from numpy.typing import NDArray
 from engine.kernels.arrays import Floats, Ints
 from engine.kernels.cancellation import Interrupted, never
 from engine.stages.sequencing.candidates import nearest, quadrant
+from engine.stages.sequencing.costs import Costs
 from engine.stages.sequencing.limits import Limits
+from engine.stages.sequencing.merging import merged
 
-Matrix = Ints  # or of 64 bits, if costs are large
+if TYPE_CHECKING:
+    from engine.stages.sequencing.kernels.kicks import Kicker
+
+Matrix = NDArray[Any]  # whole numbers of 32 or 64 bits
 Order = Ints
 FEW = 8  # fewer cities are left to the exact methods
-SLICE = 4000
-WARM, COLD = 0.3, 0.003  # times the mean edge, at the beginning and the end of each annealing
-STEPS = 300  # of the ascent if no proof is tried; fewer if each takes long
+SLICE = 2000  # kicks, or cities that are looked at, between two questions whether to stop
+WARM, COLD = 2.0, 0.1  # times the mean edge, at the beginning and the end of each annealing
+FIRST, LONGEST = 10, 40  # kicks for each city in the first annealing, and in the longest
+HUGE = 20_000  # from this number of cities on, a first annealing that is hardly warm comes before all others
+TOURS = 6  # that are merged
+COUNT = 7  # candidates of each city
+STEPS = 300  # of the ascent over a matrix if no proof is tried; fewer if each takes long
+MOST = 2_000_000  # kicks, if the caller sets no number
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -27,45 +38,104 @@ class Searched:
     work: int
 
 
-def length(cost: Matrix, order: Order) -> int:
-    """The cost of a closed tour."""
-    return int(cost[order, np.roll(order, -1)].astype(np.int64).sum())
+def candidates(costs: Costs, positions: NDArray[np.floating] | None = None) -> Ints:
+    """The candidate neighbours of each city (n, k)."""
+    where = costs.points if positions is None else positions
+    if where is None:
+        assert costs.matrix is not None
+        return nearest(costs.matrix, COUNT + 1)
+    return quadrant(where, costs, COUNT)
 
 
 def search(
-    cost: Matrix, start: Order, limits: Limits, positions: NDArray[np.floating] | None = None
+    costs: Costs, start: Order, limits: Limits, near: Ints | None = None, mates: Ints | None = None
 ) -> Searched:
-    """The best closed tour found from `start` (n,), n >= 8.
+    """The best closed tour found from `start` (n,), n >= 8. `near` (n, k) are candidate neighbours.
 
-    Each annealing is twice as long as the one before.
+    `mates` (n,) has the city to which the edge of a city must stay, or -1; `start` has these edges.
+
+    One annealing after another begins at the best tour. Then the last tours are merged. Cities are numbered along `start`,
+    so that neighbours lie near each other in memory.
     """
-    from engine.stages.sequencing.kernels.kicks import improve
-
-    n = len(cost)
+    n, total = len(costs), limits.work or default_work(len(costs))
     if limits.interrupted():
-        return Searched(start, length(cost, start), 0)
-    near = nearest(cost, 8) if positions is None else quadrant(positions, cost)
-    toll = np.take_along_axis(cost, near, 1)
-    best, _, _, _ = improve(start.copy(), cost, near, toll, 0, 1.0, 1.0, limits.seed)
-    total = limits.work or default_work(n)
-    done, phase, seed = 0, 20 * n + 2000, limits.seed
-    while done < total and not limits.interrupted():
-        kicks = min(phase, total - done)
-        warmth = WARM * max(length(cost, best), 1) / n
-        cooling, tour, left = (COLD / WARM) ** (1 / kicks), best.copy(), kicks
-        while left > 0 and not limits.interrupted():
-            seed += 1
-            now = min(SLICE, left)
-            found, _, _, warmth = improve(tour, cost, near, toll, now, warmth, cooling, seed)
-            best = found if length(cost, found) < length(cost, best) else best
-            left, done = left - now, done + now
-        phase *= 2
-    return Searched(best, length(cost, best), done)
+        return Searched(start, costs.of_tour(start), 0)
+    near = candidates(costs) if near is None else near
+    cities = np.roll(start, n - 1 - int(np.flatnonzero(start == n - 1)[0]))
+    number = np.empty(n, np.int32)
+    number[cities] = np.arange(n, dtype=np.int32)
+    search = _Search(costs.part(cities), np.ascontiguousarray(number[near[cities]]), limits)
+    if mates is not None:
+        search.mates = np.where(mates < 0, -1, number[mates])[cities].astype(np.int32)
+    search.settle()
+    while search.done < total and not limits.interrupted():
+        search.anneal(total)
+    return Searched(cities[search.best], search.cost, search.done)
+
+
+class _Search:
+    """The best tour so far and the tours that were found last."""
+
+    def __init__(self, costs: Costs, near: Ints, limits: Limits) -> None:
+        self.costs, self.limits, self.distances = costs, limits, costs.kernel()
+        n = len(costs)
+        self.near, self.toll = near, costs.between(np.arange(n)[:, None], near)
+        self.best, self.mates = np.arange(n, dtype=np.int32), np.full(n, -1, np.int32)
+        self.cost, self.done, self.rounds = costs.of_tour(self.best), 0, 0
+        self.tours: list[Ints] = []
+
+    def settle(self) -> None:
+        """Exchange edges until nothing helps."""
+        kicker = self._kicker(self.best.copy())
+        for first in range(0, len(self.best), SLICE):
+            if self.limits.interrupted():
+                break
+            kicker.settle(first, first + SLICE)
+        self._offer(kicker.best())
+
+    def anneal(self, total: int) -> None:
+        """One annealing from the best tour, longer than the one before, and a merge of what was found."""
+        n, huge = len(self.best), len(self.best) >= HUGE and self.rounds == 0
+        kicks = min(total - self.done, n * min(LONGEST, FIRST << self.rounds) + 1000)
+        warmth = (COLD if huge else WARM) * max(self.cost, 1) / n
+        cooling, kicker, late = (
+            (1.0 if huge else (COLD / WARM) ** (1 / kicks)),
+            self._kicker(self.best.copy()),
+            False,
+        )
+        end = self.done + kicks
+        while self.done < end and not self.limits.interrupted():
+            if not late and not huge and 10 * (end - self.done) <= kicks:
+                late = True
+                kicker.begin()
+            now = min(SLICE, end - self.done)
+            warmth, self.done = kicker.anneal(now, warmth, cooling), self.done + now
+            self.limits.tell(min(self.cost, self.cost - kicker.best_gain) if huge else self.cost)
+        self.rounds += 1
+        self._offer(kicker.best())
+        if self.done == end:
+            self._merge(kicker.best())
+
+    def _merge(self, found: Ints) -> None:
+        self.tours = [*self.tours[1 - TOURS :], found]
+        if len(self.tours) > 1 and not self.limits.interrupted():
+            self._offer(merged(self.costs, (self.best, *self.tours), self.limits.seed + self.rounds))
+
+    def _offer(self, tour: Ints) -> None:
+        cost = self.costs.of_tour(tour)
+        if cost < self.cost:
+            self.best, self.cost = tour, cost
+
+    def _kicker(self, tour: Ints) -> "Kicker":
+        from engine.stages.sequencing.kernels.kicks import Kicker
+
+        seed = self.limits.seed + 1_000_003 * self.rounds
+        return Kicker(tour, self.distances, self.near, self.toll, self.mates, seed)
 
 
 def default_work(n: int) -> int:
     """The number of kicks that suits n visits: about a second and a half for a thousand."""
-    return 20_000 + 40 * n
+    return min(20_000 + 40 * n, max(MOST, 10 * n))
 
 
 def bound(cost: Matrix, upper: int, steps: int = 0, interrupted: Interrupted = never) -> tuple[int, Floats]:

@@ -14,6 +14,7 @@ from engine.stages.validation.claims import false_claims
 from engine.stages.validation.datalog import Facts, holds
 from engine.stages.validation.interference import Executed, Interference
 from engine.stages.validation.links import Links
+from engine.stages.validation.precedence import Precedence
 from engine.stages.validation.semantics import Semantics
 from engine.stages.validation.workflow import ChainProgress
 from kb.arithmetic import evaluate
@@ -51,7 +52,7 @@ class _Check:
     def run(self, claims: Claims | None) -> list[Diagnostic]:
         if not self._well_formed():
             return self.found
-        self.before = self.plan.predecessors()
+        self.order = Precedence(self.plan)
         if self._executes():
             self._reaches_goals()
             interference = self._interference()
@@ -196,7 +197,7 @@ class _Check:
 
     def _check_stages(self, links: Links) -> None:
         for earlier, later, why in self.stages.orders():
-            if earlier != later and earlier not in self.before[later]:
+            if earlier != later and not self.order.precedes(earlier, later):
                 self._report("K506", f"steps {earlier} and {later} must be ordered: {why}")
         for name, reached in self.stages.reached().items():
             for each in reached:
@@ -205,7 +206,7 @@ class _Check:
                     self._report("K506", f"{said}, but it may not hold then in every order")
 
     def _interference(self) -> Interference:
-        return Interference(self.problem, self.plan, self.semantics, self.executed, self.before, self.start)
+        return Interference(self.problem, self.plan, self.semantics, self.executed, self.order, self.start)
 
 
 def _listed(terms: Iterable[Term | None]) -> str:

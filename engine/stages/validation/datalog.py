@@ -3,8 +3,7 @@
 It shares with the search how terms are computed and compared (`kb.arithmetic`), but no code that solves.
 """
 
-from collections.abc import Iterable, Iterator, Mapping, Set
-from functools import cached_property
+from collections.abc import Callable, Iterable, Iterator, Mapping, Set
 
 from kb.arithmetic import compare, evaluate
 from kb.model.conditions import (
@@ -39,54 +38,81 @@ from kb.terms import (
 Bindings = Mapping[Variable, Term]
 
 
+NONE: Mapping[Atom, None] = {}
+MANY = 16  # atoms of a predicate
+SINGLY = 200  # atoms of a predicate that are asked for before all are read
+
+
 class Facts:
     """A set of ground atoms on top of a layer of facts that never change.
 
-    The atoms are indexed by predicate when the atoms of some predicate are asked for.
+    The atoms are kept by predicate. Those of a large predicate are indexed by argument when a pattern asks for some.
     """
 
     def __init__(self, atoms: Iterable[Atom] = (), below: "Facts | None" = None) -> None:
         self.below = below
-        self._atoms = set(atoms)
+        self._by_name: dict[str, dict[Atom, None]] = {}
+        for atom in atoms:
+            self._by_name.setdefault(atom.name, {})[atom] = None
+        self._indexes: dict[str, dict[tuple[int, Term], list[Atom]]] = {}
 
-    @cached_property
-    def _by_name(self) -> dict[str, list[Atom]]:
-        index: dict[str, list[Atom]] = {}
-        for atom in self._atoms:
-            index.setdefault(atom.name, []).append(atom)
-        return index
+    def _extent(self, name: str) -> Mapping[Atom, None]:
+        """The atoms of a predicate in this layer."""
+        return self._by_name.get(name, NONE)
 
     def add(self, atom: Atom) -> bool:
         """Add an atom. Returns whether it is new."""
         if atom in self:
             return False
-        self._by_name.setdefault(atom.name, []).append(atom)
-        self._atoms.add(atom)
+        self._by_name.setdefault(atom.name, {})[atom] = None
+        self._indexes.pop(atom.name, None)
         return True
 
     def after(self, ends: Set[Atom], adds: Set[Atom]) -> "Facts":
         """The facts after some atoms end and then others are added.
 
-        Untouched predicates share their lists.
+        Untouched predicates are shared.
         """
         found = Facts((), self.below)
-        found._atoms = (self._atoms - ends) | adds
+        touched = {atom.name for atom in (*ends, *adds)}
         found._by_name = self._by_name.copy()
-        for name in {atom.name for atom in (*ends, *adds)}:
-            gone = [atom for atom in ends if atom.name == name]
-            kept = [atom for atom in self._by_name.get(name, ()) if atom not in gone]
-            new = (atom for atom in adds if atom.name == name and (atom in ends or atom not in self._atoms))
-            found._by_name[name] = [*kept, *new]
+        found._indexes = {name: index for name, index in self._indexes.items() if name not in touched}
+        for name in touched:
+            found._by_name[name] = dict(self._by_name.get(name, NONE))
+        for atom in ends:
+            found._by_name[atom.name].pop(atom, None)
+        for atom in adds:
+            found._by_name[atom.name][atom] = None
         return found
 
     def __contains__(self, atom: Atom) -> bool:
-        return atom in self._atoms or (self.below is not None and atom in self.below)
+        return atom in self._extent(atom.name) or (self.below is not None and atom in self.below)
 
     def named(self, name: str) -> Iterator[Atom]:
         """Every atom of a predicate."""
-        yield from self._by_name.get(name, ())
+        yield from self._extent(name)
         if self.below is not None:
             yield from self.below.named(name)
+
+    def matching(self, pattern: Atom) -> Iterator[Atom]:
+        """The atoms of a pattern's predicate, of a large one only those that share a ground argument with the pattern."""
+        yield from (
+            self._sharing(pattern) if len(self._extent(pattern.name)) > MANY else self._extent(pattern.name)
+        )
+        if self.below is not None:
+            yield from self.below.matching(pattern)
+
+    def _sharing(self, pattern: Atom) -> Iterable[Atom]:
+        extent = self._extent(pattern.name)
+        if pattern.name not in self._indexes:
+            index: dict[tuple[int, Term], list[Atom]] = {}
+            for atom in extent:
+                for key in enumerate(atom.arguments):
+                    index.setdefault(key, []).append(atom)
+            self._indexes[pattern.name] = index
+        own = self._indexes[pattern.name]
+        ground = (key for key in enumerate(pattern.arguments) if is_ground(key[1]))
+        return min((own.get(key, []) for key in ground), key=len, default=extent)
 
     def has_type(self, term: Term, type_: str) -> bool:
         """Whether a term is a value of a type."""
@@ -95,6 +121,28 @@ class Facts:
         if type_ == "text":
             return isinstance(term, Text)
         return type_ == OBJECT or Function(type_, (term,)) in self
+
+
+class Evaluated(Facts):
+    """Facts that someone else has evaluated. Each predicate is read when it is first asked for."""
+
+    def __init__(self, read: Callable[[str], Iterable[Atom]], holds: Callable[[Atom], bool]) -> None:
+        """Facts that `read` gives for a predicate, and that `holds` tells one by one."""
+        super().__init__()
+        self._read, self._holds = read, holds
+        self._asked: dict[str, int] = {}
+
+    def __contains__(self, atom: Atom) -> bool:
+        """Whether an atom is among the facts. The first questions do not read its predicate, which may be large."""
+        asked = self._asked[atom.name] = self._asked.get(atom.name, 0) + 1
+        if asked <= SINGLY and atom.name not in self._by_name:
+            return self._holds(atom)
+        return atom in self._extent(atom.name)
+
+    def _extent(self, name: str) -> Mapping[Atom, None]:
+        if name not in self._by_name:
+            self._by_name[name] = dict.fromkeys(self._read(name))
+        return self._by_name[name]
 
 
 def solve(
@@ -159,10 +207,10 @@ def _literal(
             yield bindings
         return
     if not positive:
-        if not any(match(atom, other, {}) is not None for other in below.named(atom.name)):
+        if not any(match(atom, other, {}) is not None for other in below.matching(atom)):
             yield bindings
         return
-    for other in list(facts.named(atom.name)):
+    for other in list(facts.matching(atom)):
         extended = match(atom, other, bindings)
         if extended is not None:
             yield extended

@@ -10,10 +10,11 @@ from functools import cached_property
 
 from engine.stages.validation.changes import Change, Denial, State
 from engine.stages.validation.datalog import Bindings, Facts, holds
+from engine.stages.validation.precedence import Precedence
 from engine.stages.validation.semantics import Semantics
 from kb.model.conditions import TRUE, Condition, bind, literals
 from kb.model.domain import Operator
-from kb.model.plan import Plan, Step, StepId
+from kb.model.plan import CausalLink, Plan, Step, StepId
 from kb.model.problem import Problem
 from kb.terms import ANYTHING, Atom, Function, match, substitute_atom, variables
 
@@ -59,13 +60,13 @@ class Reads:
 
 @dataclass
 class Interference:
-    """The executed steps of a plan in their canonical order, and for each step the steps that come before it."""
+    """The executed steps of a plan in their canonical order, and which of them come before which."""
 
     problem: Problem
     plan: Plan
     semantics: Semantics
     executed: Mapping[StepId, Executed]
-    before: Mapping[StepId, frozenset[StepId]]
+    order: Precedence
     start: State
 
     def conflicts(self) -> Iterator[str]:
@@ -75,10 +76,8 @@ class Interference:
         """
         steps = list(self.executed.values())
         reads: dict[StepId, Reads] = {}
-        for position, one in enumerate(steps):
-            for other in steps[:position]:
-                if other.step.id in self.before[one.step.id]:
-                    continue
+        for one in steps:
+            for other in map(steps.__getitem__, self.order.unordered_before(one.step.id)):
                 for each in (one, other):
                     if each.step.id not in reads:
                         reads[each.step.id] = self._reads(each)
@@ -112,8 +111,8 @@ class Interference:
     def _reads(self, executed: Executed) -> Reads:
         """What a step depends on: its causal links if they prove the precondition, else all that it mentions."""
         reads = Reads(watched=set(executed.change.triggered))
-        for link in self.plan.links:
-            if link.consumer == executed.step.id and not is_stage(link.condition):
+        for link in self._links_to.get(executed.step.id, ()):
+            if not is_stage(link.condition):
                 atom, positive = signed(link.condition)
                 (reads.true if positive else reads.false).add(atom)
         conditions = [executed.operator.precondition]
@@ -147,6 +146,13 @@ class Interference:
             itertools.combinations(uncertain, size) for size in range(len(uncertain) + 1)
         )
         return all(holds(condition, self.semantics.facts((*reads.true, *more)), bindings) for more in states)
+
+    @cached_property
+    def _links_to(self) -> Mapping[StepId, list[CausalLink]]:
+        found: dict[StepId, list[CausalLink]] = {}
+        for link in self.plan.links:
+            found.setdefault(link.consumer, []).append(link)
+        return found
 
     @cached_property
     def everything(self) -> State:

@@ -1,5 +1,6 @@
 """The causal links that a plan claims: whether each holds in every order that the plan allows, and whether it serves."""
 
+from bisect import bisect_left
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
@@ -44,7 +45,7 @@ class Links:
 
     def lasts_until(self, atom: Atom, step: StepId) -> bool:
         """Whether an atom, a stage of the workflow, holds in every order when a step has come."""
-        adders = [executed.step.id for executed in self._touching[atom] if atom in executed.change.adds]
+        adders = [self.plan.order.ids[place] for place in self._adding.get(atom, ())]
         return any(
             not self._broken(CausalLink(each, atom, step)) for each in (START, *adders) if each != step
         )
@@ -52,15 +53,15 @@ class Links:
     def _broken(self, link: CausalLink) -> str:
         """Why a link does not hold in every order; nothing if it does."""
         atom, positive = signed(link.condition)
+        order = self.plan.order
         if self._unordered(link):
             return "the producer is not ordered before the consumer"
         if not self._produces(link.producer, atom, positive):
             return "the producer does not achieve it"
-        before = self.plan.before
-        for executed in self._touching[atom]:
+        for executed in self._meddling(link, atom, positive):
             other = executed.step.id
-            early = link.producer != START and other in before[link.producer]
-            late = link.consumer != GOAL and link.consumer in before[other]
+            early = link.producer != START and order.precedes(other, link.producer)
+            late = link.consumer != GOAL and order.precedes(link.consumer, other)
             if early or late or other in (link.producer, link.consumer):
                 continue
             if self._destroys(executed, atom, positive):
@@ -69,7 +70,7 @@ class Links:
 
     def _unordered(self, link: CausalLink) -> bool:
         between_steps = link.producer != START and link.consumer != GOAL
-        return between_steps and link.producer not in self.plan.before[link.consumer]
+        return between_steps and not self.plan.order.precedes(link.producer, link.consumer)
 
     def _stage(self, link: CausalLink) -> str:
         """Why a link for the number of stages of a chain is wrong; the order of stages is checked for itself."""
@@ -96,17 +97,38 @@ class Links:
         change = self.plan.executed[producer].change
         return any(reaches(atom, stage) for atom in (*change.adds, *change.events))
 
+    def _meddling(self, link: CausalLink, atom: Atom, positive: bool) -> Iterator[Executed]:
+        """The steps that may end the condition of a link and may come while it lasts, in their order."""
+        first, last = self.plan.order.between(link.producer, link.consumer)
+        lists = (self._denying[0].get(atom, ()), self._denying[1].get(atom.name, ()))
+        places = lists if positive else (self._adding.get(atom, ()),)
+        found = {p for each in places for p in each[bisect_left(each, first) : bisect_left(each, last)]}
+        return (self._executed[place] for place in sorted(found))
+
     @cached_property
-    def _touching(self) -> dict[Atom, list[Executed]]:
-        """For the condition of each link and each stage that held, the steps that may add or deny it, in their order."""
-        linked = (signed(link.condition)[0] for link in self.plan.plan.links)
-        touching: dict[Atom, list[Executed]] = {atom: [] for atom in (*linked, *self._stages_held)}
-        for executed in self.plan.executed.values():
-            atoms = touching if executed.deductions else executed.denied | executed.change.adds
-            for atom in atoms:
-                if atom in touching:
-                    touching[atom].append(executed)
-        return touching
+    def _executed(self) -> list[Executed]:
+        return list(self.plan.executed.values())
+
+    @cached_property
+    def _adding(self) -> dict[Atom, list[int]]:
+        """For each atom the places of the steps that add it."""
+        found: dict[Atom, list[int]] = {}
+        for place, executed in enumerate(self._executed):
+            for atom in executed.change.adds:
+                found.setdefault(atom, []).append(place)
+        return found
+
+    @cached_property
+    def _denying(self) -> tuple[dict[Atom, list[int]], dict[str, list[int]]]:
+        """For each atom the places of the steps that deny just it; for each predicate those that may deny its atoms."""
+        single: dict[Atom, list[int]] = {}
+        any_of: dict[str, list[int]] = {}
+        for place, executed in enumerate(self._executed):
+            for atom in executed.denied:
+                single.setdefault(atom, []).append(place)
+            for name in {each.pattern.name for each in executed.deductions}:
+                any_of.setdefault(name, []).append(place)
+        return single, any_of
 
     def _produces(self, producer: StepId, atom: Atom, positive: bool) -> bool:
         if producer == START:

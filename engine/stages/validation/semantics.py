@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 from engine.stages.validation.changes import Change, Denial, State, well_typed
-from engine.stages.validation.datalog import Bindings, Facts, holds, solve
+from engine.stages.validation.datalog import Bindings, Evaluated, Facts, holds, solve
 from kb.asp import Grounder
 from kb.asp.vocabulary import guard, static_program
 from kb.graphs import components, reached
@@ -64,7 +64,7 @@ class Semantics:
         """Every static fact, types included. Each body with aggregates gets a predicate of its own."""
         grounder = Grounder()
         grounder.ground("\n".join([static_program(self.problem), *self._aggregate_rules()]))
-        return Facts(grounder.everything())
+        return Evaluated(grounder.named, grounder.holds)
 
     @cached_property
     def amounts(self) -> Amounts:

@@ -102,8 +102,8 @@ def least(left: int, right: int, number: int) -> int:
         ("themse/one", 1305, 21),
         ("themse/two", 2243, 37),
         ("themse/in_furnace", 619, 5),
-        ("bulkhead/both_tools", 71, 12),
-        ("bulkhead/one_point", 19, 5),
+        ("bulkhead/both_tools", 60, 12),
+        ("bulkhead/one_point", 13, 5),
     ],
 )
 def test_the_default_answer_is_good_in_makespan(target: str, most: int, steps: int) -> None:

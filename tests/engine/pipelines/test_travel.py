@@ -1,4 +1,4 @@
-"""Travel is declared once: planner, sequencer, scheduler and checker read the same time for every way."""
+"""Motion is declared once: planner, sequencer, scheduler and checker read the same time for every way."""
 
 import dataclasses
 import math
@@ -20,11 +20,11 @@ from engine.stages.scheduling import check_schedule
 from engine.stages.validation import validate
 from kb.asp import ground_term
 from kb.diagnostics import InvalidInput
-from kb.loader import load_problem, with_goals
+from kb.loader import load_domain, load_problem, with_goals
 from kb.model.domain import Domain, Kind, Predicate
+from kb.model.motion import Motion, distance
 from kb.model.plan import Plan, Step, StepId
 from kb.model.problem import Problem
-from kb.model.travel import Travel, distance
 from kb.terms import Atom, Function, Term
 
 FEW = settings(max_examples=25, deadline=None, suppress_health_check=list(HealthCheck))
@@ -66,7 +66,7 @@ def straight(draw: st.DrawFn) -> Problem:
     """Random points, and straight ways between them at a random speed."""
     speed = Fraction(draw(st.integers(1, 10**6)), draw(st.integers(1, 50)))
     settling = Fraction(draw(st.integers(0, 100)), draw(st.integers(1, 10)))
-    domain = dataclasses.replace(BULKHEAD, travel=Travel(speed, settling, "bulkhead"))
+    domain = dataclasses.replace(BULKHEAD, motion=Motion(speed, settling, "bulkhead"))
     points = [[draw(micrometres) for _ in range(3)] for _ in NAMES]
     return inspection(
         domain, [f"position({n}, {', '.join(map(str, at))})" for n, at in zip(NAMES, points, strict=True)]
@@ -77,7 +77,7 @@ def straight(draw: st.DrawFn) -> Problem:
 def tabled(draw: st.DrawFn) -> Problem:
     """A random table of times, with each direction for itself."""
     table = Predicate("travel", ("place", "place", "time"), Kind.STATIC)
-    domain = dataclasses.replace(BULKHEAD, travel=None, predicates={**BULKHEAD.predicates, "travel": table})
+    domain = dataclasses.replace(BULKHEAD, motion=None, predicates={**BULKHEAD.predicates, "travel": table})
     ways = [(a, b) for a in PLACES for b in PLACES if a != b]
     return inspection(domain, [f"travel({a}, {b}, {draw(st.integers(0, 500))})" for a, b in ways])
 
@@ -123,7 +123,7 @@ def test_the_sequencer_counts_what_the_steps_of_the_plan_take(problem: Problem, 
     names = [tours.visits[n].name for n in order]
     steps = [fact(f"move(t3_746, meas({a}), meas({b}))") for a, b in pairwise(names)]
     assert time_between(problem, tours, order) == sum(known[step] for step in steps)
-    if problem.domain.travel is None:
+    if problem.domain.motion is None:
         assert sum(int(tours.travel[a, b]) for a, b in pairwise(order)) == sum(known[s] for s in steps)
         assert tours.unit == problem.domain.time_unit
 
@@ -146,7 +146,7 @@ def test_a_time_is_the_least_whole_number_in_which_the_way_can_be_made(
         moving = time - settling
         return moving >= 0 and (moving * speed) ** 2 >= squared
 
-    found = Travel(speed, settling).time(here, there)
+    found = Motion(speed, settling).time(here, there)
     assert enough(found)
     assert not enough(found - 1)
 
@@ -176,7 +176,7 @@ def test_the_cell_gives_the_places_of_the_racks_seen_from_the_part() -> None:
 def test_what_the_sequencer_cannot_tell_is_reported(listed: list[str], tmp_path: Path) -> None:
     table = Predicate("travel", ("place", "place", "time"), Kind.STATIC)
     domain = dataclasses.replace(
-        BULKHEAD, travel=None, predicates={**BULKHEAD.predicates, "travel": table}, path=str(tmp_path)
+        BULKHEAD, motion=None, predicates={**BULKHEAD.predicates, "travel": table}, path=str(tmp_path)
     )
     problem = inspection(domain, listed)
     with pytest.raises(InvalidInput) as caught:
@@ -187,7 +187,7 @@ def test_what_the_sequencer_cannot_tell_is_reported(listed: list[str], tmp_path:
 
 def test_a_measurement_needs_no_position_where_a_table_tells_the_ways() -> None:
     table = Predicate("travel", ("place", "place", "time"), Kind.STATIC)
-    domain = dataclasses.replace(BULKHEAD, travel=None, predicates={**BULKHEAD.predicates, "travel": table})
+    domain = dataclasses.replace(BULKHEAD, motion=None, predicates={**BULKHEAD.predicates, "travel": table})
     problem = inspection(domain, [f"travel({a}, {b}, 3)" for a in PLACES for b in PLACES if a != b])
     assert partition(problem).groups == {"us_probe": NAMES}
 
@@ -197,3 +197,45 @@ def test_positions_of_the_cell_and_of_facts_are_seen_from_one_frame() -> None:
     problem = inspection(BULKHEAD, ["position(m1, -300000, -750000, 0)"])
     tours = tour_problem(with_places(problem), partition(with_places(problem)))
     assert int(tours.travel[0, 1]) == 300_000
+
+
+@pytest.mark.parametrize(
+    ("speed", "settling", "expected"),
+    [
+        ("250 mm/s", "500 ms", Motion(Fraction(250_000), Fraction(1, 2))),
+        ("15 m / min", "", Motion(Fraction(250_000))),
+        ("0.5 in/second", "1 min", Motion(Fraction(12_700), Fraction(60))),
+        ("1cm/s", "2", Motion(Fraction(10_000), Fraction(2))),
+    ],
+)
+def test_speeds_and_times_have_units(speed: str, settling: str, expected: Motion, tmp_path: Path) -> None:
+    said = f"domain: bare\nmotion:\n  speed: {speed}\n" + (f"  settling: {settling}\n" if settling else "")
+    (tmp_path / "domain.yaml").write_text(said, "utf-8")
+    assert load_domain(str(tmp_path)).motion == expected
+
+
+@pytest.mark.parametrize(
+    ("section", "code"),
+    [
+        ("speed: nan mm/s", "K005"),
+        ("speed: inf m/s", "K005"),
+        ("speed: 250", "K005"),
+        ("speed: 250 mm", "K005"),
+        ("speed: -250 mm/s", "K005"),
+        ("speed: 250 mm/year", "K005"),
+        ("speed: 0.0 mm/s", "K113"),
+        ("speed: 99999999 m/s", "K113"),
+        ("speed: 1 m/s\n  settling: nan", "K005"),
+        ("speed: 1 m/s\n  settling: -1", "K005"),
+        ("speed: 1 m/s\n  settling: 9999999 h", "K113"),
+        ("speed: [1, 2]", "K005"),
+        ("settling: 1 s", "K005"),
+        ("velocity: 1 m/s", "K005"),
+    ],
+)
+def test_what_is_no_speed_or_time_is_reported_at_its_place(section: str, code: str, tmp_path: Path) -> None:
+    (tmp_path / "domain.yaml").write_text(f"domain: bare\nmotion:\n  {section}\n", "utf-8")
+    with pytest.raises(InvalidInput) as caught:
+        load_domain(str(tmp_path))
+    assert {each.code for each in caught.value.diagnostics} == {code}
+    assert all(each.where.line in (2, 3, 4) for each in caught.value.diagnostics)

@@ -26,7 +26,10 @@ def chain(core: Element, width: int, reading: Reading) -> Floats:
     kind = core.tag.removesuffix("Core").removesuffix("12").removesuffix("13")
     if kind not in KINDS:
         raise wrong(reading.where(core), f"unknown kind of curve '{core.tag}'")
-    return KINDS[kind](core, width, reading)
+    found = KINDS[kind](core, width, reading)
+    if len(found) < 2:
+        raise wrong(reading.where(core), "a curve needs two points")
+    return found
 
 
 def core_of(curve: Element) -> Element | None:

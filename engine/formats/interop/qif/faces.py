@@ -13,9 +13,10 @@ import numpy as np
 from engine.formats.interop.qif.curves import chain, core_of, trimmed
 from engine.formats.interop.qif.document import Element
 from engine.formats.interop.qif.loops import Loop, bounds, dense
+from engine.formats.interop.qif.parametric import Surface, moved
 from engine.formats.interop.qif.reading import Reading, is_true
 from engine.formats.interop.qif.regions import inside, rows
-from engine.formats.interop.qif.surfaces import Surface, moved, surface
+from engine.formats.interop.qif.surfaces import surface
 from engine.kernels.arrays import Floats, Truths
 
 AGREEMENT = 2e-3  # how far a curve may lie from its edge, as a share of the size of the face
@@ -100,7 +101,12 @@ class Product:
     def edge(self, name: str) -> Floats | None:
         """Points (n, 3) along the edge of an id; None if it is not known."""
         element = self._found.get(name)
-        return self._curve13(element) if element is not None and element.tag == "Edge" else None
+        points = self._curve13(element) if element is not None and element.tag == "Edge" else None
+        if points is None:
+            return None
+        bodies = (self._motions[each] for each in (name, *self.faces_at(name)) if each in self._motions)
+        turn, origin = next(bodies, STILL)
+        return points @ turn.T + origin
 
     def faces_at(self, edge: str) -> tuple[str, ...]:
         """The ids of the faces that meet in an edge."""
@@ -148,8 +154,7 @@ class Product:
         ends = [self._vertex(edge, name) for name in ("VertexBeg", "VertexEnd")]
         if ends[0] is not None and ends[1] is not None:
             points = trimmed(points, ends[0], ends[1])
-        turn, origin = self._motions.get(edge.attributes.get("id", ""), STILL)
-        return points @ turn.T + origin
+        return points
 
     def _vertex(self, edge: Element, tag: str) -> Floats | None:
         point = self._at(self._at(edge, tag), "Point")
@@ -160,12 +165,12 @@ class Product:
         base = surface(of, self._reading)
         if base is None:
             return None
-        for motion in (self._motion(of), self._motions.get(name, STILL)):
-            base = moved(base, *motion) if motion is not STILL else base
+        base = _after(base, self._motion(of))
         loops = [self._found[each] for each in self._loop_ids(element) if each in self._found]
         whole = [found for each in loops if (found := self._loop(each, base)).edges]
         turned = is_true(element, "turned") != (name in self._reversed)
-        return _bounded(name, base, whole, is_true(element, "hasOuter", otherwise=True), turned)
+        placed = _after(base, self._motions.get(name, STILL))
+        return _bounded(name, base, placed, whole, is_true(element, "hasOuter", otherwise=True), turned)
 
     def _loop_ids(self, face: Element) -> list[str]:
         group = face.at("LoopIds")
@@ -245,14 +250,20 @@ def _angle_is_sure(base: Surface, flat: Floats, axis: int) -> Truths:
     return found
 
 
-def _bounded(name: str, base: Surface, loops: Sequence[Loop], has_outer: bool, turned: bool) -> Face:
-    """The face between loops. An edge that a face uses twice is a seam, not a border."""
+def _after(base: Surface, motion: Motion) -> Surface:
+    return base if motion is STILL else moved(base, *motion)
+
+
+def _bounded(
+    name: str, base: Surface, placed: Surface, loops: Sequence[Loop], has_outer: bool, turned: bool
+) -> Face:
+    """The face between loops on a surface that its body has `placed`. An edge that it uses twice is a seam, not a border."""
     outer, holes = bounds(loops, base, has_outer)
     used = Counter(edge for loop in loops for edge, _ in loop.edges)
     border = [flat for loop in loops for edge, flat in loop.edges if not edge or used[edge] == 1]
-    size = float(np.ptp(base.at(np.concatenate(outer)), axis=0).max())
-    edges = [dense(base, each, size / FINE) for each in border]
-    return Face(name, base, outer, holes, _gaps(edges, size / FINE), size, turned)
+    size = float(np.ptp(placed.at(np.concatenate(outer)), axis=0).max())
+    edges = [dense(placed, each, size / FINE) for each in border]
+    return Face(name, placed, outer, holes, _gaps(edges, size / FINE), size, turned)
 
 
 def _gaps(edges: Sequence[Floats], apart: float) -> Callable[[Floats], Floats]:

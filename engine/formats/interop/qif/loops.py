@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from engine.formats.interop.qif.surfaces import Surface
+from engine.formats.interop.qif.parametric import Surface
 from engine.kernels.arrays import Floats, Longs
 
 NEAR = 1e-3  # of a period: gaps this near to whole periods are seams

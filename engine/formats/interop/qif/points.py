@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
+from engine.formats.interop.qif.alignment import alignment_steps
 from engine.formats.interop.qif.counts import curve_points, section_points, surface_points
 from engine.formats.interop.qif.document import read_document
 from engine.formats.interop.qif.faces import Product
@@ -44,13 +45,13 @@ def inspection_of(path: Path, unit_m: float = 1e-3, edge_m: float | None = None)
     points: list[MeasurementPoint] = []
     excluded: list[Excluded] = []
     remarks: list[Excluded] = []
-    features = features_of(root, reading)
+    features, steps = features_of(root, reading), alignment_steps(root)
     for feature in features:
         found = _placed(feature, part)
         if isinstance(found, str):
             excluded.append(Excluded(feature.name, found))
         else:
-            points += _points(feature, found)
+            points += _points(feature, found, steps.get(feature.name.removeprefix("f"), 0))
             remarks += [Excluded(feature.name, found.remark)] if found.remark else []
     return Inspection(path.stem, tuple(points), tuple(excluded), len(features), tuple(remarks))
 
@@ -79,7 +80,7 @@ def _unmeasurable(feature: Feature) -> str | None:
     return None
 
 
-def _points(feature: Feature, placement: Placement) -> Iterator[MeasurementPoint]:
+def _points(feature: Feature, placement: Placement, step: int) -> Iterator[MeasurementPoint]:
     kind = "thickness" if feature.kind == "OppositeParallelPlanes" else "profile"
     tolerance = min(feature.tolerances.values(), default=None)
     bore = feature.sizes.get("Diameter") if feature.internal and feature.kind in BORES else None
@@ -92,6 +93,7 @@ def _points(feature: Feature, placement: Placement) -> Iterator[MeasurementPoint
             _triple(normal),
             tolerance,
             bore,
+            step,
         )
 
 

@@ -10,48 +10,10 @@ import numpy as np
 
 from engine.formats.interop.qif.curves import basis_of, chain, core_of, require_knots, weights_of
 from engine.formats.interop.qif.document import Element, wrong
+from engine.formats.interop.qif.parametric import Span, Surface, unit
 from engine.formats.interop.qif.reading import Reading, is_true
+from engine.formats.interop.qif.rounds import AXIS, TURN, cone, cylinder, sphere, torus
 from engine.kernels.arrays import Floats
-
-Span = tuple[float, float]
-Map = Callable[[Floats], Floats]
-TURN = 2 * np.pi
-STEP = 1e-6  # of the domain, for derivatives
-GRID = 48  # for the parameters of points on surfaces without a formula for them
-ROUNDS = 12
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Surface:
-    """`at` takes parameters (n, 2) to points (n, 3). `inverse` takes points near the surface to their parameters.
-
-    `domain` bounds u and v. A parameter with a period comes round to the same point.
-    """
-
-    kind: str
-    at: Map
-    domain: tuple[Span, Span]
-    periods: tuple[float, float] = (0.0, 0.0)
-    inverse: Map | None = None
-
-    def parameters(self, points: Floats) -> Floats:
-        """The parameters (n, 2) of points (n, 3) on the surface or near it."""
-        return self.inverse(points) if self.inverse is not None else _nearest(self, points)
-
-    def derivatives(self, parameters: Floats) -> tuple[Floats, Floats]:
-        """The derivatives (n, 3) by u and by v."""
-        found = []
-        for axis, (first, last) in enumerate(self.domain):
-            step = np.zeros(2)
-            step[axis] = STEP * (last - first)
-            found.append((self.at(parameters + step) - self.at(parameters - step)) / (2 * step[axis]))
-        return found[0], found[1]
-
-    def normals(self, parameters: Floats) -> tuple[Floats, Floats]:
-        """Unit normals (n, 3), and how large the surface is for each unit of u times v (n,)."""
-        across = np.cross(*self.derivatives(parameters))
-        size = np.linalg.norm(across, axis=1)
-        return across / np.where(size > 0, size, 1.0)[:, None], size
 
 
 def surface(element: Element, reading: Reading) -> Surface | None:
@@ -59,34 +21,6 @@ def surface(element: Element, reading: Reading) -> Surface | None:
     core = core_of(element)
     kind = core.tag.removesuffix("23Core") if core is not None else ""
     return KINDS[kind](core, reading) if core is not None and kind in KINDS else None
-
-
-def moved(surface: Surface, turn: Floats, origin: Floats) -> Surface:
-    """The surface after a motion: `turn` (3, 3) applies to columns, then `origin` (3,) is added."""
-    at = surface.at
-
-    def parameters(points: Floats) -> Floats:
-        return surface.parameters((points - origin) @ turn)
-
-    return replace(surface, at=lambda p: at(p) @ turn.T + origin, inverse=parameters)
-
-
-def _nearest(surface: Surface, points: Floats) -> Floats:
-    """Parameters of the points of a surface that are nearest to points: the best of a grid, then Gauss-Newton steps."""
-    axes = [np.linspace(first, last, GRID) for first, last in surface.domain]
-    grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 2)
-    places = surface.at(grid)
-    found = np.stack([grid[int(np.argmin(((places - point) ** 2).sum(axis=1)))] for point in points])
-    low, high = np.array(surface.domain).T
-    for _ in range(ROUNDS):
-        rest = points - surface.at(found)
-        u, v = surface.derivatives(found)
-        a, b, c = (np.einsum("ij,ij->i", *pair) for pair in ((u, u), (u, v), (v, v)))
-        p, q = (np.einsum("ij,ij->i", rest, each) for each in (u, v))
-        size = a * c - b * b
-        size = np.where(size > 1e-30, size, np.inf)
-        found = np.clip(found + np.stack([(c * p - b * q) / size, (a * q - b * p) / size], axis=1), low, high)
-    return found
 
 
 def _plane(core: Element, reading: Reading) -> Surface:
@@ -101,157 +35,6 @@ def _plane(core: Element, reading: Reading) -> Surface:
         (reading.span(core, "domainU"), reading.span(core, "domainV")),
         inverse=lambda points: (points - origin) @ back,
     )
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Round:
-    """What surfaces of revolution share: a frame (rows x, y, axis) and how parameters are scaled to angles and heights."""
-
-    origin: Floats
-    frame: Floats
-    scale: Floats
-    shift: float = 0.0
-
-    def scaled(self, p: Floats) -> Floats:
-        """Parameters (n, 2) as they stand in formulas."""
-        return p * self.scale + (0.0, self.shift)
-
-    def raw(self, scaled: Floats) -> Floats:
-        """The inverse of `scaled`."""
-        found: Floats = (scaled - (0.0, self.shift)) / self.scale
-        return found
-
-    def span(self, axis: int, first: float, last: float) -> Span:
-        """A range of an angle or a height as a range of its parameter."""
-        shift = self.shift if axis == 1 else 0.0
-        ends = sorted(float((each - shift) / self.scale[axis]) for each in (first, last))
-        return ends[0], ends[1]
-
-    def placed(self, radius: Floats, angle: Floats, height: Floats) -> Floats:
-        """Points at cylindrical coordinates."""
-        local = np.stack([radius * np.cos(angle), radius * np.sin(angle), height], axis=1)
-        return local @ self.frame + self.origin
-
-    def coordinates(self, points: Floats) -> tuple[Floats, Floats, Floats]:
-        """Radius, angle and height of points."""
-        x, y, z = ((points - self.origin) @ self.frame.T).T
-        return np.hypot(x, y), np.arctan2(y, x), z
-
-
-def _round(
-    core: Element, reading: Reading, origin: tuple[str, ...], axis: tuple[str, ...], across: tuple[str, ...]
-) -> _Round:
-    z = _unit(reading.vector(core, *axis))
-    x = reading.vector(core, *across)
-    x = x - (x @ z) * z
-    if np.linalg.norm(x) < 1e-9:
-        raise wrong(reading.where(core), "the beginning of a sweep must lie across the axis")
-    x = _unit(x)
-    scale = [_attribute(core, reading, f"scale{name}", 1.0) for name in "UV"]
-    if min(scale) <= 0:
-        raise wrong(reading.where(core), "the scale of a parameter must be more than 0")
-    turned = -1.0 if is_true(core, "turnedV") else 1.0
-    shift = _attribute(core, reading, "offsetV", 0.0)
-    return _Round(
-        reading.vector(core, *origin),
-        np.stack([x, np.cross(z, x), z]),
-        np.array([scale[0], scale[1] * turned]),
-        shift,
-    )
-
-
-def _unit(v: Floats) -> Floats:
-    found: Floats = v / max(float(np.linalg.norm(v)), 1e-300)
-    return found
-
-
-def _attribute(core: Element, reading: Reading, name: str, otherwise: float) -> float:
-    text = core.attributes.get(name)
-    return otherwise if text is None else reading.number(Element(name, {}, core.line, text))
-
-
-def _sweep(core: Element, reading: Reading) -> Span:
-    angles = reading.numbers(core.at("Sweep", "DomainAngle"))
-    return (angles[0] * reading.radians, angles[1] * reading.radians) if len(angles) == 2 else (0.0, TURN)
-
-
-AXIS = (("Axis", "AxisPoint"), ("Axis", "Direction"))
-
-
-def _cylinder(core: Element, reading: Reading) -> Surface:
-    radius = reading.number(core.at("Diameter")) / 2
-    return _cone_like(core, reading, "cylinder", radius, 0.0)
-
-
-def _cone(core: Element, reading: Reading) -> Surface:
-    bottom, top = (reading.number(core.at(f"Diameter{name}")) / 2 for name in ("Bottom", "Top"))
-    length = reading.number(core.at("Length"))
-    if length == 0:
-        raise wrong(reading.where(core), "a cone without length")
-    return _cone_like(core, reading, "cone", bottom, (top - bottom) / length)
-
-
-def _cone_like(core: Element, reading: Reading, kind: str, radius: float, slope: float) -> Surface:
-    """A cylinder or a cone: u is the angle from the start of the sweep, v the height along the axis."""
-    base, length = _round(core, reading, *AXIS, ("Sweep", "DirBeg")), reading.number(core.at("Length"))
-
-    def at(p: Floats) -> Floats:
-        angle, height = base.scaled(p).T
-        return base.placed(radius + slope * height, angle, height)
-
-    def back(points: Floats) -> Floats:
-        far, angle, height = base.coordinates(points)
-        height = height + slope * (far - radius - slope * height) / (1 + slope * slope)
-        return base.raw(np.stack([angle, height], axis=1))
-
-    domain = (base.span(0, *_sweep(core, reading)), base.span(1, 0.0, length))
-    return Surface(kind, at, domain, (TURN / float(base.scale[0]), 0.0), back)
-
-
-def _latitudes(core: Element, reading: Reading) -> tuple[Span, Span]:
-    sweep = core.at("LatitudeLongitudeSweep")
-    found = [
-        [each * reading.radians for each in reading.numbers(sweep.at(f"Domain{name}") if sweep else None)]
-        or list(otherwise)
-        for name, otherwise in (("Longitude", (0.0, TURN)), ("Latitude", (-np.pi / 2, np.pi / 2)))
-    ]
-    return (found[0][0], found[0][-1]), (found[1][0], found[1][-1])
-
-
-def _sphere(core: Element, reading: Reading) -> Surface:
-    radius = reading.number(core.at("Diameter")) / 2
-    sweep = "LatitudeLongitudeSweep"
-    base = _round(core, reading, ("Location",), (sweep, "DirNorthPole"), (sweep, "DirMeridianPrime"))
-
-    def at(p: Floats) -> Floats:
-        angle, latitude = base.scaled(p).T
-        return base.placed(radius * np.cos(latitude), angle, radius * np.sin(latitude))
-
-    def back(points: Floats) -> Floats:
-        far, angle, height = base.coordinates(points)
-        return base.raw(np.stack([angle, np.arctan2(height, far)], axis=1))
-
-    east, north = _latitudes(core, reading)
-    domain = (base.span(0, *east), base.span(1, *north))
-    return Surface("sphere", at, domain, (TURN / float(base.scale[0]), 0.0), back)
-
-
-def _torus(core: Element, reading: Reading) -> Surface:
-    major, minor = (reading.number(core.at(f"Diameter{name}")) / 2 for name in ("Major", "Minor"))
-    base = _round(core, reading, *AXIS, ("LatitudeLongitudeSweep", "DirMeridianPrime"))
-
-    def at(p: Floats) -> Floats:
-        angle, latitude = base.scaled(p).T
-        return base.placed(major + minor * np.cos(latitude), angle, minor * np.sin(latitude))
-
-    def back(points: Floats) -> Floats:
-        far, angle, height = base.coordinates(points)
-        return base.raw(np.stack([angle, np.arctan2(height, far - major)], axis=1))
-
-    east, north = _latitudes(core, reading)
-    domain = (base.span(0, *east), base.span(1, *north))
-    periods = (TURN / float(base.scale[0]), TURN / abs(float(base.scale[1])))
-    return Surface("torus", at, domain, periods, back)
 
 
 def _nurbs(core: Element, reading: Reading) -> Surface:
@@ -324,7 +107,7 @@ def _revolution(core: Element, reading: Reading) -> Surface | None:
     if (parent := core.at("Generatrix")) is None:
         return None
     rail = _rail(parent, reading)
-    origin, z = reading.vector(core, *AXIS[0]), _unit(reading.vector(core, *AXIS[1]))
+    origin, z = reading.vector(core, *AXIS[0]), unit(reading.vector(core, *AXIS[1]))
     first, last = reading.span(core, "angle")
 
     def at(p: Floats) -> Floats:
@@ -347,10 +130,10 @@ def _offset(core: Element, reading: Reading) -> Surface | None:
 
 KINDS: dict[str, Callable[[Element, Reading], Surface | None]] = {
     "Plane": _plane,
-    "Cylinder": _cylinder,
-    "Cone": _cone,
-    "Sphere": _sphere,
-    "Torus": _torus,
+    "Cylinder": cylinder,
+    "Cone": cone,
+    "Sphere": sphere,
+    "Torus": torus,
     "Nurbs": _nurbs,
     "Extrude": _extrusion,
     "Ruled": _ruled,

@@ -5,7 +5,7 @@ from functools import cached_property
 import numpy as np
 
 from engine.kernels.geometry.checks import first_contacts
-from engine.kernels.geometry.layout import Pairs
+from engine.kernels.geometry.layout import Pairs, Pieces
 from engine.model.geometry import Contact, Floats, Longs, Scene, Truths
 from engine.ports import CollisionChecker
 from engine.stages.geometry.collision.carriers import checked_poses, only, pose_batch, split
@@ -21,9 +21,10 @@ MANY = 100  # standing pieces: beyond it, walking down a tree beats comparing ev
 class BuiltinChecker:
     """A scene packed for the kernels."""
 
-    def __init__(self, scene: Scene) -> None:
+    def __init__(self, scene: Scene, packed: tuple[Pieces, Longs] | None = None) -> None:
+        """`packed` is what `bounded` gives; made from the scene when not given."""
         self._scene = scene
-        self._pieces, bound_of = bounded(scene)
+        self.bounded = self._pieces, bound_of = packed or bounded(scene)
         self._pairs = grouped(scene.pairs, bound_of)
         self._touchable = grouped(scene.pairs, bound_of, touchable(scene, self._pieces))
 
@@ -34,6 +35,13 @@ class BuiltinChecker:
             return self._touchable
         poses = pose_batch(self._scene, sampled(self._scene.joints))
         return likeliest_first(poses, self._pieces, self._touchable)
+
+    def packed(self, within_m: float = 0.0) -> tuple[Pieces, Pairs]:
+        """The scene as kernels read it: its pieces, and the pairs that can come within a distance, the likeliest first."""
+        if within_m == 0.0:
+            return self._pieces, self._likeliest
+        kept = touchable(self._scene, self._pieces, within_m)
+        return self._pieces, grouped(self._scene.pairs, self.bounded[1], kept)
 
     @property
     def scene(self) -> Scene:

@@ -13,8 +13,8 @@ from engine.model.geometry import Floats, Joints, Scene, Truths
 SAMPLES = 512
 
 
-def touchable(scene: Scene, pieces: Pieces) -> Truths:
-    """Which pairs (m,) are not out of each other's reach in every configuration."""
+def touchable(scene: Scene, pieces: Pieces, within_m: float = 0.0) -> Truths:
+    """Which pairs (m,) come within a distance of each other in some configuration, as far as their reach tells."""
     if scene.free or not len(scene.pairs):
         return np.ones(len(scene.pairs), dtype=bool)
     anchors, reach = _reaches(scene.joints)
@@ -26,7 +26,7 @@ def touchable(scene: Scene, pieces: Pieces) -> Truths:
     moving, other = np.where(first_moves, i, j), np.where(first_moves, j, i)
     gap = _block_gap(bounds[other], around[moving]) - far[moving]
     apart = np.linalg.norm(around[i] - around[j], axis=1) - far[i] - far[j]
-    kept: Truths = np.where(both, apart, gap) <= 0
+    kept: Truths = np.where(both, apart, gap) <= within_m
     return kept
 
 

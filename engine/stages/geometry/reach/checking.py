@@ -15,7 +15,9 @@ from kb.loader.reader import Findings
 from kb.model.cell import Cell
 from kb.model.domain import Domain
 from kb.model.shapes import Mesh, PlacedShape, Polyhedron
-from kb.terms import Atom, Function, Term
+from kb.terms import Atom, Function, Term, natural_key
+
+SHOWN = 3
 
 
 def check_cell(
@@ -74,16 +76,20 @@ def _strange_facts(cell: Cell, domain: Domain) -> Iterator[Diagnostic]:
 
 def _placeless(cell: Cell, atoms: Collection[Atom]) -> Iterator[Diagnostic]:
     """Terms such as slot(drawer, 5) for which the cell has no pose, although it has one for another term of
-    the same name.
+    the same name: one finding for each such name.
     """
     kin = {name.partition("(")[0]: place for name, place in cell.places.items() if "(" in name}
-    terms = {str(term): term.name for atom in atoms for term in _compound(atom) if term.name in kin}
-    for name in sorted(terms.keys() - cell.places.keys()):
-        where = kin[terms[name]].placement.where
-        hint = "say where the tool goes there, or make no problem need it"
-        yield Diagnostic(
-            where, "K705", f"no configuration reaches {name}: it has no place", hint, warning=True
-        )
+    terms = {term for atom in atoms for term in _compound(atom) if term.name in kin}
+    missing: dict[str, list[str]] = {}
+    for term in sorted(terms, key=natural_key):
+        if str(term) not in cell.places:
+            missing.setdefault(term.name, []).append(str(term))
+    hint = "say where the tool goes there, or make no problem need it"
+    for functor, names in missing.items():
+        more = f" and {len(names) - SHOWN} more" if len(names) > SHOWN else ""
+        has = "it has no place" if len(names) == 1 else "they have no place"
+        message = f"no configuration reaches {', '.join(names[:SHOWN])}{more}: {has}"
+        yield Diagnostic(kin[functor].placement.where, "K705", message, hint, warning=True)
 
 
 def _compound(term: Term) -> Iterator[Function]:

@@ -94,8 +94,8 @@ class Reachability:
         within = self._within_limits(place.arm, found)
         if not len(within):
             return self._why_limited(place, found)
-        checker = self._checker(place)
-        whole = self._whole(place, within)
+        checker = self.checker(place)
+        whole = self.whole(place, within)
         hits = checker.collides(whole)
         if hits.all():
             return _why_blocked(checker, whole)
@@ -112,14 +112,14 @@ class Reachability:
             kept += [inside[np.argmin(np.abs(inside - now).max(axis=1))]] if len(inside) else []
         return np.array(kept).reshape(-1, len(now))
 
-    def _whole(self, place: Place, q: Floats) -> Floats:
+    def whole(self, place: Place, q: Floats) -> Floats:
         """Configurations of all arms: those given for one arm, with the other arms as they stand."""
         first = self._world.first_carriers[place.arm]
         whole = np.repeat(self._world.configuration[None], len(q), axis=0)
         whole[:, first : first + q.shape[1]] = q
         return whole
 
-    def _checker(self, place: Place) -> CollisionChecker:
+    def checker(self, place: Place) -> CollisionChecker:
         """A checker of the scene with the place's tool in hand.
 
         What the place lists in `touches` may touch the tool and its parts.

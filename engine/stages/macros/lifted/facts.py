@@ -3,11 +3,12 @@
 The new set shares all predicates that the change does not touch, so a step costs only what it touches.
 """
 
-from collections.abc import Collection, Iterable, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator
 
 from kb.model.domain import NUMERIC_TYPES, OBJECT
 from kb.terms import Atom, Function, Number, Term, Text, is_ground, match
 
+SINGLY = 200  # atoms of a predicate that are asked for before all are read
 SMALL = 4  # atoms; up to this number they are tried one by one
 
 
@@ -69,12 +70,14 @@ class Facts:
         self._extents = {name: Extent(found) for name, found in gathered.items()}
 
     def __contains__(self, atom: Atom) -> bool:
-        extent = self._extents.get(atom.name)
-        return extent is not None and atom in extent.atoms
+        return atom in self._extent(atom.name).atoms
 
     def __iter__(self) -> Iterator[Atom]:
         for extent in self._extents.values():
             yield from extent.atoms
+
+    def _extent(self, name: str) -> Extent:
+        return self._extents.get(name, NOTHING)
 
     def atoms(self) -> frozenset[Atom]:
         """All atoms."""
@@ -91,18 +94,16 @@ class Facts:
         for atom in adds:
             touched.setdefault(atom.name, ([], []))[1].append(atom)
         for name, (lost, gained) in touched.items():
-            changed._extents[name] = self._extents.get(name, NOTHING).after(lost, gained)
+            changed._extents[name] = self._extent(name).after(lost, gained)
         return changed
 
     def named(self, name: str) -> Collection[Atom]:
         """All atoms of a predicate."""
-        return self._extents.get(name, NOTHING).atoms
+        return self._extent(name).atoms
 
     def matching(self, pattern: Atom) -> Collection[Atom]:
         """A superset of the atoms that match a pattern: those that share one of its ground arguments."""
-        extent = self._extents.get(pattern.name)
-        if extent is None:
-            return ()
+        extent = self._extent(pattern.name)
         if len(extent.atoms) <= SMALL:
             return extent.atoms
         best: Collection[Atom] = extent.atoms
@@ -127,3 +128,27 @@ class Facts:
         if type_ == "text":
             return isinstance(term, Text)
         return type_ == OBJECT or Function(type_, (term,)) in self
+
+
+class Evaluated(Facts):
+    """Facts that someone else has evaluated. Each predicate is read when it is first asked for; nothing is changed."""
+
+    __slots__ = ("_asked", "_holds", "_read")
+
+    def __init__(self, read: Callable[[str], Iterable[Atom]], holds: Callable[[Atom], bool]) -> None:
+        """Facts that `read` gives for a predicate, and that `holds` tells one by one."""
+        super().__init__()
+        self._read, self._holds = read, holds
+        self._asked: dict[str, int] = {}
+
+    def __contains__(self, atom: Atom) -> bool:
+        """Whether an atom is among the facts. The first questions do not read its predicate, which may be large."""
+        asked = self._asked[atom.name] = self._asked.get(atom.name, 0) + 1
+        if asked <= SINGLY and atom.name not in self._extents:
+            return self._holds(atom)
+        return atom in self._extent(atom.name).atoms
+
+    def _extent(self, name: str) -> Extent:
+        if name not in self._extents:
+            self._extents[name] = Extent(dict.fromkeys(self._read(name)))
+        return self._extents[name]

@@ -1,21 +1,26 @@
 # The types with which Cython compiles exchange.py. That file says what they mean.
 import cython
+from engine.stages.sequencing.kernels.distances cimport Distances
 
-cdef int ROOM, TWO, TWO_TWICE, SWAPPED, TURNED
+cdef int ROOM, JOURNAL, TWO, TWO_TWICE, SWAPPED, TURNED
 
 @cython.final
 cdef class Ring:
     cdef int n, count, rows, written, head, size, kind, t2, t3, t4, t5, t6
-    cdef bint is_narrow
+    cdef Distances distances
+    cdef bint noting
     cdef int[::1] tour, position, queue, waiting
     cdef int[:, ::1] journal
-    cdef const int[:, ::1] near, narrow_cost, narrow_toll
-    cdef const long long[:, ::1] wide_cost, wide_toll
+    cdef const int[::1] mate
+    cdef const int[:, ::1] near
+    cdef const long long[:, ::1] toll
 
     @cython.locals(index=int)
     cdef void _begin(self) noexcept
 
     cdef long long edge(self, int a, int b) noexcept
+
+    cdef bint fixed(self, int a, int b) noexcept
 
     cdef void wake(self, int city) noexcept
 
@@ -24,7 +29,11 @@ cdef class Ring:
 
     cdef void note(self, int first, int last) noexcept
 
-    cdef void undo(self) noexcept
+    @cython.locals(row=int)
+    cdef void back(self) noexcept
+
+    @cython.locals(row=int)
+    cdef void forth(self) noexcept
 
     @cython.locals(gain="long long", city=int)
     cdef long long settle(self) noexcept
@@ -34,15 +43,13 @@ cdef class Ring:
 
     cdef void _wake_ends(self) noexcept
 
-    cdef long long _toll(self, int city, int rank) noexcept
-
     @cython.locals(at=int)
     cdef int _step(self, bint forward, int city) noexcept
 
     @cython.locals(a=int, b=int, c=int)
     cdef bint _within(self, bint forward, int first, int city, int last) noexcept
 
-    @cython.locals(t2=int, beyond=int, rank=int, t3=int, t4=int, best="long long", removed="long long", left="long long", gain="long long")
+    @cython.locals(t2=int, beyond=int, rank=int, t3=int, t4=int, best="long long", removed="long long", left="long long", gain="long long", closed="long long")
     cdef long long _best_exchange(self, int t1, bint forward) noexcept
 
     cdef void _keep(self, int kind, int t2, int t3, int t4, int t5, int t6) noexcept

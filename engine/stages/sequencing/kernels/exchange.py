@@ -9,34 +9,31 @@ An exchange is evaluated before anything is moved. Most exchanges are rejected, 
 & Kernighan 1973, all choices on the first levels; Bentley 1992 (queue of cities that are worth a look).
 """
 
-from typing import Any
-
 import numpy as np
-from numpy.typing import NDArray
 
-from engine.kernels.arrays import Ints, whole
+from engine.kernels.arrays import Ints, Longs, whole
+from engine.stages.sequencing.kernels.distances import Distances
 
 ROOM = 8  # rows of the journal that one exchange may need
+JOURNAL = 16384  # rows of the journal
 TWO, TWO_TWICE, SWAPPED, TURNED = 1, 2, 3, 4
 
 
 class Ring:
-    """A tour (n,) that is changed in place, n >= 8, under symmetric costs (n, n) of 32 or 64 bits.
+    """A tour (n,) that is changed in place, n >= 8, under symmetric costs.
 
-    `near` (n, k) has the candidates of each city, nearest first; `toll` (n, k) has the costs to them. A queue
-    holds the cities that are worth a look. Raises ValueError if shapes do not agree.
+    `near` (n, k) has the candidates of each city, nearest first; `toll` (n, k) has the costs to them. `mate` (n,) has the
+    city to which the edge of a city must stay, or -1. A queue holds the cities that are worth a look. Raises ValueError
+    if shapes do not agree.
     """
 
-    def __init__(self, tour: Ints, cost: NDArray[Any], near: Ints, toll: NDArray[Any]) -> None:
+    def __init__(self, tour: Ints, distances: Distances, near: Ints, toll: Longs, mate: Ints) -> None:
         self.n, self.count = len(tour), near.shape[1]
-        _check(tour, cost, near, toll)
-        narrow = cost.dtype == np.int32
-        none: NDArray[Any] = np.zeros((1, 1), np.int64 if narrow else np.int32)
-        self.is_narrow, self.tour, self.near = narrow, whole(tour), whole(near)
-        self.narrow_cost, self.wide_cost = map(whole, (cost, none) if narrow else (none, cost))
-        self.narrow_toll, self.wide_toll = map(whole, (toll, none) if narrow else (none, toll))
+        _check(tour, distances.n, near, toll, mate)
+        self.distances, self.tour, self.near, self.toll = distances, whole(tour), whole(near), whole(toll)
+        self.mate = whole(mate)
         self.position, self.queue, self.waiting = (whole(np.zeros(self.n, np.int32)) for _ in range(3))
-        self.journal = whole(np.zeros((max(40 * self.n, 4096), 2), np.int32))
+        self.journal, self.noting = whole(np.zeros((JOURNAL, 2), np.int32)), True
         self.rows, self.written, self.head, self.size = len(self.journal), 0, 0, 0
         self.kind = self.t2 = self.t3 = self.t4 = self.t5 = self.t6 = 0
         self._begin()
@@ -48,9 +45,11 @@ class Ring:
 
     def edge(self, a: int, b: int) -> int:
         """The cost from one city to another."""
-        if self.is_narrow:
-            return self.narrow_cost[a, b]
-        return self.wide_cost[a, b]
+        return self.distances.between(a, b)
+
+    def fixed(self, a: int, b: int) -> bool:
+        """Whether the edge between two neighbours must stay."""
+        return self.mate[a] == b
 
     def wake(self, city: int) -> None:
         """Put a city at the end of the queue, unless it is in the queue already."""
@@ -72,17 +71,22 @@ class Ring:
             last = last - 1 if last > 0 else n - 1
 
     def note(self, first: int, last: int) -> None:
-        """Reverse positions and add this to the journal."""
+        """Reverse positions, and add this to the journal if there is one."""
         self.reverse(first, last)
-        if self.written < self.rows:
-            self.journal[self.written, 0], self.journal[self.written, 1] = first, last
-        self.written += 1
+        if self.noting:
+            if self.written < self.rows:
+                self.journal[self.written, 0], self.journal[self.written, 1] = first, last
+            self.written += 1
 
-    def undo(self) -> None:
-        """Undo the reversals in the journal."""
-        while self.written > 0:
-            self.written -= 1
-            self.reverse(self.journal[self.written, 0], self.journal[self.written, 1])
+    def back(self) -> None:
+        """Undo the reversals in the journal. They stay there."""
+        for row in range(self.written - 1, -1, -1):
+            self.reverse(self.journal[row, 0], self.journal[row, 1])
+
+    def forth(self) -> None:
+        """Make the reversals in the journal again."""
+        for row in range(self.written):
+            self.reverse(self.journal[row, 0], self.journal[row, 1])
 
     def settle(self) -> int:
         """Exchange edges around the cities in the queue until no exchange gains. Returns the gain."""
@@ -121,12 +125,6 @@ class Ring:
             self.wake(self.t5)
             self.wake(self.t6)
 
-    def _toll(self, city: int, rank: int) -> int:
-        """The cost to a candidate."""
-        if self.is_narrow:
-            return self.narrow_toll[city, rank]
-        return self.wide_toll[city, rank]
-
     def _step(self, forward: bool, city: int) -> int:
         """The next city in one direction."""
         at = self.position[city]
@@ -150,22 +148,27 @@ class Ring:
         """
         t2 = self._step(forward, t1)
         beyond = self._step(forward, t2)
+        if self.fixed(t1, t2):
+            return 0
         best, removed = 0, self.edge(t1, t2)
         for rank in range(self.count):
             t3 = self.near[t2, rank]
-            left = removed - self._toll(t2, rank)
+            left = removed - self.toll[t2, rank]
             if left <= 0:
                 break
             if t3 in (t1, beyond):
                 continue
             t4 = self._step(not forward, t3)
-            gain = left + self.edge(t3, t4)
-            if gain - self.edge(t4, t1) > best:
-                best = gain - self.edge(t4, t1)
-                self._keep(TWO, t2, t3, t4, 0, 0)
-            best = self._second_turn(forward, gain, best, t1, t2, t3, t4)
+            if not self.fixed(t3, t4):
+                gain = left + self.edge(t3, t4)
+                closed = gain - self.edge(t4, t1)
+                if closed > best:
+                    best = closed
+                    self._keep(TWO, t2, t3, t4, 0, 0)
+                best = self._second_turn(forward, gain, best, t1, t2, t3, t4)
             t4 = self._step(forward, t3)
-            best = self._opened_cycle(forward, left + self.edge(t3, t4), best, t1, t2, t3, t4)
+            if not self.fixed(t3, t4):
+                best = self._opened_cycle(forward, left + self.edge(t3, t4), best, t1, t2, t3, t4)
         return best
 
     def _keep(self, kind: int, t2: int, t3: int, t4: int, t5: int, t6: int) -> None:
@@ -177,12 +180,14 @@ class Ring:
         follower = self._step(not forward, t4)
         for rank in range(self.count):
             t5 = self.near[t4, rank]
-            left = gain - self._toll(t4, rank)
+            left = gain - self.toll[t4, rank]
             if left <= best:
                 break
             if t5 in (t1, t3, follower):
                 continue
             t6 = self._step(forward == self._within(forward, t2, t5, t4), t5)
+            if self.fixed(t5, t6):
+                continue
             closed = left + self.edge(t5, t6) - self.edge(t6, t1)
             if closed > best:
                 best = closed
@@ -193,15 +198,15 @@ class Ring:
         """The cycle t2..t3, which the first two exchanges cut off, is opened and put between t4 and t1 again."""
         for rank in range(self.count):
             t5 = self.near[t4, rank]
-            left = gain - self._toll(t4, rank)
+            left = gain - self.toll[t4, rank]
             if left <= best:
                 break
             if t5 == t3 or not self._within(forward, t2, t5, t3):
                 continue
             for side in range(2):
-                if side == 1 and t5 == t2:
-                    continue
                 t6 = self._step(forward == (side == 0), t5)
+                if (side == 1 and t5 == t2) or self.fixed(t5, t6):
+                    continue
                 closed = left + self.edge(t5, t6) - self.edge(t6, t1)
                 if closed > best:
                     best = closed
@@ -241,12 +246,12 @@ class Ring:
             self._turn(forward, self.t5, self.t6)
 
 
-def _check(tour: Ints, cost: NDArray[Any], near: Ints, toll: NDArray[Any]) -> None:
+def _check(tour: Ints, cities: int, near: Ints, toll: Longs, mate: Ints) -> None:
     """Raises ValueError if arrays do not fit together: compiled loops do not check this."""
     n = len(tour)
-    if n < 8 or cost.shape != (n, n) or near.shape[:1] != (n,) or toll.shape != near.shape:
-        shapes = f"{tour.shape}, costs {cost.shape}, candidates {near.shape}, tolls {toll.shape}"
-        raise ValueError(f"eight cities or more, (n, n), (n, k) and (n, k) were expected, not {shapes}")
-    for cities in (tour, near):
-        if cities.size and not 0 <= cities.min() <= cities.max() < n:
+    if n < 8 or cities != n or near.shape[:1] != (n,) or toll.shape != near.shape or mate.shape != (n,):
+        shapes = f"{tour.shape}, costs of {cities}, candidates {near.shape}, tolls {toll.shape}"
+        raise ValueError(f"eight cities or more, (n,), of n, (n, k) and (n, k) were expected, not {shapes}")
+    for cities_of in (tour, near):
+        if cities_of.size and not 0 <= cities_of.min() <= cities_of.max() < n:
             raise ValueError(f"cities are numbered 0 to {n - 1}")

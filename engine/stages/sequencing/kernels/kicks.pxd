@@ -3,7 +3,7 @@ import cython
 from engine.stages.sequencing.kernels.exchange cimport Ring
 from engine.stages.sequencing.kernels.twister cimport Stream
 
-cdef int SEGMENT, WALK
+cdef int SEGMENT, WALK, SPAN, TRIES
 cdef double SPATIAL
 
 @cython.final
@@ -11,18 +11,30 @@ cdef class Kicker:
     cdef Ring ring
     cdef Stream stream
     cdef int n, breadth
-    cdef int[::1] cuts
-    cdef readonly int[::1] best
+    cdef int[::1] cuts, kept
+    cdef bint stale
     cdef readonly long long gain, best_gain
 
-    @cython.locals(index=int, change="long long")
+    @cython.locals(index=int, won="long long")
+    cpdef long long settle(self, int first, int last)
+
+    cpdef void begin(self) noexcept
+
+    cpdef object best(self)
+
+    @cython.locals(change="long long")
     cpdef double anneal(self, long long kicks, double warmth, double cooling)
+
+    cdef void _accept(self, long long change) noexcept
 
     @cython.locals(index=int)
     cdef void _remember(self) noexcept
 
     @cython.locals(loss="long long", place=int, last=int, first=int)
     cdef long long _kick(self) noexcept
+
+    @cython.locals(place=int)
+    cdef bint _cuts_fixed(self) noexcept
 
     cdef int _beside(self, int place, int side) noexcept
 

@@ -5,84 +5,104 @@
 Martin, Otto & Felten 1991 (double-bridge kicks with annealed acceptance); here the kicks are local.
 """
 
-from typing import Any
-
 import numpy as np
-from numpy.typing import NDArray
 
-from engine.kernels.arrays import Ints, whole
+from engine.kernels.arrays import Ints, Longs, whole
+from engine.stages.sequencing.kernels.distances import Distances
 from engine.stages.sequencing.kernels.exchange import Ring
 from engine.stages.sequencing.kernels.twister import Stream
 
 SEGMENT = 30  # cities between the cuts of a kick along the tour
 WALK = 10  # steps between the cuts of a kick in space
 SPATIAL = 0.5  # the share of kicks that are made in space
-
-
-def improve(
-    tour: Ints,
-    cost: NDArray[Any],
-    near: Ints,
-    toll: NDArray[Any],
-    kicks: int,
-    warmth: float,
-    cooling: float,
-    seed: int,
-) -> tuple[Ints, int, int, float]:
-    """Anneal over `kicks` local double bridges, each repaired by exchanges; n >= 8.
-
-    `tour` (n,) is changed in place. `cost` (n, n) is symmetric, with whole numbers in 32 or 64 bits. `near`
-    (n, k) has the candidates of each city, nearest first; `toll` (n, k) has the costs to them. A worse tour
-    is accepted with the probability exp(-loss / warmth); `warmth` is multiplied by `cooling` after each kick.
-
-    Returns the best tour, its gain over the given tour, the gain of the current tour, and the final warmth.
-    """
-    kicker = Kicker(tour, cost, near, toll, seed)
-    warmth = kicker.anneal(kicks, warmth, cooling)
-    return np.array(kicker.best), kicker.best_gain, kicker.gain, warmth
+SPAN = 50_000  # a kick in space turns no more cities than this
+TRIES = 100  # to cut no edge that must stay
 
 
 class Kicker:
-    """A tour that is annealed, the best tour so far, and the gain of both over the first tour."""
+    """A tour that is annealed, the best tour since the last `begin`, and the gain of both over the tour then.
 
-    def __init__(self, tour: Ints, cost: NDArray[Any], near: Ints, toll: NDArray[Any], seed: int) -> None:
-        self.ring, self.stream = Ring(tour, cost, near, toll), Stream(seed)
+    The arguments are those of `Ring`; `tour` (n,) is changed in place, n >= 8.
+    """
+
+    def __init__(
+        self, tour: Ints, distances: Distances, near: Ints, toll: Longs, mate: Ints, seed: int
+    ) -> None:
+        self.ring, self.stream = Ring(tour, distances, near, toll, mate), Stream(seed)
         self.n, self.breadth = len(tour), int(near.shape[1])
-        self.cuts, self.best = whole(np.zeros(4, np.int32)), whole(tour.copy())
+        self.cuts, self.kept = whole(np.zeros(4, np.int32)), whole(tour.copy())
         self.gain = self.best_gain = 0
+        self.stale = False
+
+    def settle(self, first: int, last: int) -> int:
+        """Exchange edges around the cities at the positions first..last - 1, until nothing helps. Returns the gain."""
+        for index in range(max(0, first), min(last, self.n)):
+            self.ring.wake(self.ring.tour[index])
+        self.ring.noting = False
+        won = self.ring.settle()
+        self.ring.noting = True
+        self.gain += won
+        self.begin()
+        return won
+
+    def begin(self) -> None:
+        """From now on the present tour is the best."""
+        self.gain = self.best_gain = 0
+        self.stale = True
+
+    def best(self) -> Ints:
+        """The best tour."""
+        if self.stale:
+            self._remember()
+        return np.array(self.kept)
 
     def anneal(self, kicks: int, warmth: float, cooling: float) -> float:
-        """Settle, then kick and settle again and again. Returns the final warmth."""
-        for index in range(self.n):
-            self.ring.wake(self.ring.tour[index])
-        self.gain = self.best_gain = self.ring.settle()
-        self._remember()
+        """Make local double bridges, each repaired by exchanges. Returns the final warmth.
+
+        A worse tour is accepted with the probability exp(-loss / warmth); `warmth` is multiplied by `cooling` after each
+        kick.
+        """
         for _ in range(kicks):
             self.ring.written = 0
             change = -self._kick()
             change += self.ring.settle()
-            if change >= 0 or self.stream.accepts(change / max(warmth, 1e-9)):
-                self.gain += change
-                if self.gain > self.best_gain:
-                    self.best_gain = self.gain
-                    self._remember()
+            if change < 0 and not self.stream.accepts(change / max(warmth, 1e-9)):
+                self.ring.back()
             else:
-                self.ring.undo()
+                self._accept(change)
             warmth *= cooling
         return warmth
+
+    def _accept(self, change: int) -> None:
+        """Count the gain of a kick. The best tour is not copied before a worse one takes its place."""
+        if change < 0 and self.stale:
+            self.ring.back()
+            self._remember()
+            self.ring.forth()
+        self.gain += change
+        if self.gain > self.best_gain:
+            self.best_gain = self.gain
+            self.stale = True
 
     def _remember(self) -> None:
         """Keep the tour as the best one."""
         for index in range(self.n):
-            self.best[index] = self.ring.tour[index]
+            self.kept[index] = self.ring.tour[index]
+        self.stale = False
 
     def _kick(self) -> int:
         """Make a double bridge: put three neighbouring paths in reverse order. Returns the loss.
 
         The cities at the cuts are woken. No exchange of three edges undoes this kick.
         """
-        if self.stream.random() >= SPATIAL or not self._near_cuts():
+        if self.stream.random() >= SPATIAL or not self._near_cuts() or self._cuts_fixed():
             self._short_cuts()
+            for _ in range(TRIES):
+                if not self._cuts_fixed():
+                    break
+                self._short_cuts()
+            if self._cuts_fixed():
+                return 0
         loss = 0
         for place in range(4):
             last, first = self._beside(place, 0), self._beside(place, 1)
@@ -94,6 +114,13 @@ class Kicker:
             self.ring.note((self.cuts[place] + 1) % self.n, self.cuts[place + 1])
         self.ring.note((self.cuts[0] + 1) % self.n, self.cuts[3])
         return loss
+
+    def _cuts_fixed(self) -> bool:
+        """Whether a cut parts two cities that must stay together."""
+        for place in range(4):  # noqa: SIM110  a generator would not be compiled
+            if self.ring.fixed(self._beside(place, 0), self._beside(place, 1)):
+                return True
+        return False
 
     def _beside(self, place: int, side: int) -> int:
         """The city before a cut, or the city after it."""
@@ -108,7 +135,7 @@ class Kicker:
         tour.
 
         The cuts are rotated so that the longest path lies between the last and the first. Returns False if
-        four places were not found.
+        four such places were not found.
         """
         city = self.stream.below(self.n)
         for place in range(4):
@@ -123,6 +150,8 @@ class Kicker:
                 return False
             if path > longest:
                 longest, turn = path, place + 1
+        if self.n - longest > SPAN:
+            return False
         for _ in range(turn):
             first = self.cuts[0]
             self.cuts[0], self.cuts[1], self.cuts[2] = self.cuts[1], self.cuts[2], self.cuts[3]

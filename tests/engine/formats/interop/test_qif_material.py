@@ -504,9 +504,14 @@ def moved_point(text: str) -> str:
     return f"{head}<XYZ>{7 - y} {8 + x} {9 + z}</XYZ></Point>"
 
 
-def test_a_body_that_is_moved_moves_its_faces(tmp_path: Path) -> None:
-    document = Document()
-    matrix = document.add("Transforms", '<Transform id="{id}"><Origin>0 0 50</Origin></Transform>')
+@pytest.mark.parametrize("flat", [True, False], ids=["parameters", "space"])
+def test_a_body_that_is_moved_moves_its_faces(tmp_path: Path, flat: bool) -> None:
+    document = Document(curves2=flat)
+    matrix = document.add(
+        "Transforms",
+        '<Transform id="{id}"><Rotation><XDirection>0 1 0</XDirection><YDirection>-1 0 0</YDirection>'
+        "<ZDirection>0 0 1</ZDirection></Rotation><Origin>0 0 50</Origin></Transform>",
+    )
     sheet = Sheet(document, tilted=False)
     face = document.face(sheet.core, [sheet.polygon(RECTANGLE)])
     document.add(
@@ -516,6 +521,7 @@ def test_a_body_that_is_moved_moves_its_faces(tmp_path: Path) -> None:
     document.feature("Plane", [face])
     found = inspection_of(document.written(tmp_path))
     assert {round(each.position[2], 9) for each in found.points} == {0.05}
+    assert all(-0.06 < each.position[0] < 0 < each.position[1] < 0.1 for each in found.points)
 
 
 def test_curves_that_go_beyond_their_edges_are_cut_at_the_vertices(tmp_path: Path) -> None:

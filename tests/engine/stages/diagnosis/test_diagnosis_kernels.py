@@ -62,7 +62,7 @@ def _ruled(modules: Modules, problem: Troubleshooting) -> Iterator[object]:
     width = known.words
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(arrays, "Groups", lambda _, *rest: rollout.Groups(beliefs, *rest))
-        groups = arrays.groups(problem, known)
+        groups = arrays.groups(known)
     for rule in rollout.RULES.values():
         yield rollout.greedy(beliefs, groups, trail, 0, rule)
         yield rollout.follow(beliefs, groups, modules["memo"].Memo(1 << 12, 0, width), trail, 0, rule)

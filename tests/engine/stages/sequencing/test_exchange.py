@@ -1,5 +1,6 @@
 import itertools
 from types import ModuleType
+from typing import Any
 
 import numpy as np
 import pytest
@@ -8,11 +9,12 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from engine.stages.sequencing import kernels
-from engine.stages.sequencing.kernels import kicks
-from engine.stages.sequencing.kernels.kicks import improve
+from engine.stages.sequencing.kernels import distances, kicks
 from tests.engine.interpreted import interpreted_package
 
-PLAIN = interpreted_package(kernels)["kicks"]
+SOURCES = interpreted_package(kernels)
+PLAIN = SOURCES["kicks"]
+COSTS = {kicks: distances, PLAIN: SOURCES["distances"]}
 BOTH = pytest.mark.parametrize("module", [kicks, PLAIN], ids=["imported", "interpreted"])
 
 
@@ -24,8 +26,16 @@ def instance(n: int, seed: int) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
     return cost, np.argsort(far, axis=1, kind="stable")[:, : min(10, n - 1)].astype(np.int32)
 
 
-def tolls(cost: NDArray[np.int32], near: NDArray[np.int32]) -> NDArray[np.int32]:
-    return np.take_along_axis(cost, near, 1)
+def tolls(cost: NDArray[Any], near: NDArray[np.int32]) -> NDArray[np.int64]:
+    return np.take_along_axis(cost, near, 1).astype(np.int64)
+
+
+def kicker_of(
+    module: ModuleType, tour: NDArray[np.int32], cost: NDArray[Any], near: NDArray[np.int32], seed: int
+) -> Any:
+    """What anneals a tour."""
+    loose = np.full(len(tour), -1, np.int32)
+    return module.Kicker(tour, COSTS[module].Distances(cost), near, tolls(cost, near), loose, seed)
 
 
 def length(tour: NDArray[np.int32], cost: NDArray[np.int32]) -> int:
@@ -42,12 +52,15 @@ def test_the_gain_is_the_difference_of_the_tours_and_both_visit_every_city(
     cost, near = instance(n, seed)
     tour = np.random.default_rng(seed).permutation(n).astype(np.int32)
     before = length(tour, cost)
-    moves = 200 if module is kicks else 20
-    best, best_gain, gain, _ = module.improve(tour, cost, near, tolls(cost, near), moves, 20.0, 0.99, seed)
-    assert sorted(best) == sorted(tour) == list(range(n))
-    assert length(best, cost) == before - best_gain
-    assert length(tour, cost) == before - gain
-    assert best_gain >= gain >= 0 or best_gain >= 0
+    kicker = kicker_of(module, tour, cost, near, seed)
+    assert kicker.settle(0, n) == before - length(tour, cost) >= 0
+    settled = length(tour, cost)
+    for _ in range(5):
+        kicker.anneal(40 if module is kicks else 4, 20.0, 0.99)
+        assert sorted(kicker.best()) == sorted(tour) == list(range(n))
+        assert length(kicker.best(), cost) == settled - kicker.best_gain
+        assert length(tour, cost) == settled - kicker.gain
+        assert kicker.best_gain >= max(kicker.gain, 0)
 
 
 @pytest.mark.parametrize("seed", range(8))
@@ -55,16 +68,19 @@ def test_small_tours_are_as_short_as_brute_force_finds_them(seed: int) -> None:
     n = 8
     cost, near = instance(n, seed)
     shortest = min(length(np.array((0, *rest)), cost) for rest in itertools.permutations(range(1, n)))
-    best, *_ = improve(np.arange(n, dtype=np.int32), cost, near, tolls(cost, near), 500, 50.0, 0.99, seed)
-    assert length(best, cost) == shortest
+    kicker = kicker_of(kicks, np.arange(n, dtype=np.int32), cost, near, seed)
+    kicker.settle(0, n)
+    kicker.anneal(500, 50.0, 0.99)
+    assert length(kicker.best(), cost) == shortest
 
 
 def test_the_same_seed_gives_the_same_tour() -> None:
     cost, near = instance(200, 1)
-    tours = [
-        improve(np.arange(200, dtype=np.int32), cost, near, tolls(cost, near), 300, 10.0, 0.99, 7)[0]
-        for _ in range(2)
-    ]
+    tours = []
+    for _ in range(2):
+        kicker = kicker_of(kicks, np.arange(200, dtype=np.int32), cost, near, 7)
+        kicker.anneal(300, 10.0, 0.99)
+        tours.append(kicker.best())
     assert (tours[0] == tours[1]).all()
 
 
@@ -76,25 +92,43 @@ def test_compiled_and_interpreted_anneal_alike_whatever_the_width_of_costs(
     cost, near = instance(n, seed)
     wide = cost.astype(np.int64) * scale
     start = np.random.default_rng(seed).permutation(n).astype(np.int32)
+    narrow = cost if scale == 1 else wide
     runs = []
-    for module, costs in (
-        (kicks, cost if scale == 1 else wide),
-        (PLAIN, cost if scale == 1 else wide),
-        (kicks, wide),
-    ):
+    for module, costs in ((kicks, narrow), (PLAIN, narrow), (kicks, wide)):
         tour = start.copy()
-        best, *rest = module.improve(tour, costs, near, tolls(costs, near), 25, warmth * scale, 0.97, seed)
-        runs.append((best.tolist(), tour.tolist(), *rest))
+        kicker = kicker_of(module, tour, costs, near, seed)
+        kicker.settle(0, n)
+        left = kicker.anneal(25, warmth * scale, 0.97)
+        runs.append((kicker.best().tolist(), tour.tolist(), kicker.best_gain, kicker.gain, left))
     assert runs[0] == runs[1] == runs[2]
+
+
+@settings(max_examples=25, deadline=None)
+@given(st.integers(12, 40), st.integers(0, 10**6), st.integers(1, 5))
+def test_edges_that_must_stay_stay(n: int, seed: int, pairs: int) -> None:
+    cost, near = instance(n, seed)
+    mate = np.full(n, -1, np.int32)
+    for pair in range(pairs):
+        mate[2 * pair], mate[2 * pair + 1] = 2 * pair + 1, 2 * pair
+    tour = np.arange(n, dtype=np.int32)
+    kicker = kicks.Kicker(tour, distances.Distances(cost), near, tolls(cost, near), mate, seed)
+    kicker.settle(0, n)
+    kicker.anneal(100, 50.0, 0.99)
+    for found in (tour, kicker.best()):
+        beside = {frozenset(pair) for pair in zip(found.tolist(), np.roll(found, -1).tolist(), strict=True)}
+        assert {frozenset((2 * pair, 2 * pair + 1)) for pair in range(pairs)} <= beside
 
 
 @BOTH
 def test_arrays_that_do_not_go_together_are_refused(module: ModuleType) -> None:
     cost, near = instance(9, 1)
-    toll, tour = tolls(cost, near), np.arange(9, dtype=np.int32)
+    tour, loose = np.arange(9, dtype=np.int32), np.full(9, -1, np.int32)
+    toll, of = tolls(cost, near), COSTS[module].Distances
     with pytest.raises(ValueError, match="were expected"):
-        module.improve(tour, cost[:8], near, toll, 1, 1.0, 1.0, 0)
+        of(cost[:8])
     with pytest.raises(ValueError, match="were expected"):
-        module.improve(tour[:7], cost[:7, :7], near[:7], toll[:7], 1, 1.0, 1.0, 0)
+        module.Kicker(tour[:7], of(cost[:7, :7].copy()), near[:7], toll[:7], loose[:7], 0)
+    with pytest.raises(ValueError, match="were expected"):
+        module.Kicker(tour, of(cost), near, toll[:8], loose, 0)
     with pytest.raises(ValueError, match="numbered 0 to 8"):
-        module.improve(tour + 1, cost, near, toll, 1, 1.0, 1.0, 0)
+        module.Kicker(tour + 1, of(cost), near, toll, loose, 0)

@@ -11,11 +11,11 @@ from kb.diagnostics import NOWHERE, Source
 
 Point = tuple[int, int, int]  # micrometres
 
-TIME, DISTANCE = "travel", "distance"  # what durations and costs call the two
+DISTANCE = "distance"  # what durations and costs call the length of a way
 
 
 @dataclass(frozen=True, slots=True)
-class Travel:
+class Motion:
     """Straight ways at `speed`, in micrometres per unit of the domain's time, which is greater than 0.
 
     Each way between two different places takes `settling` units more. Points are in the frame `frame` of the cell.

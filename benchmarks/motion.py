@@ -1,0 +1,192 @@
+"""Paths of a UR5 on the problems of MotionBenchMaker: time, length, proof, and an independent check at a finer step.
+
+    python benchmarks/motion.py [--data FOLDER] [--numbers N] [--kinds NAME ...] [--json FILE]
+
+The problems are read from `ur5_mbm` in the folder of the data, by default $CELLWRIGHT_DATA. Scenes are built beforehand; times
+are processor time on one core, the best of three calls. Beside ours stands RRT-Connect of OMPL, where it is installed, with our
+compiled check of one configuration per call and the same step. Problems whose start or goal is in collision are refused, and
+counted. Every path is checked again every 1/320 rad, by coal or MuJoCo where one is installed, else by the plain reference's
+carrier poses and the batch check. Exits with 1 when a problem is not solved or a finer look finds a collision.
+"""
+
+import argparse
+import json
+import os
+import sys
+import time
+from collections.abc import Callable
+from importlib.util import find_spec
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from collision import always_touching
+from rich.console import Console
+from rich.table import Table
+from ur5_cells import KINDS, Task, tasks
+
+from engine import plugins
+from engine.model.geometry import Floats, Scene
+from engine.model.motion import Moved, Query, Refused
+from engine.ports import CollisionChecker
+from engine.stages.geometry.collision.builtin import BuiltinChecker
+from engine.stages.geometry.collision.ground import Ground
+from engine.stages.geometry.world.scenes import scene_of
+from engine.stages.motion.planner import plan, search
+
+STEP, FINER, RUNS = 1 / 32, 1 / 320, 3
+
+
+def timed(run: Callable[[], Any]) -> tuple[float, Any]:
+    """The least processor time of a call in milliseconds, and its answer."""
+    times = []
+    for _ in range(RUNS):
+        started = time.process_time()
+        answer = run()
+        times.append((time.process_time() - started) * 1e3)
+    return min(times), answer
+
+
+def independent(scene: Scene) -> CollisionChecker:
+    """A checker by another library, where one is installed."""
+    name = next((each for each in ("coal", "mujoco") if find_spec(each)), "builtin")
+    return plugins.geometry_backend(name).checker(scene)
+
+
+def finely(path: Floats) -> Floats:
+    """Configurations of a path at the finer step."""
+    parts = [
+        a + np.linspace(0, 1, int(np.linalg.norm(b - a) / FINER) + 2)[:, None] * (b - a)
+        for a, b in pairwise(path)
+    ]
+    return np.concatenate(parts)
+
+
+def long(path: Floats) -> float:
+    """How long a path is, in rad."""
+    return float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum())
+
+
+def ompl_ms(ground: Ground, task: Task, seconds: float = 2.0) -> float | None:
+    """Milliseconds of OMPL's RRT-Connect; None where it finds nothing."""
+    from ompl import base, geometric, util
+
+    util.setLogLevel(util.LOG_ERROR)
+    util.RNG.setSeed(1)
+    joints, count = ground.scene.joints, ground.scene.joints.count
+    space = base.RealVectorStateSpace(count)
+    bounds = base.RealVectorBounds(count)
+    for j in range(count):
+        bounds.setLow(j, float(joints.lower[j]))
+        bounds.setHigh(j, float(joints.upper[j]))
+    space.setBounds(bounds)
+    information = base.SpaceInformation(space)
+    one = np.empty((1, count))
+
+    def free(state: Any) -> bool:
+        for j in range(count):
+            one[0, j] = state[j]
+        return not ground.collides(one)[0]
+
+    information.setStateValidityChecker(free)
+    information.setStateValidityCheckingResolution(STEP / space.getMaximumExtent())
+    information.setup()
+    ends = []
+    for q in task.ends:
+        state = information.allocState()
+        for j in range(count):
+            state[j] = float(q[j])
+        ends.append(state)
+    problem = base.ProblemDefinition(information)
+    problem.setStartAndGoalStates(*ends)
+    planner = geometric.RRTConnect(information)
+    planner.setProblemDefinition(problem)
+    planner.setup()
+    started = time.process_time()
+    solved = planner.solve(seconds)
+    return (time.process_time() - started) * 1e3 if solved else None
+
+
+def measure(task: Task, allowed: frozenset[frozenset[str]], peers: bool) -> dict[str, Any]:
+    """What one problem takes."""
+    scene = scene_of(task.world, allowed=allowed)
+    ground = Ground(BuiltinChecker(scene))
+    ground.lines(STEP)
+    ground.proof(0.0, 1.0)
+    query = Query(task.ends[0], task.ends[1:], step=STEP)
+    row: dict[str, Any] = {"problem": task.name}
+    if isinstance(plan(ground, query), Refused):
+        return {**row, "status": "refused"}
+    bare = Query(task.ends[0], task.ends[1:], step=STEP, bridges=0)
+    row["search_ms"], found = timed(lambda: search(ground, bare))
+    if not isinstance(found, Moved):
+        return {**row, "status": "not found"}
+    row["short_ms"], short = timed(lambda: search(ground, query))
+    row["whole_ms"], whole = timed(lambda: plan(ground, query))
+    best = search(ground, Query(task.ends[0], task.ends[1:], step=STEP, bridges=3000))
+    row |= {
+        "status": "solved",
+        "lengths": [long(each.path) for each in (found, short, whole, best)],
+        "proved": whole.proved,
+        "looked": found.looked,
+        "stretches": whole.stretches,
+        "again": whole.cleared_m > 0.0,
+        "hits": int(independent(scene).collides(finely(whole.path)).sum()),
+    }
+    return {**row, "ompl_ms": ompl_ms(ground, task)} if peers else row
+
+
+def shown(rows: list[dict[str, Any]]) -> Table:
+    """The table that people read."""
+    table = Table("what", "median", "95 %", "most")
+    solved = [row for row in rows if row["status"] == "solved"]
+    names = {
+        "search_ms": "search, ms",
+        "short_ms": "with short cuts, ms",
+        "whole_ms": "with checked ends and proof, ms",
+    }
+    for key, said in {**names, "ompl_ms": "RRT-Connect of OMPL, ms", "looked": "configurations"}.items():
+        values = [row[key] for row in solved if row.get(key) is not None]
+        if values:
+            marks = (np.median(values), np.percentile(values, 95), np.max(values))
+            table.add_row(said, *(f"{each:,.2f}" for each in marks))
+    for at, said in ((1, "length with short cuts"), (2, "length of the proved path")):
+        ratios = [row["lengths"][at] / min(row["lengths"]) for row in solved]
+        table.add_row(
+            f"{said}, of the best known",
+            f"{np.median(ratios):.3f}",
+            f"{np.percentile(ratios, 95):.3f}",
+            f"{max(ratios):.3f}",
+        )
+    return table
+
+
+def main() -> int:
+    """Measure, print, and judge."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--data", type=Path, default=os.environ.get("CELLWRIGHT_DATA"))
+    parser.add_argument("--numbers", type=int, default=20, help="problems of each kind")
+    parser.add_argument("--kinds", nargs="*", choices=KINDS, default=list(KINDS))
+    parser.add_argument("--json", type=Path)
+    arguments = parser.parse_args()
+    if arguments.data is None:
+        parser.error("give --data or set CELLWRIGHT_DATA")
+    chosen = tasks(Path(arguments.data) / "ur5_mbm", range(1, arguments.numbers + 1))
+    chosen = [task for task in chosen if task.name.split()[0] in arguments.kinds]
+    allowed, peers = always_touching(chosen[0]), find_spec("ompl") is not None
+    rows = [measure(task, allowed, peers) for task in chosen]
+    Console().print(shown(rows))
+    counts = {each: sum(row["status"] == each for row in rows) for each in ("solved", "refused", "not found")}
+    proved = sum(row.get("proved", False) for row in rows)
+    hits = sum(row.get("hits", 0) > 0 for row in rows)
+    print(f"{counts}, {proved} proved, {hits} in collision at a finer step")
+    if arguments.json:
+        arguments.json.write_text(json.dumps(rows, indent=1) + "\n")
+    return 1 if hits or counts["not found"] else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

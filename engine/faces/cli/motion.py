@@ -1,0 +1,69 @@
+"""`cellwright motion`: paths of an arm in a cell."""
+
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from engine.faces.cli.answers import Answer, Form, give
+from engine.faces.cli.exits import GAVE_UP, INFEASIBLE
+from engine.faces.cli.options import Seed, Target, number, refuse_idle
+
+app = typer.Typer(add_completion=False, no_args_is_help=True)
+CODES = {"found": 0, "infeasible": INFEASIBLE, "gave up": GAVE_UP}
+NAMED = 'home, a place of the cell, joint values "0, 90, 0, 0, 45, 0", or "point X, Y, Z" in metres'
+
+
+class MotionForm(StrEnum):
+    """The forms in which a motion is shown."""
+
+    TEXT = "text"
+    JSON = "json"
+    SVG = "svg"
+
+
+@app.callback()
+def motion() -> None:
+    """Plan motions of an arm."""
+
+
+@app.command("plan")
+def plan_motion(
+    target: Target,
+    start: Annotated[str, typer.Option("--from", help=f"where it starts: {NAMED}")],
+    goal: Annotated[str, typer.Option("--to", help="where it goes: the same")],
+    margin: Annotated[
+        float, typer.Option(min=0, max=10, callback=number, help="metres that everything must stay clear")
+    ] = 0.0,
+    seed: Seed = 0,
+    format: Annotated[MotionForm, typer.Option("--format", help="how it is shown")] = MotionForm.TEXT,
+    output: Annotated[Path | None, typer.Option("--output", "-o", help="the SVG file to write")] = None,
+) -> None:
+    """Plan a motion in the cell of TARGET that touches nothing, and prove it."""
+    if format is not MotionForm.SVG:
+        refuse_idle({"--output": output}, "without a picture: give --format svg")
+    form = Form.JSON if format is MotionForm.JSON else Form.TEXT
+    give(lambda: _planned(target, start, goal, margin, seed, format, output), form)
+
+
+def _planned(
+    target: str, start: str, goal: str, margin: float, seed: int, form: MotionForm, output: Path | None
+) -> Answer:
+    from rich.text import Text
+
+    from engine.formats.report import motion as report
+    from engine.pipelines import motion as pipeline
+
+    found = pipeline.move(target, start, goal, margin, seed)
+    path, times = found.path(), found.times()
+    status = report.status(found.answer)
+    content = report.content(found.answer, found.joints, path, times)
+    said = report.text(found.answer, found.joints, path, times)
+    if form is MotionForm.SVG and len(path):
+        drawn = report.picture(found.joints, path, times)
+        if output is None:
+            return Answer(status, raw=drawn)
+        output.write_text(drawn, encoding="utf-8")
+        said = f"{said}\n{output}"
+    return Answer(status, {"arm": found.arm, **content}, lambda: Text(said), CODES[status])

@@ -1,0 +1,138 @@
+"""Plans made part by part: a problem that falls into parts which follow one another is never grounded as a whole.
+
+The parts of an inspection are its measurements, in the order of the sequencer. Each is planned in the state that the last
+one leaves. The parts are joined, and the whole plan passes the gate. Where that does not lead to a plan, the caller plans
+the whole problem.
+"""
+
+import time
+from dataclasses import dataclass
+
+from engine.model.outcome import Found, GaveUp, Infeasible, Outcome, Statistics
+from engine.pipelines.gate import PlanGate
+from engine.pipelines.inspection import chooses_tools
+from engine.pipelines.parts.chain import Chain
+from engine.pipelines.parts.itinerary import Itinerary, Part, itinerary
+from engine.pipelines.parts.joining import joined
+from engine.pipelines.parts.memory import Memory, Notebook
+from engine.pipelines.planning import LARGE
+from engine.stages.grounding.initial import initial_state
+from engine.stages.grounding.limits import require_affordable_statics, size
+from engine.stages.grounding.program import Vocabulary
+from engine.stages.macros.lifted.situation import Situation
+from engine.stages.macros.lifted.world import CellDomain
+from engine.stages.macros.lookup.query import goal_literal
+from engine.stages.planning import Limits
+from engine.stages.sequencing import Limits as TourLimits
+from kb.diagnostics import InvalidInput
+from kb.model.conditions import goal_parts
+from kb.model.problem import Problem
+from kb.terms import Function, natural_key
+
+MOST_RUNS = 8  # of one tool, each of which is tried the other way round
+
+__all__ = ["Itinerary", "Memory", "Notebook", "Part", "Sequenced", "by_sequence"]
+
+
+@dataclass(frozen=True)
+class Sequenced:
+    """An outcome whose plan follows a sequence."""
+
+    outcome: Outcome
+    itinerary: Itinerary
+
+
+def by_sequence(
+    problem: Problem, limits: Limits = Limits(), memory: Memory | None = None, store: str = ""
+) -> Sequenced | None:
+    """The outcome for an inspection whose measurements are put in order first; None if that leads to no plan.
+
+    None as well for a problem that is no inspection. Raises `InvalidInput`.
+    """
+    started = time.perf_counter()
+    if not chooses_tools(problem.domain):
+        return None
+    require_affordable_statics(problem)
+    way = itinerary(problem, TourLimits(seed=limits.seed, interrupted=limits.interrupted), store)
+    if way is None:
+        return None
+    sequencing = time.perf_counter() - started
+    started = time.perf_counter()
+    line = Chain(problem, _start(problem), memory or Notebook(), limits)
+    line.seconds["sequencing"] = sequencing
+    way = _better_way(way, line)
+    line.seconds["start"] = time.perf_counter() - started
+    outcome = _planned(problem, way, line)
+    return None if outcome is None else Sequenced(outcome, way)
+
+
+def _start(problem: Problem) -> Situation:
+    state, contradicted = initial_state(problem, Vocabulary(problem.domain))
+    if contradicted:
+        raise InvalidInput(contradicted)
+    return Situation.of(CellDomain(problem), state)
+
+
+def _better_way(way: Itinerary, line: Chain) -> Itinerary:
+    """The tour, or the same with runs of one tool the other way round if changes of tools then take less time.
+
+    The tour counts a change of tools as a way; what it really takes, only plans tell. The parts at the ends of runs are tried.
+    """
+    if way.fixed:
+        return way
+    ends, least = way.ends, line.trial(_at(way, way.ends, line))
+    for turn in (range(len(way.visits)), *way.runs[:MOST_RUNS]):
+        other = way.turned(turn)
+        value = line.trial(_at(other, ends, line))
+        if value < least:
+            way, least = other, value
+    return way
+
+
+def _at(way: Itinerary, names: set[str], line: Chain) -> list[Part]:
+    return [part for part in way.parts(line.problem) if part.name in names]
+
+
+def _planned(problem: Problem, way: Itinerary, line: Chain) -> Outcome | None:
+    start, seconds = line.here, line.seconds
+    failed = line.run(way.parts(problem))
+    if failed is not None:
+        return _refused(line, start, way, *failed)
+    started = time.perf_counter()
+    goals = (goal_literal(goal) for goal in goal_parts(problem.goal))
+    plan = joined(start, line.steps, [goal for goal in goals if goal is not None])
+    seconds["joining"] = time.perf_counter() - started
+    started = time.perf_counter()
+    plan, wrong = PlanGate().settled(problem, plan)
+    seconds["check"] = time.perf_counter() - started
+    counts = {"measurements": len(way.visits), **line.counts}
+    if wrong:
+        return _together(problem, wrong[0].message)
+    return Found(plan, Statistics(counts, dict(seconds)))
+
+
+def _refused(line: Chain, start: Situation, way: Itinerary, part: Part, outcome: Outcome) -> Outcome | None:
+    """Why there is no plan, if that is certain or too much to ask: what a part asks for alone has no plan either."""
+    if isinstance(outcome, GaveUp):
+        return outcome
+    alone = line.alone(part, start)
+    if isinstance(alone, Infeasible):
+        reasons = way.partition.impossible
+        known = [f"{name}: {reasons[name]}" for name in sorted(reasons, key=natural)]
+        said = f"; {', '.join(known)}" if known and not part.name else ""
+        about = f"{part.name}: " if part.name else ""
+        return Infeasible(f"{about}{alone.reason}{said}", alone.statistics)
+    return _together(line.problem, f"{part.name or 'what the goals ask for beside measurements'} has no plan")
+
+
+def _together(problem: Problem, why: str) -> Outcome | None:
+    """What is left to say if parts do not follow one another: nothing if the whole problem can be planned at once."""
+    if size(problem) <= LARGE:
+        return None
+    reason = f"in the order of the sequence {why}, and the problem is too large to be planned as a whole"
+    return GaveUp(reason, "memory")
+
+
+def natural(name: str) -> tuple[tuple[int, int, str], ...]:
+    """A sort key under which `m2` comes before `m10`."""
+    return natural_key(Function(name))

@@ -1,0 +1,175 @@
+"""The parts of an inspection in the order of the sequencer: one part for each measurement that the goals ask for."""
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, replace
+from itertools import groupby
+
+from engine.model.tour import Tour, TourProblem, cost_of
+from engine.pipelines.inspection import Partition, chooses_tools, measurements_of, partition, tour_problem
+from engine.pipelines.inspection.keeping import carry_on
+from engine.pipelines.inspection.places import with_places
+from engine.stages.macros.lookup.query import goal_literal
+from engine.stages.sequencing import Limits, sequence
+from kb.model.conditions import Condition, Literal, goal_parts
+from kb.model.conditions import literals as literals_of
+from kb.model.domain import OBJECT
+from kb.model.problem import Problem
+from kb.terms import ANYTHING, Function, Term
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    """What is achieved at once: some goals. `name` is the measurement that they are about, if they are about one."""
+
+    name: str
+    goals: tuple[Condition, ...]
+
+
+@dataclass(frozen=True)
+class Itinerary:
+    """The measurements of an inspection in the order of a tour, each with its tool.
+
+    `kept` says that the order was kept in a store. Of an order that is not `fixed`, visits by one tool may come the other way
+    round; `altered` says that some do.
+    """
+
+    visits: tuple[tuple[str, str], ...]
+    partition: Partition
+    problem: TourProblem
+    tour: Tour
+    kept: bool = False
+    fixed: bool = True
+    altered: bool = False
+
+    @property
+    def runs(self) -> list[range]:
+        """The places of each run of visits with one tool."""
+        found, first = list[range](), 0
+        for _, run in groupby(self.visits, key=lambda visit: visit[1]):
+            last = first + len(list(run))
+            found.append(range(first, last))
+            first = last
+        return found
+
+    @property
+    def ends(self) -> set[str]:
+        """The first two and the last two visits of each run."""
+        return {self.visits[place][0] for run in self.runs for place in (*run[:2], *run[-2:])}
+
+    def turned(self, run: range) -> "Itinerary":
+        """The same with some visits the other way round: ways between visits by one tool stay as they are."""
+        order = [*range(run.start), *reversed(run), *range(run.stop, len(self.visits))]
+        tour = tuple(self.tour.order[place] for place in order)
+        return replace(
+            self,
+            visits=tuple(self.visits[place] for place in order),
+            tour=replace(self.tour, order=tour, cost=cost_of(self.problem, tour)),
+            altered=True,
+        )
+
+    def parts(self, problem: Problem) -> tuple[Part, ...]:
+        """The goals by the visit after which they can hold; what the goals ask for beside the visits comes last."""
+        place = {name: number for number, (name, _) in enumerate(self.visits)}
+        by_tool = _ByTool(problem)
+        goals: dict[int, list[Condition]] = {}
+        rest: list[Condition] = []
+        for goal in goal_parts(problem.goal):
+            about = max((place[name] for name in _named(goal, place)), default=None)
+            if about is None:
+                rest.append(goal)
+            else:
+                goals.setdefault(about, []).append(by_tool.goal(goal, self.visits[about][1]))
+        parts = [Part(self.visits[number][0], tuple(own)) for number, own in sorted(goals.items())]
+        return (*parts, Part("", tuple(rest))) if rest else tuple(parts)
+
+
+def itinerary(problem: Problem, limits: Limits = Limits(), store: str = "") -> Itinerary | None:
+    """The order of an inspection; None for another problem, or if fewer than two measurements can be put in order.
+
+    The sequence that is kept in `store` is used, and one is kept there if there is none. Raises `InvalidInput`.
+    """
+    if problem.chains or not chooses_tools(problem.domain):
+        return None
+    wanted = _wanted(problem)
+    if len(wanted) < 2:
+        return None
+    placed = with_places(problem)
+    parts = _only(partition(placed), wanted)
+    if sum(map(len, parts.groups.values())) < 2:
+        return None
+    return _kept(placed, parts, limits, store) if store else _made(placed, parts, limits)
+
+
+def _made(problem: Problem, parts: Partition, limits: Limits) -> Itinerary | None:
+    asked = tour_problem(problem, parts)
+    tour = sequence(asked, limits)
+    if not isinstance(tour, Tour):
+        return None
+    visits = tuple((asked.visits[n].name, asked.visits[n].tool) for n in tour.order)
+    even = cost_of(asked, tour.order[::-1]) == tour.cost
+    bound = asked.closed or asked.ordered or asked.start is not None or asked.end is not None
+    return Itinerary(visits, parts, asked, tour, fixed=bound or not even)
+
+
+def _kept(problem: Problem, parts: Partition, limits: Limits, store: str) -> Itinerary:
+    """The order of the kept sequence, without what the goals do not ask for."""
+    progress = carry_on(store, problem, limits=limits)
+    wanted = {name for names in parts.groups.values() for name in names}
+    visits = tuple((each.name, each.tool) for each in progress.plan.rest if each.name in wanted)
+    reasons = {**progress.plan.impossible, **progress.plan.bad, **parts.impossible}
+    out = {name: why for name, why in reasons.items() if name in wanted | set(parts.impossible)}
+    return Itinerary(
+        visits, replace(parts, impossible=out), progress.problem, progress.tour, progress.way == "kept"
+    )
+
+
+def _wanted(problem: Problem) -> set[str]:
+    """The measurements that the goals name."""
+    known = set(measurements_of(problem))
+    return {name for goal in goal_parts(problem.goal) for name in _named(goal, known)}
+
+
+def _named(goal: Condition, known: Collection[str]) -> set[str]:
+    return {name for literal in literals_of(goal) for name in _constants(literal.atom) if name in known}
+
+
+def _constants(term: Term) -> set[str]:
+    if not isinstance(term, Function):
+        return set()
+    own = set() if term.arguments else {term.name}
+    return own.union(*map(_constants, term.arguments))
+
+
+def _only(parts: Partition, wanted: set[str]) -> Partition:
+    groups = {tool: tuple(n for n in names if n in wanted) for tool, names in parts.groups.items()}
+    impossible = {name: why for name, why in parts.impossible.items() if name in wanted}
+    return replace(parts, groups={t: names for t, names in groups.items() if names}, impossible=impossible)
+
+
+class _ByTool:
+    """Goals to measure something by any tool, as goals to measure it by the tool that the rules have chosen."""
+
+    def __init__(self, problem: Problem) -> None:
+        domain = problem.domain
+        self.measured = domain.conventions.measured
+        declared = domain.predicates.get(self.measured)
+        self.types = declared.arguments if declared else ()
+        self.objects, self.domain = {**domain.objects, **problem.objects}, domain
+
+    def goal(self, goal: Condition, tool: str) -> Condition:
+        """The goal by a tool."""
+        literal = goal_literal(goal)
+        if literal is None or not literal.positive or literal.atom.name != self.measured:
+            return goal
+        given = [
+            Function(tool) if fits and each == ANYTHING else each
+            for each, fits in zip(literal.atom.arguments, self._places(tool), strict=True)
+        ]
+        return Literal(Function(self.measured, tuple(given)))
+
+    def _places(self, tool: str) -> Sequence[bool]:
+        """For each argument of the predicate whether it can be the tool."""
+        own = self.objects.get(tool)
+        return [
+            own is not None and type_ != OBJECT and self.domain.is_subtype(own, type_) for type_ in self.types
+        ]

@@ -1,0 +1,102 @@
+"""What motions are planned on: any checker, with lines checked whole and proofs for paths."""
+
+import math
+from functools import cached_property
+
+import numpy as np
+
+from engine.kernels.geometry.edges import Edges, Mechanism
+from engine.kernels.geometry.layout import Pairs, Pieces
+from engine.kernels.geometry.proof import Proof
+from engine.model.geometry import Contact, Floats, Joints, Scene, Truths
+from engine.ports import CollisionChecker
+from engine.stages.geometry.collision.builtin import BuiltinChecker
+from engine.stages.geometry.shapes.packing import bounded, grouped
+
+
+class Ground:
+    """A checker, with what planners of motions ask beside. Raises `ValueError` for a free scene, which has no joints."""
+
+    def __init__(self, checker: CollisionChecker) -> None:
+        if checker.scene.free:
+            raise ValueError("a free scene has no joints that a motion could be planned for")
+        self.checker = checker
+        self._kept: dict[float, tuple[Pieces, Pairs]] = {}
+        joints = checker.scene.joints
+        self._mechanism = Mechanism(
+            joints.parent,
+            np.ascontiguousarray(joints.T_parent_origin),
+            np.ascontiguousarray(joints.axis),
+            joints.prismatic,
+        )
+
+    @property
+    def scene(self) -> Scene:
+        """What is checked."""
+        return self.checker.scene
+
+    def collides(self, where: Floats) -> Truths:
+        """As the checker says."""
+        return self.checker.collides(where)
+
+    def clearance(self, where: Floats, beyond_m: float = 1.0) -> Floats:
+        """As the checker says."""
+        return self.checker.clearance(where, beyond_m)
+
+    def contacts(self, where: Floats, within_m: float = 0.0) -> tuple[Contact, ...]:
+        """As the checker says."""
+        return self.checker.contacts(where, within_m)
+
+    def lines(self, step: float, margin_m: float = 0.0) -> Edges:
+        """Lines checked by compiled kernels, where the checker has them, else by the checker, from Python."""
+        pieces, pairs = self._packed(margin_m)
+        if isinstance(self.checker, BuiltinChecker):
+            return Edges(self._mechanism, pieces, pairs, step, margin_m)
+
+        def free(first: Floats, second: Floats) -> bool:
+            away = float(np.linalg.norm(second - first))
+            share = np.linspace(0.0, 1.0, max(1, math.ceil(away / step)) + 1)[1:, None]
+            where = first + share * (second - first)
+            if margin_m:
+                return bool((self.clearance(where, margin_m + 1e-9) > margin_m).all())
+            return not self.collides(where).any()
+
+        return Edges(self._mechanism, pieces, pairs, step, margin_m, free)
+
+    def proof(self, margin_m: float, finest_m: float) -> Proof:
+        """A proof by the built-in kernels, whatever the checker is."""
+        return Proof(self._mechanism, *self._packed(margin_m), self._reach, margin_m, finest_m)
+
+    def _packed(self, margin_m: float) -> tuple[Pieces, Pairs]:
+        """The scene as kernels read it, packed once for each margin."""
+        if margin_m not in self._kept:
+            self._kept[margin_m] = self._pack(margin_m)
+        return self._kept[margin_m]
+
+    def _pack(self, margin_m: float) -> tuple[Pieces, Pairs]:
+        if isinstance(self.checker, BuiltinChecker):
+            return self.checker.packed(margin_m)
+        pieces, bound_of = bounded(self.scene)
+        return pieces, grouped(self.scene.pairs, bound_of)
+
+    @cached_property
+    def _reach(self) -> Floats:
+        return reaches(self.scene.joints, self._packed(0.0)[0])
+
+
+def reaches(joints: Joints, pieces: Pieces) -> Floats:
+    """How far each piece gets from the axis of each joint at most, in any configuration (k, n).
+
+    It is 0 where the joint does not move the piece, and 1 for a joint that slides.
+    """
+    steps = np.linalg.norm(joints.T_parent_origin[:, :3, 3], axis=1)
+    travel = np.where(joints.prismatic, np.maximum(np.abs(joints.lower), np.abs(joints.upper)), 0.0)
+    ball = np.linalg.norm(pieces.bounds[:, :3], axis=1) + pieces.bounds[:, 3]
+    found = np.zeros((joints.count, pieces.count))
+    for carrier in np.unique(pieces.carrier):
+        on, far, joint = pieces.carrier == carrier, 0.0, int(carrier) - 1
+        while joint >= 0:
+            found[joint, on] = 1.0 if joints.prismatic[joint] else far + ball[on]
+            far += float(steps[joint] + travel[joint])
+            joint = int(joints.parent[joint]) - 1
+    return found

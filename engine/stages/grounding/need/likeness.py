@@ -1,0 +1,213 @@
+"""Objects that are alike: what the goals can need says the same of each. Few of them are enough.
+
+Two objects are alike if exchanging them changes neither the goals nor any relevant fact. A relevant fact about two such
+objects ties them, and then neither is left out.
+"""
+
+from collections.abc import Iterable, Iterator, Mapping
+
+from kb.model.conditions import (
+    Aggregate,
+    Body,
+    BodyPart,
+    Comparison,
+    Condition,
+    ForAll,
+    Literal,
+    Not,
+    Parameter,
+)
+from kb.model.conditions import conditions as parts_of
+from kb.model.domain import Domain, Operator
+from kb.model.problem import Problem
+from kb.terms import Atom, Function, Operation, Term
+
+STAND_IN = Function("?")
+
+
+def free_objects(problem: Problem) -> dict[str, str]:
+    """The objects, with their types, that neither goals nor operators and rules name, and over which nothing ranges."""
+    objects = {**problem.domain.objects, **problem.objects}
+    fixed = {name for term in _mentioned(problem) for name in names(term)}
+    ranged = _ranged(problem)
+    barred = {
+        type_ for type_ in set(objects.values()) if any(problem.domain.is_subtype(type_, r) for r in ranged)
+    }
+    return {name: type_ for name, type_ in objects.items() if name not in fixed and type_ not in barred}
+
+
+def alike(free: Mapping[str, str], facts: Iterable[Atom]) -> tuple[tuple[str, ...], ...]:
+    """Classes of at least two free objects that are alike, each in the order of `free`.
+
+    `facts` are all static facts and all facts of the state that are relevant.
+    """
+    profiles = _profiles(free, facts)
+    classes: dict[tuple[str, frozenset[Atom]], list[str]] = {}
+    for name, type_ in free.items():
+        if name in profiles:
+            classes.setdefault((type_, frozenset(profiles[name])), []).append(name)
+    return tuple(tuple(each) for each in classes.values() if len(each) > 1)
+
+
+def _profiles(free: Mapping[str, str], facts: Iterable[Atom]) -> dict[str, set[Atom]]:
+    """What the facts say about each free object, which `?` stands for; objects that a fact ties are left out."""
+    found: dict[str, set[Atom]] = {name: set() for name in free}
+    tied: set[str] = set()
+    for fact in facts:
+        about = {name for name in names(fact) if name in free}
+        if len(about) > 1:
+            tied |= about
+        for name in about:
+            found[name].add(with_name(fact, name))
+    return {name: facts for name, facts in found.items() if name not in tied}
+
+
+def with_name(term: Function, name: str, other: Function = STAND_IN) -> Function:
+    """A term with another one in the place of an object."""
+    if not term.arguments:
+        return other if term.name == name else term
+    return Function(
+        term.name,
+        tuple(
+            with_name(each, name, other) if isinstance(each, Function) else each for each in term.arguments
+        ),
+    )
+
+
+def names(term: Term) -> Iterator[str]:
+    """The names of the constants in a term. The name of an atom itself is none of them."""
+    match term:
+        case Function(_, arguments):
+            for each in arguments:
+                if isinstance(each, Function) and not each.arguments:
+                    yield each.name
+                else:
+                    yield from names(each)
+        case Operation(_, left, right):
+            yield from names(Function("", (left, right)))
+        case _:
+            return
+
+
+def _mentioned(problem: Problem) -> Iterator[Term]:
+    """Every term in the goals, the workflow, and the operators and rules of the domain."""
+    yield from _terms(problem.goal)
+    for chain in problem.chains:
+        yield from chain.stages
+        if chain.subject is not None:
+            yield Function("", (chain.subject,))
+    for operator in problem.domain.operators:
+        yield from _of_operator(operator)
+    for deductive in problem.domain.deductive_operators:
+        yield deductive.trigger.atom
+        yield from _of_body(deductive.body)
+        for consequence in deductive.consequences:
+            yield consequence.atom
+            yield from _of_body(consequence.body)
+    for rule in problem.domain.rules:
+        yield rule.head
+        yield from _of_body(rule.body)
+
+
+def _of_operator(operator: Operator) -> Iterator[Term]:
+    yield from _terms(operator.precondition)
+    for effect in operator.effects:
+        yield effect.atom
+        yield from _terms(effect.condition)
+    yield from _of_body(operator.body)
+    given = (*operator.resources, operator.duration, operator.cost)
+    yield Function("", tuple(each for each in given if each is not None))
+
+
+def _of_body(body: Body) -> Iterator[Term]:
+    for part in body:
+        yield from _of_part(part)
+
+
+def _terms(condition: Condition) -> Iterator[Term]:
+    for part in parts_of(condition):
+        if isinstance(part, Literal | Comparison):
+            yield from _of_part(part)
+
+
+def _of_part(part: BodyPart) -> Iterator[Term]:
+    match part:
+        case Literal(atom):
+            yield atom
+        case Comparison(left, _, right):
+            yield Function("", (left, right))
+
+
+def _ranged(problem: Problem) -> set[str]:
+    """The types over all of whose objects something says something: no object of them may be left out.
+
+    Those are types in universal conditions, in effects with parameters, and in rules of derived predicates; and all types
+    if an aggregate counts.
+    """
+    domain = problem.domain
+    found: set[str] = set()
+    for operator in domain.operators:
+        found |= _ranging(operator.precondition)
+        for effect in operator.effects:
+            found |= {each.type for each in effect.parameters} | _ranging(effect.condition)
+    found |= _ranging(problem.goal)
+    for rule in domain.rules:
+        for literal in (Literal(rule.head), *rule.body):
+            if isinstance(literal, Literal) and literal.atom.name in domain.predicates:
+                found |= set(domain.predicates[literal.atom.name].arguments)
+    if any(isinstance(part, Aggregate) for body in _bodies(domain) for part in body):
+        found.add("object")
+    return _held(domain, found)
+
+
+def _ranging(condition: Condition) -> set[str]:
+    """The types of universally quantified variables; a negation counts as such a quantifier."""
+    found: set[str] = set()
+    for part in parts_of(condition):
+        if isinstance(part, ForAll):
+            found |= {each.type for each in part.parameters}
+        if isinstance(part, Not):
+            found |= {each.type for inner in parts_of(part) for each in getattr(inner, "parameters", ())}
+    return found
+
+
+def _bodies(domain: Domain) -> Iterator[Body]:
+    for operator in domain.operators:
+        yield operator.body
+    for deductive in domain.deductive_operators:
+        yield deductive.body
+        yield from (each.body for each in deductive.consequences)
+
+
+def _held(domain: Domain, types: set[str]) -> set[str]:
+    """The types, and those of whose objects the terms of these types are made."""
+    found = set(types)
+    while True:
+        more = {
+            argument
+            for function in domain.functions.values()
+            if any(domain.is_subtype(function.result, each) for each in found)
+            for argument in function.arguments
+        }
+        if more <= found:
+            return found
+        found |= more
+
+
+def most_at_once(domain: Domain, type_: str) -> int:
+    """The most objects of a type that one step can name, and that one of its consequences can name beside them."""
+    step = max((_holding(domain, each.parameters, type_) for each in domain.operators), default=0)
+    follows = (c.parameters for d in domain.deductive_operators for c in d.consequences)
+    return step + max((_holding(domain, each, type_) for each in follows), default=0)
+
+
+def _holding(domain: Domain, parameters: Iterable[Parameter], type_: str) -> int:
+    return sum(_may_hold(domain, each.type, type_) for each in parameters)
+
+
+def _may_hold(domain: Domain, wanted: str, type_: str) -> int:
+    """How many objects of `type_` a value of type `wanted` can hold."""
+    if domain.is_subtype(type_, wanted):
+        return 1
+    made = (f for f in domain.functions.values() if domain.is_subtype(f.result, wanted))
+    return max((sum(_may_hold(domain, each, type_) for each in f.arguments) for f in made), default=0)

@@ -1,0 +1,109 @@
+"""The default planner: a straight line, else two trees that meet, then short cuts, then a proof.
+
+Nothing is drawn at random, and nothing reads a clock: the same query has the same answer on every run.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from engine.kernels.geometry.proof import proved as proved_lines
+from engine.kernels.motion.connect import Trees, connect
+from engine.kernels.motion.shorten import Route, shorten
+from engine.model.geometry import Floats, Joints
+from engine.model.motion import Answer, Blocked, Moved, Query, Refused
+from engine.ports import MotionGround
+from engine.stages.motion.reasons import blocked, refusals
+
+REACH = 2.0  # rad or m: the longest branch of a tree
+NODES = 20_000  # of each tree
+FINEST_M = 1e-4  # a motion so small need not be halved for a proof
+ROUNDS = 6  # plans with ever finer steps and wider margins, until one is proved
+WIDER_M = 0.001  # the margin that the second round adds; each further round doubles it
+GOLDEN = (5**0.5 - 1) / 2
+
+
+def plan(ground: MotionGround, query: Query) -> Answer:
+    """A path from the start to one of the goals; else why there is none.
+
+    Goals that are not allowed are left out, as long as one is. Raises `ValueError` for arrays of another shape.
+    """
+    start, goals = _checked(ground.scene.joints, query)
+    reasons, allowed = refusals(ground, start, goals, query.margin_m)
+    if not allowed:
+        return Refused(reasons)
+    asked = replace(query, start=start, goals=np.ascontiguousarray(goals[list(allowed)]))
+    found = _proved(ground, asked) if query.proved else search(ground, asked)
+    return replace(found, goal=allowed[found.goal]) if isinstance(found, Moved) else found
+
+
+def _checked(joints: Joints, query: Query) -> tuple[Floats, Floats]:
+    start = np.array(query.start, dtype=float)
+    goals = np.array(query.goals, dtype=float)
+    if start.shape != (joints.count,) or goals.ndim != 2 or goals.shape[1] != joints.count or not len(goals):
+        shape = f"({joints.count},) and (n, {joints.count})"
+        raise ValueError(f"start and goals must be {shape}, not {start.shape} and {goals.shape}")
+    if not (np.isfinite(start).all() and np.isfinite(goals).all()):
+        raise ValueError("start and goals must be of finite numbers")
+    return start, goals
+
+
+def _proved(ground: MotionGround, query: Query) -> Moved | Blocked:
+    """The first plan that is proved; if none is, the last one.
+
+    A path that grazes something between two looks is not proved. The next round looks twice as often, and keeps farther off.
+    """
+    found, looked, room = search(ground, query), 0, _room_at_ends(ground, query)
+    for round_ in range(ROUNDS):
+        if isinstance(found, Blocked):
+            return found
+        proof = ground.proof(query.margin_m, FINEST_M)
+        proved = proved_lines(proof, found.path) == len(found.path) - 1
+        found = replace(found, proved=proved, stretches=proof.looked, refined=proof.refined)
+        if proved or round_ == ROUNDS - 1:
+            break
+        looked = found.looked
+        wider = query.margin_m + min(WIDER_M * 2**round_, 0.5 * room)
+        again = search(ground, replace(query, step=query.step / 2 ** (round_ + 1), margin_m=wider))
+        if isinstance(again, Blocked):
+            break
+        found = replace(again, looked=again.looked + looked, cleared_m=wider)
+    return found
+
+
+def _room_at_ends(ground: MotionGround, query: Query) -> float:
+    """How much wider than asked the margin can be at start and goals."""
+    ends = np.vstack([query.start[None], query.goals])
+    return max(0.0, float(ground.clearance(ends, query.margin_m + 1.0).min()) - query.margin_m)
+
+
+def search(ground: MotionGround, query: Query) -> Moved | Blocked:
+    """A short path that is free wherever it was looked at, for ends that are allowed."""
+    low, high = bounds(ground.scene.joints, query)
+    lines = ground.lines(query.step, query.margin_m)
+    trees = Trees(query.start[None], query.goals, low, high, shifted(query.seed, len(low)), REACH, NODES)
+    if not connect(trees, lines, query.budget):
+        return blocked(ground, trees, lines.looked, query)
+    path = trees.path()
+    goal = int(np.argmin(np.abs(query.goals - path[-1]).max(axis=1)))
+    if len(path) > 2 and query.bridges:
+        route = Route(path, query.bridges)
+        shorten(route, lines, query.bridges, query.budget)
+        path = route.path()
+    return Moved(path, goal, lines.looked, False, cleared_m=query.margin_m)
+
+
+def bounds(joints: Joints, query: Query) -> tuple[Floats, Floats]:
+    """Finite limits (k,) and (k,) to draw samples from: a joint without limits goes half a turn, or a metre, beyond the ends."""
+    ends = np.vstack([query.start[None], query.goals])
+    beyond = np.where(joints.prismatic, 1.0, np.pi)
+    low = np.where(np.isfinite(joints.lower), joints.lower, ends.min(axis=0) - beyond)
+    high = np.where(np.isfinite(joints.upper), joints.upper, ends.max(axis=0) + beyond)
+    still = np.ones(joints.count, dtype=bool)
+    still[list(query.moving or range(joints.count))] = False
+    return np.where(still, query.start, low), np.where(still, query.start, high)
+
+
+def shifted(seed: int, count: int) -> Floats:
+    """How far a seed shifts the samples in each dimension (count,), from 0 to 1."""
+    return np.array([(seed * GOLDEN**n) % 1.0 for n in range(1, count + 1)], dtype=float)

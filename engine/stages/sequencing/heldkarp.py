@@ -1,0 +1,198 @@
+"""The bound of Held and Karp for many cities: the ascent sees few edges, and at last all edges are counted.
+
+Held & Karp 1970, 1971; steps as in Helsgaun 2000. An ascent over few edges can give a figure that is too
+high. So what is returned is always the weight of a tree of all edges under the penalties that were found. Its edges that
+were lacking are added, and the ascent goes on.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import connected_components, minimum_spanning_tree
+from scipy.spatial import cKDTree
+
+from engine.kernels.arrays import Floats, Ints, Longs
+from engine.kernels.cancellation import Interrupted, never
+from engine.stages.sequencing.costs import Costs
+
+GRAIN = 64.0  # penalties are whole multiples of 1 / GRAIN
+ROUNDS = 4
+STEPS, EFFORT = 4000, 1_500_000  # steps of the ascent: at most so many, or so many cities looked at
+DENSE = 12_000  # up to this number of cities all edges are counted one by one
+KNOWN = 60  # of more cities, on average so many near ones are counted
+QUANTILES = (1.0, 0.9999, 0.999, 0.99, 0.95, 0.9, 0.75, 0.5)  # of the weights of a tree
+FEWER, LEAST = 4, 3  # each time as many clusters; the fewest
+NO_FLOOR = 1e300
+SHRINK = {"rounded": 1.0, "raised": 1.0, "manhattan": 1.0, "micrometres": 1e6, "pseudo_euclidean": 0.1**0.5}
+
+
+@dataclass(slots=True, eq=False)
+class _Edges:
+    """Edges (m,) of a graph, in the order of their weights under the last penalties."""
+
+    first: Ints
+    second: Ints
+    cost: Floats
+
+    def weigh(self, penalty: Floats, degree: Ints, floor: float = NO_FLOOR) -> float:
+        """The weight of a minimum 1-tree, less twice the penalties; `degree` (n,) is written."""
+        from engine.stages.sequencing.kernels.trees import sparse_tree
+
+        weight = self.cost + penalty[self.first] + penalty[self.second]
+        order = np.argsort(weight, kind="stable")
+        self.first, self.second, self.cost = self.first[order], self.second[order], self.cost[order]
+        return sparse_tree(self.first, self.second, weight[order], degree, floor) - 2 * float(penalty.sum())
+
+    def least(self, penalty: Floats) -> float:
+        """A weight that is less than any: a weight of 0 would be no edge of a sparse graph."""
+        return float((self.cost + penalty[self.first] + penalty[self.second]).min()) - 1.0
+
+    def tree(self, penalty: Floats) -> csr_array:
+        """A shortest tree of all cities, whose weights are lessened by the least."""
+        weight, n = self.cost + penalty[self.first] + penalty[self.second] - self.least(penalty), len(penalty)
+        return minimum_spanning_tree(csr_array((weight, (self.first, self.second)), shape=(n, n)))
+
+    def floors(self, penalty: Floats) -> Floats:
+        """Some weights of edges in a shortest tree, the greatest first."""
+        tree = self.tree(penalty)
+        found: Floats = np.floor((np.quantile(tree.data, QUANTILES) + self.least(penalty)) * GRAIN) / GRAIN
+        return found
+
+
+def bound(
+    costs: Costs, near: Ints, tour: Ints, interrupted: Interrupted = never, effort: int = EFFORT
+) -> int:
+    """A lower bound on all closed tours of n >= 8 cities. `near` (n, k) are candidates, `tour` is a good tour.
+
+    `effort` is the number of cities that are looked at.
+    """
+    n, upper, best = len(costs), costs.of_tour(tour), -np.inf
+    cities = np.repeat(np.arange(n, dtype=np.int64), near.shape[1])
+    edges = _edges(
+        costs, np.concatenate((_codes(cities, near.ravel(), n), _codes(tour, np.roll(tour, -1), n)))
+    )
+    steps = max(20, min(STEPS, effort // n))
+    penalty = _coarsely(edges, np.zeros(n), float(upper), steps, interrupted)
+    for _ in range(ROUNDS):
+        penalty = _climbed(edges, penalty, float(upper), steps, interrupted)
+        value, codes = _of_all(costs, penalty, edges)
+        best = max(best, value)
+        known = _codes(edges.first, edges.second, n)
+        fresh = np.setdiff1d(codes, known)
+        if not len(fresh) or interrupted() or best > upper - 1:
+            break
+        edges, steps = _edges(costs, np.concatenate((known, fresh))), max(20, steps // 3)
+    return min(upper, int(np.ceil(best)))
+
+
+def _codes(a: NDArray[np.integer], b: NDArray[np.integer], n: int) -> Longs:
+    """A number for each edge, the same in both directions."""
+    found: Longs = np.minimum(a, b).astype(np.int64) * n + np.maximum(a, b)
+    return found
+
+
+def _edges(costs: Costs, codes: Longs) -> _Edges:
+    n = len(costs)
+    single = np.unique(codes)
+    single = single[single // n != single % n]
+    a, b = (single // n).astype(np.int32), (single % n).astype(np.int32)
+    return _Edges(a, b, costs.between(a, b).astype(float))
+
+
+def _coarsely(edges: _Edges, penalty: Floats, upper: float, steps: int, interrupted: Interrupted) -> Floats:
+    """Penalties (n,) that are raised for whole clusters, at first for the few largest.
+
+    What one city says about its cluster is little against what it says about itself. So an ascent over single cities takes
+    very long until all cities of a cluster have moved.
+    """
+    tree, n = edges.tree(penalty), len(penalty)
+    longest = np.sort(tree.data)[::-1]
+    counts = [n // FEWER**level for level in range(1, 20) if n // FEWER**level >= LEAST][::-1]
+    for count in counts:
+        kept = tree.copy()
+        kept.data[kept.data >= longest[count - 2]] = 0
+        kept.eliminate_zeros()
+        _, cluster = connected_components(kept, directed=False)
+        size = float(longest[: count - 1].mean() + edges.least(penalty)) / 8
+        penalty = _climbed(
+            edges, penalty, upper, steps // (2 * len(counts)), interrupted, max(size, 1.0), cluster
+        )
+    return penalty
+
+
+def _climbed(
+    edges: _Edges,
+    penalty: Floats,
+    upper: float,
+    steps: int,
+    interrupted: Interrupted,
+    size: float = 0.0,
+    cluster: Ints | None = None,
+) -> Floats:
+    """The penalties (n,) of the best bound, by periods of steps of one size (Helsgaun 2000).
+
+    The size is doubled while this helps at first. Then size and period are shortened again and again. The cities of a
+    `cluster` (n,) move together.
+    """
+    degree = np.zeros(len(penalty), np.int32)
+    last: Floats = np.zeros(len(penalty))
+    kept, best, first, period = penalty, -np.inf, size == 0, max(10, steps // 3)
+    size = size or max(1.0 / GRAIN, upper / len(penalty) / 50)
+    while period > 2 and size >= 0.5 / GRAIN:
+        for step in range(period):
+            value = edges.weigh(penalty, degree)
+            turn = degree.astype(np.float64) - 2.0
+            if value > best:
+                best, kept = value, penalty
+                size = 2 * size if first else size
+            elif first and step > period // 8:
+                first, size = False, 0.75 * size
+            if not turn.any() or best > upper - 1 or interrupted():
+                return kept
+            if cluster is not None:
+                turn = np.asarray(np.bincount(cluster, turn), np.float64)[cluster]
+            way = GRAIN * size * (0.7 * turn + 0.3 * last)
+            penalty = penalty + np.rint(way) / GRAIN
+            last = turn
+        period, size, first, penalty = period * 2 // 3, size / 2, False, kept
+    return kept
+
+
+def _of_all(costs: Costs, penalty: Floats, edges: _Edges) -> tuple[float, Longs]:
+    """The weight of a minimum 1-tree of all edges, less twice the penalties, or a little less; and its edges if known."""
+    n = len(costs)
+    if n > DENSE and costs.metric is not None:
+        return _at_least(costs, penalty, edges), np.zeros(0, np.int64)
+    from engine.stages.sequencing.kernels.trees import full_tree
+
+    parent = np.zeros(n, np.int32)
+    value = full_tree(costs.kernel(), penalty, parent) - 2 * float(penalty.sum())
+    own, others = _codes(np.zeros(2, np.int64), parent[:2], n), np.arange(2, n)
+    return value, np.concatenate((own, _codes(others, parent[2:], n)))
+
+
+def _at_least(costs: Costs, penalty: Floats, edges: _Edges) -> float:
+    """A bound from the cities that are near each city: all other edges weigh at least a floor.
+
+    Two cities a and b that are farther from each other than the radius of each have an edge of at least half the cost of
+    the one radius and half the cost of the other. The radius of a city depends on its penalty, so that half the cost and
+    the penalty make half the floor.
+    """
+    assert costs.metric is not None
+    points, n = costs.metric.points, len(costs)
+    m, tree = len(points), cKDTree(points)
+    shrink = SHRINK.get(costs.metric.kind, points.shape[1] ** -0.5)
+    for floor in edges.floors(penalty):
+        radius = np.maximum((floor - 2 * penalty[:m] + 1.0) / shrink * (1 + 1e-9), 0.0)
+        if int(tree.query_ball_point(points, radius, return_length=True).sum()) <= KNOWN * m:
+            break
+    else:
+        return 0.0
+    near = tree.query_ball_point(points, radius)
+    a, b = np.repeat(np.arange(m), [len(each) for each in near]), np.concatenate(near).astype(np.int64)
+    codes = _codes(a, b, n)
+    if n > m:
+        codes = np.concatenate((codes, _codes(np.arange(m), np.full(m, m), n)))
+    return _edges(costs, codes).weigh(penalty, np.zeros(n, np.int32), floor)

@@ -1,0 +1,16 @@
+# The types with which Cython compiles trees.py. That file says what they mean.
+import cython
+from engine.stages.sequencing.kernels.distances cimport Distances
+
+cdef double INFINITE
+
+@cython.locals(n=int, edges=int, taken=int, own=int, edge=int, a=int, b=int, city=int, lacking=int, total=double, root="int[::1]")
+cpdef double sparse_tree(const int[::1] first, const int[::1] second, const double[::1] weight, int[::1] degree, double floor) except? -1
+
+cdef bint _joined(int[::1] root, int a, int b) noexcept
+
+@cython.locals(n=int, city=int, size=int, place=int, other=int, chosen=int, total=double, own=double, weight=double, least=double, near="double[::1]", outside="int[::1]")
+cpdef double full_tree(Distances distances, const double[::1] penalty, int[::1] parent) except? -1
+
+@cython.locals(first=double, second=double, weight=double, city=int)
+cdef double _own_edges(Distances distances, const double[::1] penalty, int[::1] parent) noexcept

@@ -1,0 +1,158 @@
+"""Inspections are planned part by part, in the order of the sequencer."""
+
+import itertools
+import random
+from pathlib import Path
+
+import pytest
+
+from engine.model.outcome import Found, Infeasible
+from engine.pipelines.gate import PlanGate
+from engine.pipelines.objective import Order, plan
+from engine.pipelines.parts import by_sequence
+from kb.loader import find, load
+from kb.model.problem import Problem
+from kb.terms import Term
+
+
+def text(count: int, seed: int = 1, more: str = "", kinds: str = "") -> str:
+    """A problem of `count` points on the bulkhead, of both kinds unless `kinds` names one."""
+    chance = random.Random(seed)
+    lines = ["problem: points", "domain: bulkhead", "objects:", f"  measurement: [m1..{count}]", "statics:"]
+    for number in range(1, count + 1):
+        x, y = chance.randrange(-450_000, 450_000), chance.randrange(-950_000, 950_000)
+        kind = kinds or chance.choice(("thickness", "thickness", "profile"))
+        lines += [f"  - needs(m{number}, {kind})", f"  - position(m{number}, {x}, {y}, 0)"]
+        lines += [f"  - normal(m{number}, 0, 0, -1000)", f"  - tolerance(m{number}, 200)"]
+    goals = [f"  - measured(_, _, meas(m{number}))" for number in range(1, count + 1)]
+    return "\n".join([*lines, more, "goals:", *goals]) + "\n"
+
+
+def inspection(folder: Path, written: str) -> Problem:
+    path = folder / "points.yaml"
+    path.write_text(written)
+    problem = load(find(str(path))).problem
+    assert problem is not None
+    return problem
+
+
+def sequenced(problem: Problem) -> tuple[Found, list[tuple[str, str]]]:
+    found = by_sequence(problem)
+    assert found is not None
+    assert isinstance(found.outcome, Found)
+    return found.outcome, list(found.itinerary.visits)
+
+
+def measured(outcome: Found) -> list[tuple[str, str]]:
+    """The measurements of a plan and their tools, in its order."""
+    steps = [step.operator for step in outcome.plan.steps]
+    return [(str(s.arguments[2]), str(s.arguments[0])) for s in steps if s.name.endswith("_measure")]
+
+
+def test_the_plan_measures_in_the_order_of_the_sequence_with_its_tools(tmp_path: Path) -> None:
+    outcome, visits = sequenced(inspection(tmp_path, text(30)))
+    assert measured(outcome) == visits
+
+
+def test_the_arm_travels_from_each_measurement_of_a_tool_to_the_next(tmp_path: Path) -> None:
+    outcome, visits = sequenced(inspection(tmp_path, text(20)))
+    ways = [
+        tuple(map(str, s.operator.arguments[1:])) for s in outcome.plan.steps if s.operator.name == "move"
+    ]
+    for (one, tool), (other, same) in itertools.pairwise(visits):
+        assert ((f"meas({one})", f"meas({other})") in ways) == (tool == same)
+
+
+def test_each_tool_is_picked_up_once_and_put_down_before_the_next(tmp_path: Path) -> None:
+    outcome, _ = sequenced(inspection(tmp_path, text(25)))
+    changes = [s.operator for s in outcome.plan.steps if s.operator.name in ("pick_up", "put_down")]
+    assert [each.name for each in changes] == ["pick_up", "put_down", "pick_up"]
+    assert changes[0].arguments == changes[1].arguments
+
+
+def test_the_checker_accepts_the_plan_with_its_links(tmp_path: Path) -> None:
+    problem = inspection(tmp_path, text(15))
+    outcome, _ = sequenced(problem)
+    assert PlanGate().findings(problem, outcome.plan) == []
+    needed = {link.consumer for link in outcome.plan.links}
+    assert {step.id for step in outcome.plan.steps} <= needed
+
+
+def test_few_parts_are_planned_and_the_others_learned_from_them(tmp_path: Path) -> None:
+    outcome, _ = sequenced(inspection(tmp_path, text(60)))
+    counts = outcome.statistics.counts
+    assert counts["parts planned"] <= 10
+    assert counts["operators"] <= 300
+
+
+def test_as_many_operators_are_grounded_for_one_of_many_points_as_for_one_of_few(tmp_path: Path) -> None:
+    sizes = [
+        sequenced(inspection(tmp_path, text(count, kinds="thickness")))[0].statistics.counts["operators"]
+        for count in (20, 80)
+    ]
+    assert sizes[0] == sizes[1]
+
+
+def test_a_plan_of_a_sequence_is_no_worse_than_one_of_the_planner_alone(tmp_path: Path) -> None:
+    problem = inspection(tmp_path, text(8))
+    own, free = plan(problem), plan(problem, order=Order.FREE)
+    assert own.itinerary is not None
+    assert free.itinerary is None
+    assert isinstance(own.outcome, Found)
+    assert isinstance(free.outcome, Found)
+    assert own.outcome.plan.cost <= free.outcome.plan.cost
+
+
+def test_a_goal_that_names_a_tool_is_reached_with_that_tool(tmp_path: Path) -> None:
+    written = text(4, kinds="thickness").replace(
+        "measured(_, _, meas(m2))", "measured(us_probe, _, meas(m2))"
+    )
+    assert ("m2", "us_probe") in measured(sequenced(inspection(tmp_path, written))[0])
+
+
+def test_what_is_asked_for_beside_measurements_comes_last(tmp_path: Path) -> None:
+    more = "goals:\n  - location(us_probe, t3_746, in_rack)"
+    written = text(4, kinds="thickness").replace("goals:", more)
+    outcome, visits = sequenced(inspection(tmp_path, written))
+    assert measured(outcome) == visits
+    assert outcome.plan.steps[-1].operator.name == "put_down"
+
+
+def test_measurements_that_hold_already_are_not_made_again(tmp_path: Path) -> None:
+    start = "initial:\n  - measured(us_probe, t3_746, meas(m3))"
+    outcome, _ = sequenced(inspection(tmp_path, text(6, kinds="thickness", more=start)))
+    assert sorted(name for name, _ in measured(outcome)) == ["m1", "m2", "m4", "m5", "m6"]
+
+
+def test_a_measurement_that_nothing_can_make_has_no_plan_and_the_reason_is_told(tmp_path: Path) -> None:
+    written = text(6, kinds="profile").replace("statics:", "statics:\n  - bore(m4, 1000)")
+    found = by_sequence(inspection(tmp_path, written))
+    assert found is not None
+    assert isinstance(found.outcome, Infeasible)
+    assert "m4: slra is too broad for the bore" in found.outcome.reason
+
+
+def test_other_problems_are_no_inspections() -> None:
+    problem = load(find("themse/one")).problem
+    assert problem is not None
+    assert by_sequence(problem) is None
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_the_ways_of_the_plan_are_those_of_the_tour(tmp_path: Path, seed: int) -> None:
+    problem = inspection(tmp_path, text(12, seed, kinds="thickness"))
+    found = by_sequence(problem)
+    assert found is not None
+    assert isinstance(found.outcome, Found)
+    places: dict[Term, tuple[int, ...]] = {}
+    for fact in problem.statics:
+        if fact.name == "position":
+            places[fact.arguments[0]] = tuple(int(str(each)) for each in fact.arguments[1:])
+    moves = [s.operator.arguments[1:] for s in found.outcome.plan.steps if s.operator.name == "move"]
+    ways = [[getattr(end, "arguments", ())[0] for end in move] for move in moves]
+    length = sum(
+        sum((a - b) ** 2 for a, b in zip(places[one], places[other], strict=True)) ** 0.5
+        for one, other in ways
+        if one in places and other in places
+    )
+    assert length == pytest.approx(found.itinerary.tour.cost, abs=len(moves))

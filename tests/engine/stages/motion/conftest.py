@@ -1,0 +1,63 @@
+"""Small cells for motions: planar arms of two or three links among blocks."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from engine.model.geometry import Floats, Joints, Piece, Scene
+from engine.stages.geometry import transforms
+from engine.stages.geometry.collision.builtin import BuiltinChecker
+from engine.stages.geometry.collision.ground import Ground
+
+CORNERS = np.array([(x, y, z) for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)])
+
+
+def block(name: str, middle: tuple[float, float], size: tuple[float, float]) -> Piece:
+    """A block that stands in the plane."""
+    return Piece(name, 0, transforms.translation(*middle, 0.0), CORNERS * (*size, 0.2), 0.0, box=True)
+
+
+def arm_among(blocks: list[Piece], links: int = 2, length_m: float = 1.0) -> Scene:
+    """A planar arm of thin links, each turning about z by up to half a turn, among blocks."""
+    origins = np.repeat(np.eye(4)[None], links, axis=0)
+    origins[1:, 0, 3] = length_m
+    joints = Joints(
+        np.arange(links),
+        origins,
+        np.tile([0.0, 0.0, 1.0], (links, 1)),
+        np.zeros(links, dtype=bool),
+        np.full(links, -np.pi),
+        np.full(links, np.pi),
+    )
+    ends = np.array([[0.0, 0.0, 0.0], [length_m, 0.0, 0.0]])
+    arm = [Piece(f"link {n + 1}", n + 1, np.eye(4), ends, 0.03) for n in range(links)]
+    pieces = (*arm, *blocks)
+    pairs = [(i, links + j) for i in range(links) for j in range(len(blocks))]
+    bodies = tuple(dict.fromkeys(piece.body for piece in pieces))
+    return Scene(joints, pieces, np.array(pairs, dtype=np.int64).reshape(-1, 2), bodies=bodies)
+
+
+def random_ground(rng: np.random.Generator, blocks: int, links: int = 2) -> Ground:
+    """An arm among blocks at random places that are not on its base."""
+    found: list[Piece] = []
+    while len(found) < blocks:
+        middle = rng.uniform(-2.0, 2.0, 2)
+        if np.linalg.norm(middle) > 0.6:
+            size = rng.uniform(0.1, 0.5, 2)
+            found.append(block(f"block {len(found)}", (middle[0], middle[1]), (size[0], size[1])))
+    return Ground(BuiltinChecker(arm_among(found, links)))
+
+
+def finely(path: Floats, step: float) -> Floats:
+    """Configurations of a path that are at most `step` apart."""
+    parts = [
+        one + np.linspace(0.0, 1.0, int(np.linalg.norm(two - one) / step) + 2)[:, None] * (two - one)
+        for one, two in pairwise(path)
+    ]
+    return np.concatenate(parts)
+
+
+@pytest.fixture
+def rng() -> np.random.Generator:
+    return np.random.default_rng(18)
