@@ -15,6 +15,7 @@ import os
 import sys
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from importlib.util import find_spec
 from itertools import pairwise
 from pathlib import Path
@@ -36,6 +37,7 @@ from engine.stages.geometry.world.scenes import scene_of
 from engine.stages.motion.planner import plan, search
 
 STEP, FINER, RUNS = 1 / 32, 1 / 320, 3
+BRIDGES = (200, 600, 2000)  # short cuts tried for the shortest paths known
 
 
 def timed(run: Callable[[], Any]) -> tuple[float, Any]:
@@ -46,6 +48,13 @@ def timed(run: Callable[[], Any]) -> tuple[float, Any]:
         answer = run()
         times.append((time.process_time() - started) * 1e3)
     return min(times), answer
+
+
+def timed_once(run: Callable[[], Any]) -> tuple[float, Any]:
+    """The processor time of one call in milliseconds, and its answer."""
+    started = time.process_time()
+    answer = run()
+    return (time.process_time() - started) * 1e3, answer
 
 
 def independent(scene: Scene) -> CollisionChecker:
@@ -72,8 +81,7 @@ def ompl_ms(ground: Ground, task: Task, seconds: float = 2.0) -> float | None:
     """Milliseconds of OMPL's RRT-Connect; None where it finds nothing."""
     from ompl import base, geometric, util
 
-    util.setLogLevel(util.LOG_ERROR)
-    util.RNG.setSeed(1)
+    util.setLogLevel(util.LOG_NONE)
     joints, count = ground.scene.joints, ground.scene.joints.count
     space = base.RealVectorStateSpace(count)
     bounds = base.RealVectorBounds(count)
@@ -124,10 +132,11 @@ def measure(task: Task, allowed: frozenset[frozenset[str]], peers: bool) -> dict
         return {**row, "status": "not found"}
     row["short_ms"], short = timed(lambda: search(ground, query))
     row["whole_ms"], whole = timed(lambda: plan(ground, query))
-    best = search(ground, Query(task.ends[0], task.ends[1:], step=STEP, bridges=3000))
+    more = [timed_once(lambda n=n: search(ground, replace(query, bridges=n))) for n in BRIDGES]
     row |= {
         "status": "solved",
-        "lengths": [long(each.path) for each in (found, short, whole, best)],
+        "lengths": [long(each.path) for each in (found, short, whole, *(each for _, each in more))],
+        "refining_ms": [spent for spent, _ in more],
         "proved": whole.proved,
         "looked": found.looked,
         "stretches": whole.stretches,
@@ -151,7 +160,13 @@ def shown(rows: list[dict[str, Any]]) -> Table:
         if values:
             marks = (np.median(values), np.percentile(values, 95), np.max(values))
             table.add_row(said, *(f"{each:,.2f}" for each in marks))
-    for at, said in ((1, "length with short cuts"), (2, "length of the proved path")):
+    said_of = {0: "length of the first path", 1: "with short cuts", 2: "proved"}
+    said_of |= {3 + n: f"with {tried} bridges tried" for n, tried in enumerate(BRIDGES)}
+    for n, tried in enumerate(BRIDGES):
+        spent = [row["refining_ms"][n] for row in solved]
+        marks = (np.median(spent), np.percentile(spent, 95), np.max(spent))
+        table.add_row(f"with {tried} bridges tried, ms", *(f"{each:,.2f}" for each in marks))
+    for at, said in said_of.items():
         ratios = [row["lengths"][at] / min(row["lengths"]) for row in solved]
         table.add_row(
             f"{said}, of the best known",

@@ -15,12 +15,16 @@ from engine.stages.geometry.reach.reach import Reachability, Unreached
 from engine.stages.geometry.world.following import following
 from engine.stages.geometry.world.model import World
 from engine.stages.motion.planner import plan
+from engine.stages.motion.trajectory import Limits, Trajectory, fastest
 from kb.diagnostics import Diagnostic, InvalidInput, Source, unknown_name
 from kb.loader.configuration import read_configuration
 from kb.model.cell import Cell, Place, Placement
 from kb.model.shapes import Pose
 
 HOME, POINT = "home", "point"
+UNKNOWN_SPEED = 1.0  # rad/s or m/s
+SWIFT = 4.0  # 1/s: of a joint whose acceleration is unknown: full speed after a quarter of a second
+ABRUPT = 10.0  # 1/s: full acceleration after a tenth of a second
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -42,15 +46,12 @@ class Motion:
             return np.zeros((0, len(self.joints)))
         return self.answer.path[:, self.first : self.first + len(self.joints)]
 
-    def times(self) -> Floats:
-        """When the arm is at each configuration of the path (m,), in s, at the least: each joint at most at its full speed.
-
-        A joint of unknown speed moves by 1 rad or 1 m each second.
-        """
-        speeds = np.array([joint.speed or 1.0 for joint in self.world.models[self.arm].arm.joints])
-        if not isinstance(self.answer, Moved):
-            return np.zeros(0)
-        return np.append(0.0, np.cumsum((np.abs(np.diff(self.path(), axis=0)) / speeds).max(axis=1)))
+    def trajectory(self) -> Trajectory:
+        """The least times on the path, within what the arm's file says of its joints, and else what is assumed of them."""
+        joints = self.world.models[self.arm].arm.joints
+        speed = np.array([joint.speed or UNKNOWN_SPEED for joint in joints])
+        rated = [joint.acceleration or SWIFT * full for joint, full in zip(joints, speed, strict=True)]
+        return fastest(self.path(), Limits(speed, np.array(rated), np.array(rated) * ABRUPT))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -62,7 +63,9 @@ class _End:
     place: Place | None = None
 
 
-def move(target: str, start: str, goal: str, margin_m: float = 0.0, seed: int = 0) -> Motion:
+def move(
+    target: str, start: str, goal: str, margin_m: float = 0.0, seed: int = 0, bridges: int = 60
+) -> Motion:
     """The motion in the cell of a target between two ends, each named as `end_of` says.
 
     The tool of a place is in the hand all the way. Raises `InvalidInput` for what cannot be read, and for places out of reach.
@@ -83,6 +86,7 @@ def move(target: str, start: str, goal: str, margin_m: float = 0.0, seed: int = 
         reach.whole(place, ends[1].configurations),
         margin_m=margin_m,
         seed=seed,
+        bridges=bridges,
         moving=tuple(range(first, first + count)),
     )
     names = tuple(joint.name for joint in world.models[place.arm].arm.joints)

@@ -36,6 +36,9 @@ def plan_motion(
     margin: Annotated[
         float, typer.Option(min=0, max=10, callback=number, help="metres that everything must stay clear")
     ] = 0.0,
+    bridges: Annotated[
+        int, typer.Option(min=0, max=100_000, help="short cuts that are tried: more work, a shorter path")
+    ] = 60,
     seed: Seed = 0,
     format: Annotated[MotionForm, typer.Option("--format", help="how it is shown")] = MotionForm.TEXT,
     output: Annotated[Path | None, typer.Option("--output", "-o", help="the SVG file to write")] = None,
@@ -44,24 +47,33 @@ def plan_motion(
     if format is not MotionForm.SVG:
         refuse_idle({"--output": output}, "without a picture: give --format svg")
     form = Form.JSON if format is MotionForm.JSON else Form.TEXT
-    give(lambda: _planned(target, start, goal, margin, seed, format, output), form)
+    give(lambda: _planned(target, (start, goal), (margin, seed, bridges), format, output), form)
 
 
 def _planned(
-    target: str, start: str, goal: str, margin: float, seed: int, form: MotionForm, output: Path | None
+    target: str,
+    ends: tuple[str, str],
+    settings: tuple[float, int, int],
+    form: MotionForm,
+    output: Path | None,
 ) -> Answer:
+    import numpy as np
     from rich.text import Text
 
     from engine.formats.report import motion as report
+    from engine.formats.report import motion_svg
     from engine.pipelines import motion as pipeline
 
-    found = pipeline.move(target, start, goal, margin, seed)
-    path, times = found.path(), found.times()
+    found = pipeline.move(target, *ends, *settings)
+    path, timed = found.path(), found.trajectory()
+    times = timed.corners_s
     status = report.status(found.answer)
     content = report.content(found.answer, found.joints, path, times)
     said = report.text(found.answer, found.joints, path, times)
     if form is MotionForm.SVG and len(path):
-        drawn = report.picture(found.joints, path, times)
+        moments = np.linspace(0.0, times[-1], motion_svg.MOMENTS)
+        values, speeds, _ = timed.at(moments)
+        drawn = motion_svg.picture(found.joints, moments, values, speeds)
         if output is None:
             return Answer(status, raw=drawn)
         output.write_text(drawn, encoding="utf-8")

@@ -1,15 +1,12 @@
-"""A planned motion as text, as content for JSON, and as a picture of joint values over time."""
+"""A planned motion as text, and as content for JSON."""
 
 import math
 from collections.abc import Sequence
 from typing import Any
 
-from engine.formats.report.palette import colours
-from engine.formats.report.svg import INK, PAPER
 from engine.model.geometry import Contact, Floats
 from engine.model.motion import Answer, Blocked, InCollision, Moved, OutsideLimits, Reason, Refused
 
-WIDTH, HEIGHT, MARGIN, LINE = 860.0, 420.0, 50.0, 18.0  # pixels
 SHOWN = 3  # contacts that are named
 
 
@@ -75,7 +72,8 @@ def text(answer: Answer, joints: Sequence[str], path: Floats, times: Floats) -> 
             rows = [f"{t:8.3f} s  {_values(q)}" for t, q in zip(times, path, strict=True)]
             said = "proved free everywhere" if answer.proved else "free where it was looked at, not proved"
             head = f"a path of {len(path)} configurations, {times[-1]:.2f} s, {said}"
-            return "\n".join([head, *rows])
+            rests = ["it rests at each configuration"] if len(path) > 2 else []
+            return "\n".join([head, *rows, *rests])
         case Refused():
             return "\n".join(_told(each, joints) for each in answer.reasons)
         case Blocked():
@@ -107,37 +105,3 @@ def _touching(contact: Contact) -> str:
 
 def _values(q: Floats) -> str:
     return ", ".join(f"{math.degrees(value):.1f}" for value in q)
-
-
-def picture(joints: Sequence[str], path: Floats, times: Floats) -> str:
-    """The SVG of joint values (m, k) over time (m,)."""
-    inks = colours(joints)
-    low, high = float(path.min()), float(path.max())
-    span, whole = max(high - low, 1e-9), max(float(times[-1]), 1e-9)
-    tall = HEIGHT + LINE * len(joints)
-
-    def at(t: float, value: float) -> str:
-        x = MARGIN + (WIDTH - 2 * MARGIN) * t / whole
-        return f"{x:.1f},{HEIGHT - MARGIN - (HEIGHT - 2 * MARGIN) * (value - low) / span:.1f}"
-
-    lines = [
-        f'<svg xmlns="http://www.w3.org/2000/svg" width="{WIDTH:g}" height="{tall:g}" font-family="sans-serif" '
-        f'font-size="12">',
-        f'<rect width="100%" height="100%" fill="{PAPER}"/>',
-        f'<path d="M {at(0, high)} L {at(0, low)} L {at(whole, low)}" fill="none" stroke="{INK}"/>',
-        f'<text x="4" y="{MARGIN:g}" fill="{INK}">{high:.2f}</text>',
-        f'<text x="4" y="{HEIGHT - MARGIN:g}" fill="{INK}">{low:.2f}</text>',
-        f'<text x="{WIDTH - MARGIN:g}" y="{HEIGHT - MARGIN + LINE:g}" fill="{INK}">{whole:.2f} s</text>',
-    ]
-    for n, name in enumerate(joints):
-        points = " ".join(at(float(t), float(q[n])) for t, q in zip(times, path, strict=True))
-        lines.append(f'<polyline points="{points}" fill="none" stroke="{inks[name]}" stroke-width="2"/>')
-        y = HEIGHT + LINE * n
-        lines.append(f'<text x="{MARGIN:g}" y="{y:g}" fill="{inks[name]}">{_escaped(name)}</text>')
-    return "\n".join([*lines, "</svg>"]) + "\n"
-
-
-def _escaped(name: str) -> str:
-    from xml.sax.saxutils import escape
-
-    return escape(name)

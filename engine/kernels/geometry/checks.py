@@ -61,7 +61,6 @@ def _room(poses: Floats, p: Pieces, q: Pairs) -> Room:
 
 def first_contact(here: Room, q: Pairs, n: int, by: float) -> int:
     """The first pair that is within `by` (at least 0) of each other in pose `n` of the batch, or -1."""
-    room.move_bounds(here, n)
     for g in range(q._groups.shape[0]):
         first = first_of_group(here, q, g, n, by)
         if first >= 0:
@@ -70,16 +69,23 @@ def first_contact(here: Room, q: Pairs, n: int, by: float) -> int:
 
 
 def first_of_group(here: Room, q: Pairs, g: int, n: int, by: float) -> int:
-    """The same for one group, whose bounds are in place. A first piece that is off the other bounds spares its pairs."""
+    """The same for one group. A first piece that is off the other bounds spares its pairs.
+
+    Bounds are put in place when they are first looked at: most groups are apart, and their pieces need not be moved.
+    """
+    room.bounds_once(here, q._groups[g, 0], n)
+    room.bounds_once(here, q._groups[g, 1], n)
     if volumes.verdict(here, q._groups[g, 0], q._groups[g, 1], by) == volumes.APART:
         return -1
     m, last, around, checked = q._groups[g, 2], q._groups[g, 3], q._groups[g, 1], -1
     while m < last:
         i, j = q._pairs[m, 0], q._pairs[m, 1]
+        room.bounds_once(here, i, n)
         if i != checked and volumes.verdict(here, i, around, by) == volumes.APART:
             m = q._after[m]
             continue
         checked = i
+        room.bounds_once(here, j, n)
         said = volumes.verdict(here, i, j, by)
         if said == volumes.TOUCHING or (said == volumes.UNDECIDED and _decided(here, i, j, n, by)):
             return int(q._order[m])
@@ -101,7 +107,6 @@ def count_hits(poses: Floats, p: Pieces, q: Pairs, hits: Longs) -> None:
         raise ValueError(f"{q._groups.shape[0]} groups have as many results, not {count.shape[0]}")
     with cython.nogil:
         for n in range(here.batch):
-            room.move_bounds(here, n)
             for g in range(count.shape[0]):
                 if first_of_group(here, q, g, n, 0.0) >= 0:
                     count[g] += 1

@@ -125,7 +125,6 @@ def touches(e: Edges) -> bool:
     """Whether something touches in configuration `at`."""
     e.looked += 1
     place_carriers(e.mechanism, e.at, 0, e.poses)
-    room.move_bounds(e.room, 0)
     room.forget(e.room)
     latest = e.latest
     if latest < e.pairs._groups.shape[0] and checks.first_of_group(e.room, e.pairs, latest, 0, e.margin) >= 0:

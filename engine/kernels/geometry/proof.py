@@ -87,7 +87,6 @@ def _stand_at(p: Proof, a: Floats, n: int, t: float, half: float) -> float:
         away = a[n + 1, x] - a[n, x]
         p.at[x], p.half[x] = a[n, x] + t * away, half * abs(away)
     edges.place_carriers(p.mechanism, p.at, 0, p.poses)
-    room.move_bounds(p.room, 0)
     room.forget(p.room)
     for i in range(p.room.count):
         p.whole[i] = 0.0
@@ -111,11 +110,15 @@ def _apart(p: Proof) -> bool:
 def _near(p: Proof, g: int) -> int:
     """The first pair of a group that may touch on the stretch, or -1."""
     i, j = p.pairs._groups[g, 0], p.pairs._groups[g, 1]
+    room.bounds_once(p.room, i, 0)
+    room.bounds_once(p.room, j, 0)
     if volumes.verdict(p.room, i, j, _motion(p, i, j)) == volumes.APART:
         return -1
     for m in range(p.pairs._groups[g, 2], p.pairs._groups[g, 3]):
         i, j = p.pairs._pairs[m, 0], p.pairs._pairs[m, 1]
         by = _motion(p, i, j)
+        room.bounds_once(p.room, i, 0)
+        room.bounds_once(p.room, j, 0)
         said = volumes.verdict(p.room, i, j, by)
         if said == volumes.UNDECIDED:
             room.place_once(p.room, i, 0)

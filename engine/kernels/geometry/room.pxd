@@ -13,11 +13,12 @@ cdef class Room:
     cdef double[::1] radius
     cdef const long long[::1] carrier
     cdef double[:, ::1] world, bounds
-    cdef Py_ssize_t[::1] placed
+    cdef Py_ssize_t[::1] placed, moved
     cdef Cores cores
     cdef Pieces pieces
 
 cdef void move_bounds(Room room, Py_ssize_t n) noexcept nogil
+cdef void bounds_once(Room room, Py_ssize_t i, Py_ssize_t n) noexcept nogil
 cdef void _place_bounds(Room room, Py_ssize_t n, Py_ssize_t i) noexcept nogil
 cdef void _turn(Room room, Py_ssize_t n, Py_ssize_t k, Py_ssize_t i, Py_ssize_t at) noexcept nogil
 cdef void place(Room room, Py_ssize_t n, Py_ssize_t i) noexcept nogil

@@ -35,8 +35,9 @@ class Room:
         self.world, self.cores, self.bounds = world, Cores(world), bounds
         self.stretch, self.radius = stretch, radius
         self.placed = np.empty(self.count, np.int64)  # the last of the batch that each was placed for
+        self.moved = np.empty(self.count, np.int64)  # the same for bounds
         for i in range(self.count):
-            self.placed[i] = self.batch if self.carrier[i] == 0 else -1
+            self.placed[i] = self.moved[i] = self.batch if self.carrier[i] == 0 else -1
 
 
 def move_bounds(room: Room, n: int) -> None:
@@ -44,6 +45,14 @@ def move_bounds(room: Room, n: int) -> None:
     for i in range(room.count):
         if room.carrier[i] != 0:
             _place_bounds(room, n, i)
+            room.moved[i] = n
+
+
+def bounds_once(room: Room, i: int, n: int) -> None:
+    """Put the bounds of one piece where its carrier is, unless they are there already."""
+    if room.moved[i] < n:
+        _place_bounds(room, n, i)
+        room.moved[i] = n
 
 
 def _place_bounds(room: Room, n: int, i: int) -> None:
@@ -90,7 +99,7 @@ def forget(room: Room) -> None:
     """Take all that moves for not placed: the poses were written anew."""
     for i in range(room.count):
         if room.carrier[i] != 0:
-            room.placed[i] = -1
+            room.placed[i] = room.moved[i] = -1
 
 
 def place_once(room: Room, i: int, n: int) -> None:

@@ -55,7 +55,7 @@ def test_a_picture_shows_each_joint_over_time(tmp_path: Path) -> None:
     words = ["motion", "plan", "bulkhead", "--from", "home", "--to", "meas(m2)", "--format", "svg"]
     drawn = run(app, words).stdout
     assert drawn.startswith("<svg")
-    assert drawn.count("<polyline") == 6
+    assert drawn.count("<polyline") == 2 * 6  # values and speeds
     file = tmp_path / "motion.svg"
     assert run(app, [*words, "-o", str(file)]).exit_code == 0
     assert file.read_text("utf-8") == drawn
