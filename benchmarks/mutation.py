@@ -151,7 +151,7 @@ def _copied(copy: Path) -> None:
 
 
 def _tried(copy: Path, file: str, module: str, mutants: Sequence[dict[str, str]]) -> list[Verdict]:
-    """The verdicts on the mutants of one file, found by a process that has imported what it may."""
+    """The verdicts on the mutants of one file."""
     out = copy / "verdicts.json"
     child = os.fork()
     if not child:

@@ -39,7 +39,8 @@ def _load(group: str, name: str) -> Callable[..., Any]:
     found = [point for point in metadata.entry_points(group=group) if point.name == name]
     if not found:
         names = known(group)
-        hint = nearest(name, names) or f"one of: {', '.join(names)}"
+        again = "install this version again: none of its plug-ins of this kind is registered"
+        hint = nearest(name, names) or (f"one of: {', '.join(names)}" if names else again)
         raise InvalidInput([Diagnostic(Source(name), "K414", f"no plug-in of this name for {group}", hint)])
     try:
         factory: Callable[..., Any] = found[0].load()

@@ -62,7 +62,7 @@ class Timetable:
 
     `shop` has a stage for each block of steps that serves an object, or for each step. `scope` says among what the
     makespan is the least, if that is proved. `note` says why steps are not scheduled as blocks, if they are not;
-    `unwatched` that nobody watches longest stays, release and due times, or travel.
+    `unwatched` that nobody watches longest stays.
     """
 
     plan: Plan

@@ -1,6 +1,6 @@
 """All errors in a domain, its problems, its cell, its fault base and its contact model, reported in one run."""
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -60,7 +60,8 @@ def check(target: str, reach: bool = True) -> CheckReport:
     if loaded is not None and (cell := Path(loaded.domain.path).with_name(CELL_FILE)).is_file():
         paths.append(cell)
         atoms = {atom for each, task in grounded for atom in each.told_of_all(task.atoms)}
-        found += _checked_cell(cell, loaded.domain, reach, atoms)
+        located = {place for each in problems for place in _located(each)}
+        found += _checked_cell(cell, loaded.domain, reach, atoms, located)
         found += [each for each in _checked_frame(loaded.domain) if each not in found]
     if loaded is not None and (faults := Path(loaded.domain.path).with_name(FAULTS_FILE)).is_file():
         paths.append(faults)
@@ -81,11 +82,19 @@ def _starts_badly(problem: Problem, task: Task, problems: Sequence[Problem], fou
     return bool(wrong)
 
 
-def _checked_cell(cell: Path, domain: Domain, reach: bool, atoms: Collection[Atom]) -> list[Diagnostic]:
+def _located(problem: Problem) -> Iterator[str]:
+    """The places of measurements whose position is a fact of the problem."""
+    words = problem.domain.conventions
+    return (words.place(str(fact.arguments[0])) for fact in problem.statics if fact.name == words.position)
+
+
+def _checked_cell(
+    cell: Path, domain: Domain, reach: bool, atoms: Collection[Atom], located: Collection[str]
+) -> list[Diagnostic]:
     """The errors in a cell. Geometry is imported only for domains that have a cell."""
     from engine.stages.geometry.reach.checking import check_cell
 
-    return check_cell(cell, domain, geometry_backend if reach else None, atoms)
+    return check_cell(cell, domain, geometry_backend if reach else None, atoms, located)
 
 
 def _checked_frame(domain: Domain) -> list[Diagnostic]:

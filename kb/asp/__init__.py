@@ -68,6 +68,11 @@ class Grounder:
         found = self._control.symbolic_atoms.by_signature(predicate, arity)
         return [tuple(map(term, atom.symbol.arguments)) for atom in found]
 
+    def column(self, predicate: str, arity: int, number: int) -> list[str]:
+        """The texts of one argument of every true atom of a predicate: its other arguments are not read."""
+        found = self._control.symbolic_atoms.by_signature(predicate, arity)
+        return [str(atom.symbol.arguments[number]) for atom in found]
+
     def everything(self) -> Iterator[Function]:
         """Every true atom of every predicate."""
         for name in dict.fromkeys(name for name, _, _ in self._control.symbolic_atoms.signatures):

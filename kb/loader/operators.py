@@ -4,17 +4,15 @@ from collections.abc import Iterable
 from typing import Any
 
 from kb.diagnostics import nearest, unknown_name
+from kb.loader.counted import Counted
 from kb.loader.inference import Typing, scoped
 from kb.loader.names import Names
 from kb.loader.reader import Expression, Reader
 from kb.loader.safety import closed, extended, occurrences, refuse_unbound, warn_singletons
-from kb.model.amounts import asks
 from kb.model.conditions import TRUE, And, Condition, Parameter, free_variables
-from kb.model.domain import NUMERIC_TYPES, OBJECT, Command, Effect, Kind, Operator
-from kb.model.motion import DISTANCE
-from kb.terms import ANYTHING, Function, Number, Operation, Term, Variable, variables
+from kb.model.domain import Command, Effect, Kind, Operator
+from kb.terms import ANYTHING, Function, Term, Variable, variables
 
-UNDECLARED = ("travel", DISTANCE)  # what a duration may ask for once a domain declares how an arm moves
 READABLE = (Kind.STATIC, Kind.FLUENT, Kind.DERIVED)
 CHANGEABLE = (Kind.FLUENT, Kind.EVENT)
 
@@ -129,7 +127,7 @@ class _OperatorReader:
                     self.typing.atom(atom, expression, kinds)
         for name, type_ in _NUMBERS.items():
             if expression := self.fields[name]:
-                self._number(name, type_, expression)
+                Counted(self.names, self.typing, name, type_, expression).check()
         self._check_header()
 
     def _check_header(self) -> None:
@@ -139,44 +137,6 @@ class _OperatorReader:
                 message = f"the variable {variable} cannot be used {'twice' if variable != ANYTHING else ''}".rstrip()
                 hint = "each variable of a header needs a different name"
                 self.names.findings.add(self.header.place(variable), "K104", f"{message} in a header", hint)
-
-    def _number(self, name: str, type_: str, expression: Expression) -> None:
-        """A duration or cost: numbers, variables of numeric types, and what stands for a number."""
-        value = expression.value
-        if isinstance(value, Number) and value.value < 0:
-            hint = f"a {name} must be 0 or more"
-            self.names.findings.add(expression.node.where, "K113", f"the {name} {value} is negative", hint)
-        self._counted(name, type_, value, expression)
-
-    def _counted(self, name: str, type_: str, term: Term, expression: Expression) -> None:
-        match term:
-            case Variable():
-                self._numeric(name, type_, term, expression)
-            case Operation(_, left, right):
-                self._counted(name, type_, left, expression)
-                self._counted(name, type_, right, expression)
-            case Function(known, arguments) if asks(
-                self.names.predicates, self.names.travel, known, len(arguments)
-            ):
-                declared = self.names.predicates.get(known)
-                types = declared.arguments if declared else (OBJECT, OBJECT)
-                for argument, expected in zip(arguments, types, strict=False):
-                    self.typing.term(argument, expected, expression, term)
-            case Function(known, (_, _)) if known in UNDECLARED and known not in self.names.functions:
-                hint = "declare `motion:` with a speed, or the static travel(place, place, time)"
-                message = f"no motion is declared, so '{known}' is not known"
-                self.names.findings.add(expression.place(term), "K101", message, hint)
-                self.typing.sound = False
-            case _:
-                self.typing.term(term, type_, expression, Function(name))
-
-    def _numeric(self, name: str, type_: str, variable: Variable, expression: Expression) -> None:
-        if (known := self.typing.type_of(variable)) is None:
-            self.typing.types[variable] = type_
-        elif known not in NUMERIC_TYPES:
-            message = f"{variable} is of type {known}, but a {name} is a number"
-            hint = "bind a number by a static: `takes(Item, Time)` in `where:`"
-            self.names.findings.add(expression.place(variable), "K103", message, hint)
 
     def _refuse_strangers(self) -> None:
         """Report variables that occur outside `where:` but not in the header."""

@@ -31,7 +31,10 @@ Full = Annotated[
 ]
 Reduced = Annotated[
     list[str] | None,
-    typer.Option("--reduced", metavar="PART", help="only these objects or classes; repeat it"),
+    typer.Option("--reduced", metavar="PART", help="only these objects or classes, one or several"),
+]
+More = Annotated[
+    list[str] | None, typer.Argument(metavar="[PART]...", help="more parts, after --reduced PART")
 ]
 Templates = Annotated[
     bool, typer.Option("--contacts", help="print each place with its contacts in the normal form")
@@ -59,6 +62,7 @@ Brings = Annotated[
 
 def states(
     target: Domain,
+    more: More = None,
     full: Full = False,
     reduced: Reduced = None,
     contacts: Templates = False,
@@ -69,6 +73,9 @@ def states(
 ) -> None:
     """Generate the contact states of DOMAIN from its contact model, and the net of the steps between them."""
     form = Form.JSON if format is NetForm.JSON else Form.TEXT
+    if more and not reduced:
+        raise typer.BadParameter(f"'{more[0]}' is one argument too many; parts of a cell follow --reduced")
+    reduced = [*(reduced or ()), *(more or ())]
     if output is not None:
         refuse_idle(
             {"--full": full, "--reduced": reduced, "--contacts": contacts, "--brings": brings}, _WITH_OUTPUT
@@ -79,8 +86,8 @@ def states(
             {"--full": full, "--contacts": contacts, "--brings": brings},
             "with --goal, which prints a sequence",
         )
-        give(lambda: _sequence(target, tuple(reduced or ()), goal), form)
-    give(lambda: _states(target, full, tuple(reduced or ()), contacts, brings, format), form)
+        give(lambda: _sequence(target, tuple(reduced), goal), form)
+    give(lambda: _states(target, full, tuple(reduced), contacts, brings, format), form)
 
 
 def _sequence(target: str, parts: tuple[str, ...], goals: list[str]) -> Answer:

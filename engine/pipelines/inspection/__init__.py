@@ -51,7 +51,7 @@ def partition(problem: Problem, placed: Collection[str] | None = None) -> Partit
     measured = {str(fact.arguments[-1]) for fact in problem.initial if fact.name == words.measured}
     done = tuple(name for name in measurements if words.place(name) in measured)
     left = [name for name in measurements if name not in set(done)]
-    given = (str(name) for name, *_ in grounder.atoms(words.position, 4))
+    given = grounder.column(words.position, 4, 0)
     located = set(measurements if has_table(problem, grounder.atoms) else given if placed is None else placed)
     tools = sorted({chosen[name] for name in left if name in chosen})
     groups = {tool: tuple(n for n in left if chosen.get(n) == tool and n in located) for tool in tools}

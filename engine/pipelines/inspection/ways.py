@@ -71,7 +71,7 @@ def _in_time(problem: Problem, changes: Changes) -> Changes:
 
 
 def straight(name: str, visits: tuple[Visit, ...], changes: Changes, start: int | None = None) -> TourProblem:
-    """An open tour of visits with known positions in metres. Motion costs are straight distances in micrometres."""
+    """An open tour of visits with known positions in metres. Travel costs are straight distances in micrometres."""
     lines = Metric("micrometres", np.array([visit.position for visit in visits], float).reshape(-1, 3))
     ways = lines if len(visits) > DENSE else lines.matrix()
     return TourProblem(name, visits, ways, closed=False, start=start, changes=changes, unit=STRAIGHT)

@@ -77,23 +77,26 @@ class Vocabulary:
         if marks is None:
             return f"{named}({instance})"
         if point.anchor in marks:
-            return f"{named}({instance}, {self.mark(point.anchor)})"
+            return f"{named}({instance}, {self.mark(f'{named}_mark', point.anchor)})"
         mark = point.anchor if variable(point.anchor) and point.anchor != ANY else f"A{len(variables) + 1}"
         variables[mark] = f"{named}_mark"
         return f"{named}({instance}, {mark})"
 
-    def mark(self, anchor: str) -> str:
-        """The constant for one of several anchor points."""
-        taken = anchor in self.domain.objects or anchor in self.model.objects
-        return f"{anchor}_mark" if taken else anchor
+    def mark(self, marks: str, anchor: str) -> str:
+        """The constant for one of several anchor points: its name, unless something else has it, too."""
+        alike = sum(anchor in anchors for anchors in self.marks.values())
+        taken = {*self.domain.objects, *self.model.objects, *self._constants}
+        return f"{marks.removesuffix('_mark')}_{anchor}" if alike > 1 or anchor in taken else anchor
+
+    @property
+    def _constants(self) -> frozenset[str]:
+        return frozenset(name for each in self.domain.types.values() for name in each.constants)
 
     def declarations(self) -> dict[str, list[str]]:
         """Lines for the sections `types`, `functions` and `objects`."""
         types = ["anchor_point: term", *(f"{name}: object" for name in self.declared)]
-        taken: set[str] = set()
         for name, anchors in self.marks.items():
-            types.append(f"{name}: [{', '.join(map(self.mark, anchors))}]")
-            taken |= set(anchors)
+            types.append(f"{name}: [{', '.join(self.mark(name, each) for each in anchors)}]")
         functions = []
         for kind, type_ in self.types.items():
             for anchor_class in dict.fromkeys(

@@ -108,12 +108,14 @@ def own_order(problem: Problem, task: Task, plan: Plan) -> Timetable:
     if len(plan.steps) > LONG:
         return keeping(problem, plan)
     wishes = wishes_for(PlanGate().semantics(problem), plan)
+    if wishes.any:
+        return kept(problem, plan, wishes)
     try:
         operators, goals = operators_of(task, plan)
     except Unstructured:
         return in_its_order(problem, plan)
     bound = Steps(problem, task, plan, operators, goals, wishes).bound
-    return replace(in_its_order(problem, plan, bound=bound), unwatched=wishes.any)
+    return in_its_order(problem, plan, bound=bound)
 
 
 def by_other_means(
@@ -135,9 +137,9 @@ def by_other_means(
 
 
 def _as_given(problem: Problem, plan: Plan, note: str, wishes: Wishes, bound: int = 0) -> Timetable:
-    """The plan in its own order, which nobody has compared with what is wished."""
+    """The plan in its own order, with everything that is wished but longest stays, which nobody watches there."""
     said = f"{note}; nobody watches longest stays" if wishes.longest_stay else note
-    return replace(in_its_order(problem, plan, said, bound), unwatched=wishes.any)
+    return kept(problem, plan, wishes, said) if wishes.any else in_its_order(problem, plan, said, bound)
 
 
 def _by_blocks(gate: PlanGate, steps: Steps, limits: ScheduleLimits) -> Timetable | Infeasible | GaveUp | str:

@@ -21,6 +21,7 @@ GRAIN = 64.0  # penalties are whole multiples of 1 / GRAIN
 ROUNDS = 4
 STEPS, EFFORT = 4000, 1_500_000  # steps of the ascent: at most so many, or so many cities looked at
 DENSE = 12_000  # up to this number of cities all edges are counted one by one
+QUICK = 8_000  # up to this number of cities there is always a bound, soon after an interrupt
 KNOWN = 60  # of more cities, on average so many near ones are counted
 QUANTILES = (1.0, 0.9999, 0.999, 0.99, 0.95, 0.9, 0.75, 0.5)  # of the weights of a tree
 FEWER, LEAST = 4, 3  # each time as many clusters; the fewest
@@ -66,7 +67,7 @@ def bound(
 ) -> int:
     """A lower bound on all closed tours of n >= 8 cities. `near` (n, k) are candidates, `tour` is a good tour.
 
-    `effort` is the number of cities that are looked at.
+    `effort` is the number of cities that are looked at. If it is interrupted, it has no time for a bound on many cities: 0.
     """
     n, upper, best = len(costs), costs.of_tour(tour), -np.inf
     cities = np.repeat(np.arange(n, dtype=np.int64), near.shape[1])
@@ -77,6 +78,8 @@ def bound(
     penalty = _coarsely(edges, np.zeros(n), float(upper), steps, interrupted)
     for _ in range(ROUNDS):
         penalty = _climbed(edges, penalty, float(upper), steps, interrupted)
+        if interrupted() and (n > QUICK or np.isfinite(best)):
+            break
         value, codes = _of_all(costs, penalty, edges)
         best = max(best, value)
         known = _codes(edges.first, edges.second, n)
@@ -84,7 +87,7 @@ def bound(
         if not len(fresh) or interrupted() or best > upper - 1:
             break
         edges, steps = _edges(costs, np.concatenate((known, fresh))), max(20, steps // 3)
-    return min(upper, int(np.ceil(best)))
+    return min(upper, int(np.ceil(best))) if np.isfinite(best) else 0
 
 
 def _codes(a: NDArray[np.integer], b: NDArray[np.integer], n: int) -> Longs:
@@ -111,6 +114,8 @@ def _coarsely(edges: _Edges, penalty: Floats, upper: float, steps: int, interrup
     longest = np.sort(tree.data)[::-1]
     counts = [n // FEWER**level for level in range(1, 20) if n // FEWER**level >= LEAST][::-1]
     for count in counts:
+        if interrupted():
+            break
         kept = tree.copy()
         kept.data[kept.data >= longest[count - 2]] = 0
         kept.eliminate_zeros()

@@ -5,6 +5,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 
+from engine.stages.validation.datalog import Facts
 from engine.stages.validation.interference import Executed, Interference, is_stage, signed
 from engine.stages.validation.workflow import ChainProgress
 from kb.model.domain import Kind
@@ -30,7 +31,8 @@ class Links:
 
     def idle(self) -> Iterator[str]:
         """The links for a condition that their consumer does not depend on, and those for stages that are none."""
-        needs = {GOAL: self._needs_of_goals()}
+        linked = Facts(signed(link.condition)[0] for link in self.plan.plan.links if link.consumer == GOAL)
+        needs = {GOAL: _among(linked, self._needs_of_goals())}
         for link in self.plan.plan.links:
             user = link.consumer
             if is_stage(link.condition):
@@ -40,7 +42,7 @@ class Links:
             if user not in needs:
                 needs[user] = self._needs(self.plan.executed[user])
             atom, _ = signed(link.condition)
-            if all(matched(each, atom, {}) is None for each in needs[user]):
+            if atom not in needs[user] and all(matched(each, atom, {}) is None for each in needs[user]):
                 yield f"{_said(link)}: the consumer does not need it"
 
     def lasts_until(self, atom: Atom, step: StepId) -> bool:
@@ -169,6 +171,11 @@ class Links:
         fluents = {name for name, each in problem.domain.predicates.items() if each.kind is Kind.FLUENT}
         stages = {stage for chain in problem.chains for stage in chain.stages if stage.name in fluents}
         return {*self.plan.mentioned(problem.goal, {}), *stages}
+
+
+def _among(atoms: Facts, patterns: set[Atom]) -> set[Atom]:
+    """The atoms that match one of the patterns."""
+    return {atom for each in patterns for atom in atoms.matching(each) if matched(each, atom, {}) is not None}
 
 
 def _said(link: CausalLink) -> str:

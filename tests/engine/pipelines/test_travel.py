@@ -1,4 +1,4 @@
-"""Motion is declared once: planner, sequencer, scheduler and checker read the same time for every way."""
+"""Travel is declared once: planner, sequencer, scheduler and checker read the same time for every way."""
 
 import dataclasses
 import math

@@ -38,10 +38,8 @@ def test_what_is_reached_with_a_few_is_told_of_all(tmp_path: Path) -> None:
     assert of_all == reachable_atoms(ground(problem))
 
 
-def test_a_large_problem_is_checked_and_its_places_are_told_in_one_line(tmp_path: Path) -> None:
-    found = check(str(imported(tmp_path, rows(1000))), reach=False).diagnostics
-    assert [each.code for each in found] == ["K705"]
-    assert "and 997 more" in found[0].message
+def test_a_large_problem_with_positions_is_checked_and_nothing_is_wrong(tmp_path: Path) -> None:
+    assert check(str(imported(tmp_path, rows(1000))), reach=False).diagnostics == ()
 
 
 def test_points_that_differ_in_what_is_known_about_them_are_not_alike(tmp_path: Path) -> None:

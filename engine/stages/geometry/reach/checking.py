@@ -25,11 +25,12 @@ def check_cell(
     domain: Domain,
     backend: Callable[[], GeometryBackend] | None = None,
     atoms: Collection[Atom] = (),
+    located: Collection[str] = (),
 ) -> list[Diagnostic]:
     """Everything that is wrong with a cell file, in order of place.
 
-    `atoms` are those that can become true: the places that they name must have a pose. Without a backend,
-    reach is not checked. Checks that need a correct file run only if the earlier checks found nothing.
+    `atoms` are those that can become true: the places that they name must have a pose, unless facts give their position
+    (`located`). Without a backend, reach is not checked. Checks that need a correct file run only if the earlier checks found nothing.
     """
     findings = Findings()
     try:
@@ -42,7 +43,7 @@ def check_cell(
     found += [
         *_strangers(cell, domain),
         *_strange_facts(cell, domain),
-        *_placeless(cell, atoms),
+        *_placeless(cell, atoms, located),
         *(wrong for each in _shapes(cell) for wrong in _shape_problems(each)),
     ]
     if not errors(found):
@@ -74,7 +75,7 @@ def _strange_facts(cell: Cell, domain: Domain) -> Iterator[Diagnostic]:
             yield Diagnostic(location.where, "K102", message, "write it as the domain declares it")
 
 
-def _placeless(cell: Cell, atoms: Collection[Atom]) -> Iterator[Diagnostic]:
+def _placeless(cell: Cell, atoms: Collection[Atom], located: Collection[str]) -> Iterator[Diagnostic]:
     """Terms such as slot(drawer, 5) for which the cell has no pose, although it has one for another term of
     the same name: one finding for each such name.
     """
@@ -82,7 +83,7 @@ def _placeless(cell: Cell, atoms: Collection[Atom]) -> Iterator[Diagnostic]:
     terms = {term for atom in atoms for term in _compound(atom) if term.name in kin}
     missing: dict[str, list[str]] = {}
     for term in sorted(terms, key=natural_key):
-        if str(term) not in cell.places:
+        if str(term) not in cell.places and str(term) not in located:
             missing.setdefault(term.name, []).append(str(term))
     hint = "say where the tool goes there, or make no problem need it"
     for functor, names in missing.items():

@@ -44,10 +44,20 @@ def test_the_net_as_data() -> None:
 
 
 def test_only_some_parts() -> None:
-    result = run("themse", "--reduced", "MARS_gripper", "--reduced", "drawer", "--contacts")
+    result = run("themse", "--contacts", "--reduced", "MARS_gripper", "drawer")
     assert result.exit_code == 0
+    assert (
+        result.stdout
+        == run("themse", "--reduced", "MARS_gripper", "--reduced", "drawer", "--contacts").stdout
+    )
     assert "MARS_gripper:O1.grip_source:grip - THEMSE_drawer:O2.grip_target:grip" in result.stdout
     assert "probe" not in result.stdout
+
+
+def test_a_part_without_the_option_is_refused() -> None:
+    result = run("themse", "drawer")
+    assert result.exit_code == 2
+    assert "--reduced" in result.stderr
 
 
 def test_a_part_that_is_not_there_is_refused() -> None:

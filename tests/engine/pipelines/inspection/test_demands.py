@@ -106,7 +106,7 @@ def test_check_tells_what_no_tour_can_keep(tmp_path: Path, facts: str, said: str
 def test_windows_need_a_declared_travel(tmp_path: Path) -> None:
     problem = problem_with(tmp_path, "window(m1, 0, 9)")
     with pytest.raises(InvalidInput, match="K405"):
-        tours_of(replace(problem, domain=replace(problem.domain, travel=None)))
+        tours_of(replace(problem, domain=replace(problem.domain, motion=None)))
 
 
 def test_slack_is_what_the_later_windows_leave(tmp_path: Path) -> None:

@@ -52,7 +52,11 @@ recipes = st.builds(
     st.sampled_from(list(OneWay)),
     st.booleans(),
     st.booleans(),
-).filter(lambda each: sum(each.seats) >= each.blocks + each.rings and 1 <= each.blocks + each.rings <= 3)
+).filter(
+    lambda each: (
+        each.blocks + each.rings <= sum(each.seats) <= 4 and 1 <= each.blocks + each.rings + each.robots <= 4
+    )
+)
 
 
 def cell(recipe: Recipe) -> ContactModel:

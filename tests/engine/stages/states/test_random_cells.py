@@ -14,7 +14,7 @@ from engine.stages.states.tokens import token_types
 from kb.model.contacts import ContactModel
 from tests.engine.stages.states.cells import Recipe, Slow, cell, recipes
 
-few = settings(max_examples=30, deadline=None, suppress_health_check=list(HealthCheck))
+few = settings(max_examples=12, deadline=None, suppress_health_check=list(HealthCheck))
 
 
 def generated(model: ContactModel, full: bool = False) -> tuple[Space, Net]:

@@ -1,0 +1,73 @@
+"""Tables of measurements: what is read, and what is wrong in which line."""
+
+from pathlib import Path
+
+import pytest
+
+from engine.formats.interop.tables import read_table
+from kb.diagnostics import Diagnostic, InvalidInput
+
+HEAD = "name,x,y,z,nx,ny,nz,kind,tolerance,bore,feature,remark\n"
+
+
+def table(folder: Path, text: str) -> Path:
+    file = folder / "points.csv"
+    file.write_text(text)
+    return file
+
+
+def wrong(folder: Path, text: str, unit: str = "mm") -> tuple[Diagnostic, ...]:
+    with pytest.raises(InvalidInput) as caught:
+        read_table(table(folder, text), unit)
+    return caught.value.diagnostics
+
+
+@pytest.mark.parametrize("mark", [",", ";", "\t"])
+def test_columns_are_divided_by_what_the_first_line_has(tmp_path: Path, mark: str) -> None:
+    text = (HEAD + "a,1,2,3,0,0,2,thickness,0.5,,f,a note\n").replace(",", mark)
+    (point,) = read_table(table(tmp_path, text)).points
+    assert point.position == pytest.approx((0.001, 0.002, 0.003))
+    assert (point.normal, point.kind, point.feature) == ((0, 0, 1), "thickness", "f")
+    assert (point.tolerance_m, point.bore_m) == (pytest.approx(0.0005), None)
+
+
+@pytest.mark.parametrize(("unit", "metres"), [("mm", 1e-3), ("cm", 1e-2), ("m", 1.0), ("in", 0.0254)])
+def test_units(tmp_path: Path, unit: str, metres: float) -> None:
+    (point,) = read_table(table(tmp_path, HEAD + "a,1,2,3,0,0,1,,1,,,\n"), unit).points
+    assert point.position == pytest.approx((metres, 2 * metres, 3 * metres))
+    assert point.tolerance_m == pytest.approx(metres)
+
+
+@pytest.mark.parametrize(
+    ("row", "said"),
+    [
+        ("b,,2,3,0,0,1", "no number in the column 'x'"),
+        ("b,1,2,3", "no number in the column 'nx'"),
+        ("b,one,2,3,0,0,1", "'one' is not a number"),
+        ("b,1,2,3,0,0,1,,-1", "less than 0"),
+        ("b,9e9,2,3,0,0,1", "more than 2147 m"),
+        ("not,1,2,3,0,0,1", "'not' is not a name"),
+        ("b,1,2,3,0,0,1,Very thick", "is not a kind"),
+        ("a,1,2,3,0,0,1", "used twice: first in line 2"),
+        ("b,1,2,3,0,0,1,,,,f,note,1,5", "cells in 12 columns"),
+    ],
+)
+def test_what_is_wrong_is_said_with_its_line_and_empty_lines_count(
+    tmp_path: Path, row: str, said: str
+) -> None:
+    (found,) = wrong(tmp_path, f"{HEAD}a,1,2,3,0,0,1\n\n{row}\n")
+    assert said in found.message
+    assert found.where.line == 4
+    assert found.hint
+
+
+def test_all_missing_columns_are_told_at_once_and_misspelt_ones(tmp_path: Path) -> None:
+    found = wrong(tmp_path, "name,x,y,nx,ny,tolerence\n")
+    assert found[0].message == "no column 'z', 'nz'"
+    assert ("unknown column 'tolerence'", "did you mean 'tolerance'?") in [
+        (each.message, each.hint) for each in found
+    ]
+
+
+def test_a_table_without_rows_is_refused(tmp_path: Path) -> None:
+    assert "no rows" in wrong(tmp_path, HEAD)[0].message
