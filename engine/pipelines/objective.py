@@ -8,12 +8,13 @@ import time
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from enum import StrEnum
+from typing import TYPE_CHECKING
 
+from engine.model.measurements import chooses_tools, wanted
 from engine.model.outcome import Found, GaveUp, Infeasible, Outcome, Statistics
 from engine.model.schedule import Timetable
 from engine.model.task import Task
 from engine.pipelines.gate import accepted
-from engine.pipelines.parts import Itinerary, Memory, by_sequence
 from engine.pipelines.planning import planned
 from engine.pipelines.timetable import by_other_means, keeping, own_order, timed
 from engine.pipelines.timetable.kept import LONG
@@ -25,6 +26,9 @@ from engine.stages.planning import plan as plan_task
 from engine.stages.scheduling import ScheduleLimits
 from kb.model.plan import Plan, StepId
 from kb.model.problem import Problem
+
+if TYPE_CHECKING:
+    from engine.pipelines.parts import Itinerary, Memory
 
 WORK = 3.0  # of the solver, about seconds of one core
 CHOOSING = 2.0  # at most of it, and a sixth, spent on other means
@@ -57,7 +61,7 @@ class Run:
 
     outcome: Outcome
     timetable: Timetable | None = None
-    itinerary: Itinerary | None = None
+    itinerary: "Itinerary | None" = None
 
     @property
     def starts(self) -> Mapping[StepId, int] | None:
@@ -83,11 +87,17 @@ def plan(
     return _run(problem, task, outcome, limits, objective)
 
 
-def sequenced(problem: Problem, limits: Limits, memory: Memory | None = None, store: str = "") -> Run | None:
+def sequenced(
+    problem: Problem, limits: Limits, memory: "Memory | None" = None, store: str = ""
+) -> Run | None:
     """The run of an inspection in the order of its sequence; None if the problem is none, or has no such plan.
 
     MACROPs are found in `memory` and learned there, and a sequence is kept in `store`, if they are given.
     """
+    if not chooses_tools(problem.domain) or len(wanted(problem)) < 2:
+        return None
+    from engine.pipelines.parts import by_sequence  # slow to load, and only inspections need it
+
     found = by_sequence(problem, limits, memory, store)
     if found is None:
         return None

@@ -3,8 +3,10 @@
 The loaders of our own language are imported inside the functions that use them, because tasks in PDDL do not need them.
 """
 
+import re
 import time
 from dataclasses import replace
+from pathlib import Path
 
 from engine.model.outcome import Found, Outcome, Statistics
 from engine.model.task import Task
@@ -17,12 +19,15 @@ from engine.stages.planning import plan as plan_task
 from engine.stages.validation import validate
 from engine.stages.validation.claims import makespan, times
 from kb.diagnostics import Diagnostic, InvalidInput, Source
+from kb.files import File, read_file
 from kb.model.domain import Operator
 from kb.model.plan import Claims, Plan
 from kb.model.problem import Problem
+from kb.targets import CONTACTS_FILE
 from kb.terms import Atom, variables
 
 LARGE = 200_000  # possible instances of operators
+OPERATORS = re.compile(r"^(operators|['\"]operators['\"])\s*:", re.MULTILINE)
 
 
 def problem_of(target: str, goals: str = "", command: str = "") -> Problem:
@@ -30,7 +35,6 @@ def problem_of(target: str, goals: str = "", command: str = "") -> Problem:
 
     A domain without operators that has a contact model beside it gets those that are generated. Raises `InvalidInput`.
     """
-    from engine.pipelines.task_space import generated_if_bare
     from kb.commands import understand
     from kb.loader import find, load, problem_files, with_goals
 
@@ -139,6 +143,15 @@ def check_plan(
 def ending(made: Plan, claims: Claims | None = None) -> int:
     """When the last step ends; each starts when it is said to, else as soon as it can."""
     return makespan(made, times(made, claims or Claims()))
+
+
+def generated_if_bare(domain: Path) -> File | None:
+    """The generated domain for a domain file without operators that has a contact model beside it, else None."""
+    if not domain.with_name(CONTACTS_FILE).is_file() or OPERATORS.search(read_file(domain).text):
+        return None
+    from engine.pipelines.task_space import generated  # slow to import
+
+    return generated(domain)
 
 
 def initial_facts(target: str) -> frozenset[Atom]:

@@ -15,8 +15,8 @@ from multiprocessing.synchronize import Event
 from pathlib import Path
 
 from engine.kernels.cancellation import Interrupted
+from engine.model.measurements import chooses_tools
 from engine.model.outcome import Found, GaveUp
-from engine.pipelines.inspection import chooses_tools
 from engine.pipelines.inspection.keeping import carry_on
 from engine.pipelines.reuse.practice import Practice
 from engine.stages.macros.lifted.digests import Digests

@@ -1,22 +1,15 @@
-"""Domains and problems from files. All errors are collected and raised together as `InvalidInput`."""
+"""Reads the files of a domain: domains, problems, plans, cells, contact models and fault bases.
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
-from pathlib import Path
+What loads domains and problems is imported when it is first asked for. Tasks in PDDL do not need it, and it is slow to
+import.
+"""
 
-from kb.diagnostics import Diagnostic, InvalidInput, Source
-from kb.files import File, read_file
-from kb.loader.domain import read_domain
-from kb.loader.names import Names
-from kb.loader.plan import load_plan
-from kb.loader.problem import goal_condition, read_problem
-from kb.loader.reader import Findings, Reader, require, validate_shape
-from kb.loader.references import domain_file
-from kb.loader.tree import Node
-from kb.model.conditions import TRUE
-from kb.model.domain import Domain
-from kb.model.problem import Problem
-from kb.targets import CELL_FILE, CONTACTS_FILE, DOMAIN_FILE, bundled, find, reference
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from kb.loader.loading import Loaded, load, load_domain, load_problem, problem_files, with_goals
+    from kb.loader.plan import load_plan
+    from kb.targets import CELL_FILE, CONTACTS_FILE, DOMAIN_FILE, bundled, find, reference
 
 __all__ = [
     "CELL_FILE",
@@ -35,101 +28,9 @@ __all__ = [
 ]
 
 
-@dataclass(frozen=True, slots=True)
-class Loaded:
-    """A domain, with one problem or none, and the warnings about them."""
+def __getattr__(name: str) -> Any:
+    if name not in __all__:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    from kb.loader import loading
 
-    domain: Domain
-    problem: Problem | None
-    warnings: tuple[Diagnostic, ...] = ()
-
-
-def problem_files(domain: Path) -> list[Path]:
-    """The problem files beside a domain file."""
-    return sorted((domain.parent / "problems").glob("*.yaml"))
-
-
-Rewrite = Callable[[Path], File | None]
-
-
-def load(path: Path, rewrite: Rewrite = lambda _: None) -> Loaded:
-    """The domain or problem in a file. `rewrite` may give another text for the file of the domain.
-
-    Raises `InvalidInput` with all errors.
-    """
-    findings = Findings()
-    reader = Reader.of(read_file(path), findings)
-    if isinstance(reader.root.value, dict):
-        if "problem" in reader.root.value:
-            return _load_problem(reader, findings, rewrite)
-        _require_no_other(path, reader.root.value)
-    domain, _ = read_domain(path, findings, rewrite(path))
-    require(findings)
-    return Loaded(domain, None, findings.warnings())
-
-
-def _require_no_other(path: Path, root: Mapping[str, object]) -> None:
-    """Report a file of another kind with one message, not with one for each of its keys. Raises `InvalidInput`."""
-    for key, (kind, hint) in _OTHERS.items():
-        if key in root and "domain" not in root:
-            found = f"this is {kind}, not a domain or a problem"
-            raise InvalidInput([Diagnostic(Source(str(path)), "K404", found, hint)])
-
-
-_WITH_ITS_DOMAIN = "name the folder of this file: the file is checked with its domain"
-_OTHERS = {
-    "cell": ("a cell", _WITH_ITS_DOMAIN),
-    "faults": ("a fault base", _WITH_ITS_DOMAIN),
-    "contacts": ("a contact model", _WITH_ITS_DOMAIN),
-    "arm": ("an arm", "name the domain whose cell uses it"),
-    "data": (
-        "an answer",
-        "a plan can be explained (with the number of a step), validated, revised and scheduled",
-    ),
-}
-
-
-def _load_problem(reader: Reader, findings: Findings, rewrite: Rewrite) -> Loaded:
-    if not validate_shape(reader, "problem"):
-        require(findings)
-    path = domain_file(reader)
-    domain, names = read_domain(path, findings, rewrite(path))
-    problem = read_problem(reader, domain, names, findings)
-    require(findings)
-    return Loaded(domain, problem, findings.warnings())
-
-
-def load_problem(target: str) -> Problem:
-    """The problem that a target names. Raises `InvalidInput`."""
-    loaded = load(find(target))
-    if loaded.problem is None:
-        raise InvalidInput(
-            [
-                Diagnostic(
-                    Source(target),
-                    "K404",
-                    "this is a domain, not a problem",
-                    "give --goals, or a problem file",
-                )
-            ]
-        )
-    return loaded.problem
-
-
-def load_domain(target: str) -> Domain:
-    """The domain that a target names. Raises `InvalidInput`."""
-    return load(find(target)).domain
-
-
-def with_goals(domain: Domain, goals: str, problem: Problem | None = None) -> Problem:
-    """A problem of `domain` (or `problem` itself) with goals written as in a problem file. Raises `InvalidInput`."""
-    findings = Findings()
-    node = Node(goals, File.of("--goals", goals), 0, len(goals))
-    base = problem or Problem("goals", domain)
-    objects = {**domain.objects, **base.objects}
-    names = Names(findings, dict(domain.types), dict(domain.functions), objects, dict(domain.predicates))
-    expression = Reader(node, findings, domain.time_unit).parse("conditions", node)
-    require(findings)
-    goal = goal_condition(expression, names) if expression else TRUE
-    require(findings)
-    return replace(base, goal=goal, chains=())
+    return getattr(loading, name)

@@ -219,11 +219,13 @@ def _plan(wanted: PlanRequest, form: PlanForm, stats: bool, work: SearchOptions)
 
 def _document(run: "Run", problem: "Problem", origin: "Mapping[str, Any]", stats: bool) -> dict[str, Any]:
     """The outcome as data, with its statistics if they were asked for."""
-    from engine.formats.report import itinerary, json
+    from engine.formats.report import json
     from engine.formats.report.gantt import proof_entry
 
     content = {**json.outcome(run.outcome, problem, starts=run.starts), **origin}
     if run.itinerary:
+        from engine.formats.report import itinerary
+
         content |= itinerary.entry(run)
     if run.timetable:
         content["makespan"] = proof_entry(run.timetable.schedule, run.timetable.scope)
@@ -258,12 +260,14 @@ def _text(
     from rich.console import Group
 
     from engine.faces.cli.origin import origin_text
-    from engine.formats.report import itinerary, text
+    from engine.formats.report import text
 
     parts = [text.outcome(run.outcome, problem, run.timetable), *origin_text(origin)]
     if folded and origin.get("source", {}).get("parts"):
         parts = parts[1:]
     if run.itinerary:
+        from engine.formats.report import itinerary
+
         parts.append(itinerary.text(run, problem.domain.time_unit))
     return Group(*parts, *([text.statistics(run.outcome.statistics)] if stats else []))
 

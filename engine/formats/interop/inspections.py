@@ -9,7 +9,8 @@ from engine.formats.interop.measurements import all_facts, names, problem_text
 from engine.formats.interop.qif import inspection_of
 from engine.formats.interop.tables import read_table, unit_m
 from engine.model.measurement import Inspection, MeasurementPoint
-from engine.pipelines.inspection import Partition, measurements_of, partition
+from engine.model.measurements import measurements_of
+from engine.pipelines.inspection import Partition, partition
 from kb.diagnostics import Diagnostic, InvalidInput, Source, nearest
 from kb.files import read_file
 from kb.loader import find, load

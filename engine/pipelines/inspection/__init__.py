@@ -8,6 +8,7 @@ distance in micrometres.
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
+from engine.model.measurements import chooses_tools, measurements_of
 from engine.model.tour import TourProblem, Visit
 from engine.pipelines.inspection.demands import Demands, of_facts, with_demands
 from engine.pipelines.inspection.ways import has_table, ordered
@@ -15,7 +16,6 @@ from kb.asp import Grounder
 from kb.asp.vocabulary import static_program
 from kb.diagnostics import Diagnostic, InvalidInput, Source
 from kb.model.conventions import CONVENTIONS, Conventions
-from kb.model.domain import Domain
 from kb.model.problem import Problem
 from kb.terms import Number, Term, Text
 
@@ -30,11 +30,6 @@ class Partition:
     groups: Mapping[str, tuple[str, ...]]
     done: tuple[str, ...]
     impossible: Mapping[str, str]
-
-
-def chooses_tools(domain: Domain) -> bool:
-    """Whether the rules of a domain say which tool takes which measurement."""
-    return domain.conventions.chosen in domain.predicates
 
 
 def partition(problem: Problem, placed: Collection[str] | None = None) -> Partition:
@@ -61,12 +56,6 @@ def partition(problem: Problem, placed: Collection[str] | None = None) -> Partit
         if name not in chosen or name not in located
     }
     return Partition({tool: names for tool, names in groups.items() if names}, done, impossible)
-
-
-def measurements_of(problem: Problem) -> list[str]:
-    """The objects of a problem that are measurements, in the order in which they are listed."""
-    objects, type_ = {**problem.domain.objects, **problem.objects}, problem.domain.conventions.measurement
-    return [name for name, own in objects.items() if own == type_]
 
 
 def _require_choice(problem: Problem) -> None:

@@ -2,7 +2,8 @@
 
 from dataclasses import replace
 
-from engine.pipelines.inspection import measurements_of, positions
+from engine.model.measurements import measurements_of
+from engine.pipelines.inspection import positions
 from kb.loader.amounts import standing
 from kb.model.problem import Problem
 from kb.terms import Function, Number

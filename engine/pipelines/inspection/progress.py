@@ -9,8 +9,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
+from engine.model.measurements import measurements_of
 from engine.model.tour import Longs, Tour, TourProblem, Visit, cost_of, violations
-from engine.pipelines.inspection import Partition, measurements_of, positions, tour_problem
+from engine.pipelines.inspection import Partition, positions, tour_problem
 from engine.pipelines.inspection.losses import parted
 from engine.pipelines.inspection.ways import ordered
 from engine.stages.sequencing import Limits, sequence

@@ -8,9 +8,9 @@ the whole problem.
 import time
 from dataclasses import dataclass
 
+from engine.model.measurements import chooses_tools
 from engine.model.outcome import Found, GaveUp, Infeasible, Outcome, Statistics
 from engine.pipelines.gate import PlanGate
-from engine.pipelines.inspection import chooses_tools
 from engine.pipelines.parts.chain import Chain
 from engine.pipelines.parts.itinerary import Itinerary, Part, itinerary
 from engine.pipelines.parts.joining import joined

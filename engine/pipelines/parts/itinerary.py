@@ -1,20 +1,21 @@
 """The parts of an inspection in the order of the sequencer: one part for each measurement that the goals ask for."""
 
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import groupby
 
+from engine.model.measurements import chooses_tools, named
+from engine.model.measurements import wanted as wanted_of
 from engine.model.tour import Tour, TourProblem, cost_of
-from engine.pipelines.inspection import Partition, chooses_tools, measurements_of, partition, tour_problem
+from engine.pipelines.inspection import Partition, partition, tour_problem
 from engine.pipelines.inspection.keeping import carry_on
 from engine.pipelines.inspection.places import with_places
 from engine.stages.macros.lookup.query import goal_literal
 from engine.stages.sequencing import Limits, sequence
 from kb.model.conditions import Condition, Literal, goal_parts
-from kb.model.conditions import literals as literals_of
 from kb.model.domain import OBJECT
 from kb.model.problem import Problem
-from kb.terms import ANYTHING, Function, Term
+from kb.terms import ANYTHING, Function
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,7 +75,7 @@ class Itinerary:
         goals: dict[int, list[Condition]] = {}
         rest: list[Condition] = []
         for goal in goal_parts(problem.goal):
-            about = max((place[name] for name in _named(goal, place)), default=None)
+            about = max((place[name] for name in named(goal, place)), default=None)
             if about is None:
                 rest.append(goal)
             else:
@@ -90,7 +91,7 @@ def itinerary(problem: Problem, limits: Limits = Limits(), store: str = "") -> I
     """
     if problem.chains or not chooses_tools(problem.domain):
         return None
-    wanted = _wanted(problem)
+    wanted = wanted_of(problem)
     if len(wanted) < 2:
         return None
     placed = with_places(problem)
@@ -121,23 +122,6 @@ def _kept(problem: Problem, parts: Partition, limits: Limits, store: str) -> Iti
     return Itinerary(
         visits, replace(parts, impossible=out), progress.problem, progress.tour, progress.way == "kept"
     )
-
-
-def _wanted(problem: Problem) -> set[str]:
-    """The measurements that the goals name."""
-    known = set(measurements_of(problem))
-    return {name for goal in goal_parts(problem.goal) for name in _named(goal, known)}
-
-
-def _named(goal: Condition, known: Collection[str]) -> set[str]:
-    return {name for literal in literals_of(goal) for name in _constants(literal.atom) if name in known}
-
-
-def _constants(term: Term) -> set[str]:
-    if not isinstance(term, Function):
-        return set()
-    own = set() if term.arguments else {term.name}
-    return own.union(*map(_constants, term.arguments))
 
 
 def _only(parts: Partition, wanted: set[str]) -> Partition:

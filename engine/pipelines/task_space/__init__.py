@@ -1,6 +1,5 @@
 """From a contact model to the net of a cell: filters are found among the plug-ins, and the stage generates the rest."""
 
-import re
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -24,7 +23,6 @@ from kb.loader.reader import Findings, require
 from kb.loader.tree import Node
 from kb.model.contacts import ContactModel
 from kb.model.octuples import Octuple
-from kb.targets import CONTACTS_FILE
 
 MOST_PLACES = 5_000  # fully specified; they and their transitions are listed one by one
 
@@ -126,16 +124,6 @@ def generated(path: Path) -> File:
 
     model, _ = load_contacts(path)
     return domain_file(model, net(model), load(path).domain)
-
-
-def generated_if_bare(path: Path) -> File | None:
-    """The generated domain for a domain file without operators that has a contact model beside it, else None."""
-    if not path.with_name(CONTACTS_FILE).is_file() or _OPERATORS.search(read_file(path).text):
-        return None
-    return generated(path)
-
-
-_OPERATORS = re.compile(r"^(operators|['\"]operators['\"])\s*:", re.MULTILINE)
 
 
 def write_domain(target: str, folder: Path) -> tuple[Path, ...]:

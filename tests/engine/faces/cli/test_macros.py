@@ -144,7 +144,9 @@ def test_a_prepared_problem_set_is_looked_up(store: str) -> None:
     }
     code, second = answer("prepare", "bulkhead", "--store", store, "--jobs", "1")
     assert {each["origin"] for each in second["problems"] if each["status"] == "found"} == {"library"}
-    assert source("bulkhead/twelve_points", "--store", store)[0] == "library"
+    assert source("bulkhead/one_point", "--store", store)[0] == "library"
+    assert source("bulkhead/twelve_points", "--store", store)[0] == "sequence"
+    assert source("bulkhead/twelve_points", "--store", store, "--order", "free")[0] == "library"
 
 
 @pytest.mark.slow

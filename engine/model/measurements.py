@@ -1,0 +1,38 @@
+"""The measurements of a problem: which there are, and which its goals ask for."""
+
+from collections.abc import Collection
+
+from kb.model.conditions import Condition, goal_parts
+from kb.model.conditions import literals as literals_of
+from kb.model.domain import Domain
+from kb.model.problem import Problem
+from kb.terms import Function, Term
+
+
+def chooses_tools(domain: Domain) -> bool:
+    """Whether the rules of a domain say which tool takes which measurement."""
+    return domain.conventions.chosen in domain.predicates
+
+
+def measurements_of(problem: Problem) -> list[str]:
+    """The objects of a problem that are measurements, in the order in which they are listed."""
+    objects, type_ = {**problem.domain.objects, **problem.objects}, problem.domain.conventions.measurement
+    return [name for name, own in objects.items() if own == type_]
+
+
+def wanted(problem: Problem) -> set[str]:
+    """The measurements that the goals name."""
+    known = set(measurements_of(problem))
+    return {name for goal in goal_parts(problem.goal) for name in named(goal, known)}
+
+
+def named(goal: Condition, known: Collection[str]) -> set[str]:
+    """Those of some names that a goal names."""
+    return {name for literal in literals_of(goal) for name in _constants(literal.atom) if name in known}
+
+
+def _constants(term: Term) -> set[str]:
+    if not isinstance(term, Function):
+        return set()
+    own = set() if term.arguments else {term.name}
+    return own.union(*map(_constants, term.arguments))
