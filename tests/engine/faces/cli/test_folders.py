@@ -30,7 +30,7 @@ JOBS = {
     "init": "init fresh",
     "macros": "macros list --store known.db",
     "measurement": "measurement list bulkhead/twelve_points",
-    "motion": 'motion plan bulkhead --from home --to "meas(m2)" --format json',
+    "motion": "motion plan bulkhead --from home --to meas(m2)",
     "plan": "plan bulkhead/one_point",
     "prepare": "prepare bulkhead/one_point --store new.db --jobs 2",
     "revise": "revise plan.json --done 1",
