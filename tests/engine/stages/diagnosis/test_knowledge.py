@@ -278,3 +278,22 @@ def test_what_cannot_be_set_up_is_left_out() -> None:
     assert [action.name for action in found.actions] == ["gauge", "mend"]
     assert found.setup == Setup(((5.0, 5.0),), ((0, 0),))
     assert open_case(base(), "halt", setup=setup).problem.setup == Setup(((5.0,),), ((0,),))
+
+
+@pytest.mark.parametrize("frequent", CAUSES)
+def test_the_most_frequent_of_causes_that_explain_alike_is_found_first(frequent: str) -> None:
+    """Where one explanation is all that is asked for, it is the most probable one."""
+    table = FaultTest("t", "", 1, ("usual", "odd"), "usual", {cause: {"odd": 1.0} for cause in CAUSES})
+    counts = {cause: 90.0 if cause == frequent else 3.0 for cause in CAUSES}
+    model = FaultModel(
+        "three",
+        {"halt": Interruption("halt", "", counts)},
+        {cause: Cause(cause, "") for cause in CAUSES},
+        {"t": table},
+        {},
+        lies=0.001,
+    )
+    seen = [Observation("t", "odd")]
+    ((found, _),) = explanations(model, model.priors("halt"), seen, most=1)
+    assert found == Hypothesis((frequent,), ())
+    assert explanations(model, model.priors("halt"), seen)[0][0] == found

@@ -219,3 +219,23 @@ def test_a_rule_stops_where_stopping_is_what_it_expects_though_sums_are_rounded(
         assert expected_cost(selector.tree(choose=rule)) == pytest.approx(
             rule(selector.start()).expected_cost
         )
+
+
+def test_a_comparison_that_the_budget_ends_gives_lower_bounds() -> None:
+    """Six causes, told apart two by two: with no expansions nothing is proved, with enough everything."""
+    causes = 6
+    pairs = [tuple(int(cause in (a, a + 1)) for cause in range(causes)) for a in range(causes - 1)]
+    actions = tuple(certain(f"t{n}", 1.0 + n / 7, row) for n, row in enumerate(pairs))
+    conclusions = tuple(
+        Conclusion(str(one), tuple(0.0 if one == other else 50.0 for other in range(causes)))
+        for one in range(causes)
+    )
+    problem = Troubleshooting(
+        tuple(f"c{n}" for n in range(causes)), (1.0 / causes,) * causes, actions, conclusions
+    )
+    hasty, thorough = Selector(problem, 0), Selector(problem)
+    every = tuple(range(len(actions)))
+    bounds, costs = hasty.compare(hasty.start(), every), thorough.compare(thorough.start(), every)
+    assert all(exact for _, _, exact in costs)
+    assert not any(exact for _, _, exact in bounds)
+    assert all(low <= cost * (1 + 1e-9) for (_, low, _), (_, cost, _) in zip(bounds, costs, strict=True))
