@@ -2,6 +2,7 @@
 
 from collections import deque
 
+import pytest
 from hypothesis import HealthCheck, assume, event, given, settings
 from hypothesis import strategies as st
 
@@ -152,6 +153,7 @@ def shortest(task: Task) -> int | None:
     return None
 
 
+@pytest.mark.slow
 @DILIGENT
 @given(problems())
 def test_a_faithful_thinned_task_has_shortest_plans_as_short_as_those_of_the_whole(problem: Problem) -> None:

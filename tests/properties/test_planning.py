@@ -3,6 +3,7 @@
 from collections.abc import Callable, Hashable, Iterable, Iterator
 from typing import TypeVar
 
+import pytest
 from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 
@@ -74,6 +75,7 @@ def test_every_linearisation_of_a_plan_executes(problem: Problem) -> None:
         assert holds(problem.goal, semantics.facts(state), {})
 
 
+@pytest.mark.slow
 @given(FAMILIES, st.data())
 @settings(
     DILIGENT, max_examples=20

@@ -59,6 +59,7 @@ def test_goals_mean_the_same() -> None:
     assert planned(planning.problem_of("themse", "stored(probe_1), position(flap, closed)")).steps == ()
 
 
+@pytest.mark.slow
 def test_many_chains_that_begin_with_one_setting_make_no_more_operators() -> None:
     """Each operator that adds a setting had two variants for each chain that waits for it."""
     base = planning.problem_of("themse", command="open the flap, then close the flap")

@@ -100,6 +100,7 @@ def walked(problem: Problem, through: list[str]) -> Plan:
     return Plan(tuple(steps))
 
 
+@pytest.mark.slow
 @given(st.one_of(straight(), tabled()), walks)
 @FEW
 def test_planner_scheduler_and_checker_agree_on_every_way(problem: Problem, through: list[str]) -> None:

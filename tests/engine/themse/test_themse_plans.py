@@ -99,6 +99,7 @@ def works_a_door(step: Step) -> bool:
     return step.operator.name in DOORS or moves_the_lid
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", SOLVABLE)
 def test_no_door_lid_or_drawer_step_can_be_left_out(name: str) -> None:
     problem = load_problem(f"themse/{name}")

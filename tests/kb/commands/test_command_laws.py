@@ -2,6 +2,7 @@
 
 import itertools
 
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -86,6 +87,7 @@ def test_capitals_and_articles_mean_nothing(data: st.DataObject) -> None:
     assert meaning(said) == meaning(sentence)
 
 
+@pytest.mark.slow
 @unhurried
 @given(st.integers(1, 10_000))
 def test_units_of_time_agree(seconds: int) -> None:

@@ -90,6 +90,7 @@ def test_no_answer_fails_for_its_characters(encoding: str) -> None:
     assert json.loads(told.stdout.decode("utf-8"))["diagnostics"][0]["file"] == "zellenprüfung"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("target", "code"), [("bulkhead/one_point", 0), ("bulkhead/nosuch", 2)])
 def test_closed_streams_change_no_exit_code(target: str, code: int) -> None:
     words = " ".join((*COMMAND, "plan", target))

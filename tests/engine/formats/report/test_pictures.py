@@ -4,6 +4,7 @@ from itertools import combinations, pairwise
 from random import Random
 from xml.etree import ElementTree
 
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -112,6 +113,7 @@ def test_boxes_and_labels_lie_on_the_paper_and_apart(plan: Plan) -> None:
         assert not overlap(one, other)
 
 
+@pytest.mark.slow
 @given(plans())
 @settings(max_examples=200, deadline=None)
 def test_no_link_runs_through_a_box_and_links_of_different_conditions_never_lie_on_one_another(

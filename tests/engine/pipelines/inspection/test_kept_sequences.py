@@ -85,6 +85,7 @@ events = st.one_of(
 )
 
 
+@pytest.mark.slow
 @settings(max_examples=25, deadline=None)
 @given(happening=st.lists(events, min_size=1, max_size=6))
 def test_done_visits_stay_done_and_the_rest_is_a_permutation_of_what_remains(

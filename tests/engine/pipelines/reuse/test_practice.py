@@ -104,6 +104,7 @@ def work_through(problem: Problem, goals: list[str], folder: Path) -> list[str]:
 SETTINGS = settings(max_examples=8, deadline=None, suppress_health_check=list(HealthCheck))
 
 
+@pytest.mark.slow
 @given(goals=st.lists(bulkhead_goal, min_size=4, max_size=8))
 @SETTINGS
 def test_every_plan_in_a_day_of_measuring_is_valid(points: Problem, tmp_path: Path, goals: list[str]) -> None:

@@ -49,6 +49,7 @@ def assert_accounted_for(path: Path, done: tuple[StepId, ...], found: PlanRevisi
     assert sorted(kept + added) == now
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("path", PLANS, ids=lambda path: f"{path.parts[-3]}-{path.stem}")
 @given(cut=st.floats(0, 1), acts=st.integers(0, 3), seed=st.integers(0, 2**20))
 @settings(max_examples=8, deadline=None, suppress_health_check=list(HealthCheck))
@@ -69,6 +70,7 @@ repairs = sys.modules[revise.__module__]  # the package gives its function the m
 SMALL = [bundled("bulkhead/one_point"), bundled("bulkhead/both_tools"), bundled("themse/lid_on_stand")]
 
 
+@pytest.mark.slow
 @given(path=st.sampled_from(SMALL), cut=st.floats(0, 1), losses=st.integers(1, 2), seed=st.integers(0, 2**20))
 @settings(max_examples=30, deadline=None, suppress_health_check=list(HealthCheck))
 def test_when_facts_get_lost_revision_finds_a_plan_exactly_if_there_is_one(

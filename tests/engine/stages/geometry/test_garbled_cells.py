@@ -35,6 +35,7 @@ def edited(text: str, at: float, new: str | float) -> str:
     return text[:start] + new + text[end:]
 
 
+@pytest.mark.slow
 @settings(max_examples=80, deadline=None)
 @given(st.sampled_from(sorted(TEXTS)), st.lists(edits, min_size=1, max_size=3))
 def test_a_garbled_cell_is_told_and_never_makes_the_check_stumble(

@@ -102,6 +102,7 @@ def flat(tree: RegionTree, query: Piece, within: float = 0.0) -> dict[str, float
     return found
 
 
+@pytest.mark.slow
 @settings(max_examples=12, deadline=None)
 @given(seeds)
 def test_points_and_segments_are_answered_as_by_the_flat_list(seed: int) -> None:
@@ -203,6 +204,7 @@ def test_a_region_that_reaches_out_of_its_ancestors_is_refused_at_a_point_of_it(
     assert np.linalg.norm(error.value.point) > 1.0
 
 
+@pytest.mark.slow
 @settings(max_examples=60, deadline=None)
 @given(seeds)
 def test_what_is_covered_has_no_point_outside_and_a_hole_is_one(seed: int) -> None:

@@ -48,6 +48,7 @@ def _leaves(term: Term) -> Iterator[Term]:
         yield term
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "name", ["bulkhead/one_point", "bulkhead/both_tools", "bulkhead/twelve_points", "themse/one", "themse/lid_on_stand",
              "themse/furnace_of_two", "themse/two"]

@@ -66,6 +66,7 @@ def goals_of(found: Example) -> list[Literal]:
 PLAIN = [each for each in EXAMPLES if not each.problem.chains] + [bundled("themse/lid_on_stand")]
 
 
+@pytest.mark.slow
 @given(data=st.data())
 @settings(max_examples=40, deadline=None, suppress_health_check=list(HealthCheck))
 def test_the_index_offers_every_macrop_that_matches(data: st.DataObject) -> None:

@@ -33,6 +33,7 @@ def connected_on_a_grid(ground: Ground, ends: Floats, cells: int = 90, clear_m: 
     return bool(regions[at[0]] == regions[at[1]] != 0)
 
 
+@pytest.mark.slow
 def test_no_path_goes_through_anything_and_a_path_is_found_where_a_grid_finds_one(
     rng: np.random.Generator,
 ) -> None:

@@ -55,6 +55,7 @@ def optimum(shop: Shop) -> int:
     return found.makespan
 
 
+@pytest.mark.slow
 @settings(max_examples=25, deadline=None)
 @given(shops)
 def test_no_schedule_ends_before_the_bound(shop: Shop) -> None:

@@ -150,6 +150,7 @@ def many(n: int, **options: object) -> TourProblem:
     return replace(made, **options)  # type: ignore[arg-type]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("changes", [{}, {("a", "b"): 5000, ("b", "a"): 5000}])
 @pytest.mark.parametrize("ends", [(True, None, None), (False, None, None), (False, 3, None), (True, 3, 7)])
 def test_a_metric_gives_the_tours_that_its_matrix_gives_about(
@@ -167,6 +168,7 @@ def test_a_metric_gives_the_tours_that_its_matrix_gives_about(
     assert abs(found.cost - plain.cost) < 0.03 * plain.cost
 
 
+@pytest.mark.slow
 def test_many_visits_need_no_matrix_and_stop_soon_when_asked() -> None:
     problem = many(9000)
     answer = sequence(problem, Limits(work=5000))

@@ -137,6 +137,7 @@ def test_the_default_is_no_worse_than_the_chain_of_1987_and_both_respect_the_bou
     assert max(ours.lower_bound, chain.lower_bound) <= ours.cost <= chain.cost
 
 
+@pytest.mark.slow
 def test_directed_costs_of_many_visits_are_improved_and_bounded() -> None:
     travel = np.random.default_rng(3).integers(1, 1000, (80, 80))
     np.fill_diagonal(travel, 0)

@@ -43,6 +43,7 @@ def by_hand() -> int:
     return count
 
 
+@pytest.mark.slow
 def test_the_whole_cell_has_9960_fully_specified_states(model: ContactModel) -> None:
     assert by_hand() == 9960
     assert task_space.net(model).growth.states == 9960
