@@ -92,7 +92,7 @@ def _left_out(reasons: Mapping[str, str]) -> list[str]:
         by_reason.setdefault(reasons[name], []).append(name)
     return [
         f"Not in the sequence: {', '.join(names[:LISTED])}"
-        + (f" and {len(names) - LISTED} more" if len(names) > LISTED else "")
+        + (f" and {len(names) - LISTED} more (--format json has all)" if len(names) > LISTED else "")
         + f": {why}"
         for why, names in by_reason.items()
     ]

@@ -74,7 +74,7 @@ def _transitions(transitions: tuple[Transition, ...]) -> RenderableType:
         way = f"{' + '.join(each.inputs)} -> {' + '.join(each.outputs)}"
         rows.append((each.name, way, ", ".join(map(str, each.restrictions))))
     if len(transitions) > SHOWN:
-        rows.append(("...", f"{len(transitions) - SHOWN} more", ""))
+        rows.append(("...", f"and {len(transitions) - SHOWN} more (--format json has all)", ""))
     return TextTable(("transition", "leads", "only if"), rows)
 
 
@@ -84,7 +84,7 @@ def _regions(regions: tuple[Region, ...]) -> RenderableType:
         kind = "dead end" if each.dead else "final" if not each.exits else f"{each.exits} one-way exits"
         rows.append((str(n), f"{each.states:,}", kind, "; ".join(each.fused)))
     if len(regions) > SHOWN:
-        rows.append(("...", "", f"{len(regions) - SHOWN} more", ""))
+        rows.append(("...", "", f"and {len(regions) - SHOWN} more (--format json has all)", ""))
     return TextTable(("region", "states", "", "one-way contacts"), rows, right=("states",))
 
 

@@ -127,7 +127,7 @@ def _users(users: Sequence[str]) -> str:
     """The consumers of a condition; of very many the first ones, how many more there are, and the last."""
     known = sorted(users, key=lambda user: (user == "goal", len(user), user))
     if len(known) > MANY:
-        known = [*known[:NAMED], f"{len(known) - NAMED - 1} more", known[-1]]
+        known = [*known[:NAMED], f"{len(known) - NAMED - 1} more (--format json has all)", known[-1]]
     return ", ".join(known)
 
 
