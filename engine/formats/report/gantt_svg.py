@@ -5,7 +5,7 @@ from xml.sax.saxutils import escape
 
 from engine.formats.report.gantt import SHOP, Bar, BarKind, Row, joined, rows, summary
 from engine.formats.report.palette import colours
-from engine.formats.report.svg import INK, PAPER
+from engine.formats.report.svg import INK, MONOSPACED, PAPER
 from engine.model.schedule import Schedule
 from engine.model.shop import Shop
 
@@ -36,7 +36,7 @@ def chart(shop: Shop, schedule: Schedule, unit: str = "", scope: str = SHOP, not
 def _opening(width: float, height: float, said: Sequence[str]) -> Iterator[str]:
     yield (
         f'<svg xmlns="http://www.w3.org/2000/svg" width="{width:.0f}" height="{height:.0f}" '
-        f'viewBox="0 0 {width:.0f} {height:.0f}" font-family="monospace" font-size="12">'
+        f'viewBox="0 0 {width:.0f} {height:.0f}" font-family="{MONOSPACED}" font-size="12">'
     )
     yield f"<title>{escape(said[0])}</title>"
     yield f"<style>{STYLE}</style>"

@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from xml.sax.saxutils import escape
 
+from engine.formats.report.svg import MONOSPACED
 from engine.model.task_space import Net, Place, Transition
 
 CHARACTER, ROW, BOX, PLACE, MARGIN, CHANNEL, SWEEPS = 6.6, 30, 20, 26, 24, 150, 24
@@ -146,7 +147,7 @@ def _mean(values: Sequence[float]) -> float:
 def _head(made: Net, width: float, height: float) -> Iterator[str]:
     yield (
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width:g} {height:g}" width="{width:g}"'
-        f' height="{height:g}" font-family="DejaVu Sans Mono, Menlo, Consolas, monospace">'
+        f' height="{height:g}" font-family="{MONOSPACED}">'
     )
     yield f"<style>{STYLE}</style>"
     yield "<defs>"

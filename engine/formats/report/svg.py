@@ -25,6 +25,7 @@ from kb.terms import Atom
 CHARACTER, HEIGHT, GAP, MARGIN, BAR, ROUND = 7.3, 30, 44, 20, 6, 5
 WIDE_START = 24  # ports
 LONGEST = 44  # characters of a label; the whole condition is in the tooltip
+MONOSPACED = "DejaVu Sans Mono, Menlo, Consolas, monospace"  # widths of labels are counted in its letters
 INK, PAPER, BOX, LINK, GIVEN = "#1b1b1b", "#ffffff", "#f3f5f8", "#1f6fb5", "#8a8f98"
 STYLE = """
   .link:hover { stroke-width: 3; }
@@ -115,7 +116,7 @@ def _lines(pictures: Sequence[_Picture], fill_of: Mapping[str, str]) -> Iterator
     height = max(low for _, _, low in extents) + 2 * MARGIN + (30 if fill_of else 0)
     yield (
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width:g} {height:g}" width="{width:g}"'
-        f' height="{height:g}" font-family="DejaVu Sans Mono, Menlo, Consolas, monospace">'
+        f' height="{height:g}" font-family="{MONOSPACED}">'
     )
     yield f"<style>{STYLE}</style>"
     yield "<defs>"
