@@ -158,7 +158,9 @@ def test_preparing_keeps_sequences_and_says_which_were_stale(store: str, tmp_pat
     assert answer("sequence", "bulkhead/twelve_points", "--store", store)[1]["way"] == "kept"
     file = mine / "problems" / "twelve_points.yaml"
     file.write_text(
-        file.read_text().replace("[m1..12]", "[m1..13]").replace("needs(m4, profile)", "needs(m4, thickness)")
+        file.read_text()
+        .replace("[m1..12]", "[m1..13]")
+        .replace("needs(m4, profile)", "needs(m4, thickness)\n  - position(m13, 500000, 500000, 0)")
     )
     again = answer("prepare", str(mine), "--store", store, "--jobs", "1")[1]["problems"]
     sequences = {each["problem"]: each["sequence"] for each in again}
