@@ -18,6 +18,7 @@ from kb.check.start import crowded, hopeless
 from kb.diagnostics import Diagnostic, InvalidInput, in_order
 from kb.loader import CELL_FILE, CONTACTS_FILE, DOMAIN_FILE, Loaded, find, load, problem_files
 from kb.loader.amounts import standing
+from kb.loader.domain import as_written
 from kb.loader.faults import FAULTS_FILE, load_faults
 from kb.model.domain import Domain
 from kb.model.problem import Problem
@@ -139,14 +140,10 @@ def _grounded(problem: Problem, found: list[Diagnostic]) -> Task | None:
         return None
 
 
-def _none(_: Path) -> None:
-    """A domain itself is checked as it is written."""
-
-
 def _loaded(path: Path, found: list[Diagnostic]) -> "Loaded | None":
 
     try:
-        loaded = load(path, _none if path.name == DOMAIN_FILE else generated_if_bare)
+        loaded = load(path, as_written if path.name == DOMAIN_FILE else generated_if_bare)
     except InvalidInput as error:
         found += error.diagnostics
         return None

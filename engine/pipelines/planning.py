@@ -7,6 +7,7 @@ import re
 import time
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from engine.model.outcome import Found, Outcome, Statistics
 from engine.model.task import Task
@@ -23,8 +24,11 @@ from kb.files import File, read_file
 from kb.model.domain import Operator
 from kb.model.plan import Claims, Plan
 from kb.model.problem import Problem
-from kb.targets import CONTACTS_FILE
+from kb.targets import CONTACTS_FILE, find
 from kb.terms import Atom, variables
+
+if TYPE_CHECKING:
+    from kb.loader import Loaded
 
 LARGE = 200_000  # possible instances of operators
 OPERATORS = re.compile(r"^(operators|['\"]operators['\"])\s*:", re.MULTILINE)
@@ -36,9 +40,9 @@ def problem_of(target: str, goals: str = "", command: str = "") -> Problem:
     A domain without operators that has a contact model beside it gets those that are generated. Raises `InvalidInput`.
     """
     from kb.commands import understand
-    from kb.loader import find, load, problem_files, with_goals
+    from kb.loader import problem_files, with_goals
 
-    loaded = load(find(target), generated_if_bare)
+    known = loaded(find(target))
     if goals and command:
         raise InvalidInput(
             [
@@ -51,15 +55,22 @@ def problem_of(target: str, goals: str = "", command: str = "") -> Problem:
             ]
         )
     if goals:
-        return with_goals(loaded.domain, goals, loaded.problem)
+        return with_goals(known.domain, goals, known.problem)
     if command:
-        return understand(loaded.problem or loaded.domain, command)
-    if loaded.problem is None:
+        return understand(known.problem or known.domain, command)
+    if known.problem is None:
         problems = sorted(path.stem for path in problem_files(find(target)))
         ways = "give --goals or --command"
         hint = f"{ways}, or one of its problems: {', '.join(problems)}" if problems else ways
         raise InvalidInput([Diagnostic(Source(target), "K404", "this is a domain, not a problem", hint)])
-    return loaded.problem
+    return known.problem
+
+
+def loaded(path: Path) -> "Loaded":
+    """What is in the file of a domain or problem; the domain may be one that is generated. Raises `InvalidInput`."""
+    from kb.loader import load
+
+    return load(path, generated_if_bare)
 
 
 def plan(problem: Problem, limits: Limits = Limits()) -> Outcome:
@@ -145,6 +156,18 @@ def ending(made: Plan, claims: Claims | None = None) -> int:
     return makespan(made, times(made, claims or Claims()))
 
 
+def plan_in(file: Path) -> tuple[Problem, Plan]:
+    """The problem and the plan in a plan file; its domain may be one that is generated. Raises `InvalidInput`."""
+    return claimed_in(file)[:2]
+
+
+def claimed_in(file: Path) -> tuple[Problem, Plan, Claims]:
+    """`plan_in`, and what else the file claims."""
+    from kb.loader.plan import load_claimed
+
+    return load_claimed(file, generated_if_bare)
+
+
 def generated_if_bare(domain: Path) -> File | None:
     """The generated domain for a domain file without operators that has a contact model beside it, else None."""
     if not domain.with_name(CONTACTS_FILE).is_file() or OPERATORS.search(read_file(domain).text):
@@ -156,7 +179,5 @@ def generated_if_bare(domain: Path) -> File | None:
 
 def initial_facts(target: str) -> frozenset[Atom]:
     """The initial state of the problem that a target names; empty for a domain. Raises `InvalidInput`."""
-    from kb.loader import find, load
-
-    problem = load(find(target)).problem
+    problem = loaded(find(target)).problem
     return frozenset() if problem is None else PlanGate().semantics(problem).initial()

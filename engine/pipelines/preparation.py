@@ -18,11 +18,11 @@ from engine.kernels.cancellation import Interrupted
 from engine.model.measurements import chooses_tools
 from engine.model.outcome import Found, GaveUp
 from engine.pipelines.inspection.keeping import carry_on
+from engine.pipelines.planning import loaded
 from engine.pipelines.reuse.practice import Practice
 from engine.stages.macros.lifted.digests import Digests
 from engine.stages.planning import Limits
 from kb.diagnostics import Diagnostic, InvalidInput
-from kb.loader import load
 from kb.model.domain import Domain
 from kb.model.problem import Problem
 from kb.store import Library
@@ -123,7 +123,7 @@ def _domains(paths: Sequence[Path]) -> list[Domain]:
     found: dict[str, Domain] = {}
     for path in paths:
         with contextlib.suppress(InvalidInput):
-            domain = load(path).domain
+            domain = loaded(path).domain
             found.setdefault(domain.path or domain.name, domain)
     return list(found.values())
 
@@ -197,7 +197,7 @@ def work(job: PreparationJob, interrupted: Interrupted = _stopped) -> Prepared:
     if interrupted():
         return Prepared(job.path.stem, "gave up", reason="interrupted")
     try:
-        problem = load(job.path).problem
+        problem = loaded(job.path).problem
         if problem is None:
             return Prepared(str(job.path), "bad input", reason="this is a domain, not a problem")
         kept = _kept(job.store, problem) if chooses_tools(problem.domain) else None

@@ -1,15 +1,17 @@
 """Reads the files of a domain: domains, problems, plans, cells, contact models and fault bases.
 
-What loads domains and problems is imported when it is first asked for. Tasks in PDDL do not need it, and it is slow to
-import.
+What loads domains, problems and plans is imported when it is first asked for. Tasks in PDDL do not need it, and it is slow
+to import.
 """
 
+from importlib import import_module
 from typing import TYPE_CHECKING, Any
+
+from kb.targets import CELL_FILE, CONTACTS_FILE, DOMAIN_FILE, bundled, find, reference
 
 if TYPE_CHECKING:
     from kb.loader.loading import Loaded, load, load_domain, load_problem, problem_files, with_goals
     from kb.loader.plan import load_plan
-    from kb.targets import CELL_FILE, CONTACTS_FILE, DOMAIN_FILE, bundled, find, reference
 
 __all__ = [
     "CELL_FILE",
@@ -31,6 +33,4 @@ __all__ = [
 def __getattr__(name: str) -> Any:
     if name not in __all__:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    from kb.loader import loading
-
-    return getattr(loading, name)
+    return getattr(import_module(f"kb.loader.{'plan' if name == 'load_plan' else 'loading'}"), name)

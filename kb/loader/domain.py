@@ -1,6 +1,7 @@
 """The `Domain` in `domain.yaml` and the ASP files that it includes."""
 
 import re
+from collections.abc import Callable
 from pathlib import Path
 
 from kb.commands import check_phrases
@@ -17,13 +18,19 @@ from kb.loader.tree import read_file
 from kb.model.computed import with_named_values
 from kb.model.domain import Domain, Phrase
 
+Rewrite = Callable[[Path], File | None]
 
-def read_domain(path: Path, findings: Findings, file: File | None = None) -> tuple[Domain, Names]:
-    """The domain in a file and its symbol table. `file` has the text, if it is not that of `path`.
+
+def as_written(_path: Path) -> None:
+    """No other text than that of the file."""
+
+
+def read_domain(path: Path, findings: Findings, rewrite: Rewrite = as_written) -> tuple[Domain, Names]:
+    """The domain in a file and its symbol table. `rewrite` may give another text for the file.
 
     Raises `InvalidInput` if its form is wrong; other errors are noted.
     """
-    reader = Reader.of(file or read_file(path), findings)
+    reader = Reader.of(rewrite(path) or read_file(path), findings)
     if not validate_shape(reader, "domain"):
         require(findings)
     reader.time_unit = reader.text("units", "time") or "s"

@@ -1,14 +1,13 @@
 """Domains and problems from files. All errors are collected and raised together as `InvalidInput`."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 from kb.diagnostics import Diagnostic, InvalidInput, Source
 from kb.files import File, read_file
-from kb.loader.domain import read_domain
+from kb.loader.domain import Rewrite, as_written, read_domain
 from kb.loader.names import Names
-from kb.loader.plan import load_plan
 from kb.loader.problem import goal_condition, read_problem
 from kb.loader.reader import Findings, Reader, require, validate_shape
 from kb.loader.references import domain_file
@@ -16,23 +15,7 @@ from kb.loader.tree import Node
 from kb.model.conditions import TRUE
 from kb.model.domain import Domain
 from kb.model.problem import Problem
-from kb.targets import CELL_FILE, CONTACTS_FILE, DOMAIN_FILE, bundled, find, reference
-
-__all__ = [
-    "CELL_FILE",
-    "CONTACTS_FILE",
-    "DOMAIN_FILE",
-    "Loaded",
-    "bundled",
-    "find",
-    "load",
-    "load_domain",
-    "load_plan",
-    "load_problem",
-    "problem_files",
-    "reference",
-    "with_goals",
-]
+from kb.targets import find
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,10 +32,7 @@ def problem_files(domain: Path) -> list[Path]:
     return sorted((domain.parent / "problems").glob("*.yaml"))
 
 
-Rewrite = Callable[[Path], File | None]
-
-
-def load(path: Path, rewrite: Rewrite = lambda _: None) -> Loaded:
+def load(path: Path, rewrite: Rewrite = as_written) -> Loaded:
     """The domain or problem in a file. `rewrite` may give another text for the file of the domain.
 
     Raises `InvalidInput` with all errors.
@@ -63,7 +43,7 @@ def load(path: Path, rewrite: Rewrite = lambda _: None) -> Loaded:
         if "problem" in reader.root.value:
             return _load_problem(reader, findings, rewrite)
         _require_no_other(path, reader.root.value)
-    domain, _ = read_domain(path, findings, rewrite(path))
+    domain, _ = read_domain(path, findings, rewrite)
     require(findings)
     return Loaded(domain, None, findings.warnings())
 
@@ -93,7 +73,7 @@ def _load_problem(reader: Reader, findings: Findings, rewrite: Rewrite) -> Loade
     if not validate_shape(reader, "problem"):
         require(findings)
     path = domain_file(reader)
-    domain, names = read_domain(path, findings, rewrite(path))
+    domain, names = read_domain(path, findings, rewrite)
     problem = read_problem(reader, domain, names, findings)
     require(findings)
     return Loaded(domain, problem, findings.warnings())

@@ -9,7 +9,7 @@ from pathlib import Path
 from kb.asp import AspError, ground_term
 from kb.diagnostics import Diagnostic, InvalidInput, Source
 from kb.loader.amounts import amounts_of
-from kb.loader.domain import read_domain
+from kb.loader.domain import Rewrite, as_written, read_domain
 from kb.loader.problem import read_problem
 from kb.loader.reader import Findings, Reader, require, validate_shape
 from kb.loader.references import domain_file
@@ -21,13 +21,16 @@ from kb.model.traits import step_of
 from kb.terms import Function
 
 
-def load_plan(path: Path) -> tuple[Problem, Plan]:
+def load_plan(path: Path, rewrite: Rewrite = as_written) -> tuple[Problem, Plan]:
     """The problem and the plan in a plan file. Raises `InvalidInput` with all errors in its form."""
-    return load_claimed(path)[:2]
+    return load_claimed(path, rewrite)[:2]
 
 
-def load_claimed(path: Path) -> tuple[Problem, Plan, Claims]:
-    """The problem and the plan in a plan file, and what else it claims. Raises `InvalidInput` with all errors in its form."""
+def load_claimed(path: Path, rewrite: Rewrite = as_written) -> tuple[Problem, Plan, Claims]:
+    """The problem and the plan in a plan file, and what else it claims. `rewrite` may give another text for its domain.
+
+    Raises `InvalidInput` with all errors in its form.
+    """
     findings = Findings()
     reader = Reader.of(read_file(path), findings)
     _require_plan(reader)
@@ -35,7 +38,7 @@ def load_claimed(path: Path) -> tuple[Problem, Plan, Claims]:
         require(findings)
     entry = reader.root.descend(("data", "plan"))
     inner = Reader(entry.descend(("problem",)), findings)
-    domain, names = read_domain(domain_file(inner), findings)
+    domain, names = read_domain(domain_file(inner), findings, rewrite)
     problem = read_problem(inner, domain, names, findings)
     plan_reader = Reader(entry, findings, domain.time_unit)
     plan = Plan(tuple(_steps(plan_reader, amounts_of(problem))), tuple(_links(plan_reader)))

@@ -17,7 +17,7 @@ from engine.formats.report.json import envelope, outcome, status
 from engine.pipelines import objective, planning
 from engine.stages.planning import Limits
 from kb.diagnostics import Diagnostic, InvalidInput, Source
-from kb.loader import find, load, problem_files
+from kb.loader import find, problem_files
 
 FOLDER = "golden"
 
@@ -37,7 +37,7 @@ class GoldenComparison:
 def problems(target: str) -> tuple[Path, list[Path]]:
     """The golden folder of a target and its problem files. Raises `InvalidInput`."""
     path = find(target)
-    if load(path).problem is not None:
+    if planning.loaded(path).problem is not None:
         folder = path.parent.parent if path.parent.name == "problems" else path.parent
         return folder / FOLDER, [path]
     return path.parent / FOLDER, problem_files(path)

@@ -43,9 +43,9 @@ def _problem(target: str, goals: str, command: str, time_limit: float | None, ex
 def _step(file: Path, number: int) -> Answer:
     from engine.formats.report.explanation import step_entry, step_reason
     from engine.pipelines.explanation.steps import why
+    from engine.pipelines.planning import plan_in
     from engine.stages.grounding import ground
-    from kb.loader import load_plan
 
-    problem, plan = load_plan(file)
+    problem, plan = plan_in(file)
     found = why(ground(problem), plan, number, str(file))
     return Answer("ok", step_entry(found), lambda: step_reason(found))

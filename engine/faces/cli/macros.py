@@ -98,9 +98,10 @@ def stats(store: Library, format: Format = Form.TEXT) -> None:
 
 
 def _domain(target: str) -> "Domain":
-    from kb.loader import find, load
+    from engine.pipelines.planning import loaded
+    from kb.loader import find
 
-    return load(find(target)).domain
+    return loaded(find(target)).domain
 
 
 def _digests(target: str) -> "Digests":

@@ -61,15 +61,16 @@ def _prepare(target: str, store: str, jobs: int, seconds: float | None, expansio
 
 def _problems(target: str) -> list[Path]:
     """The problem files that a target names. Raises `InvalidInput` if there are none."""
+    from engine.pipelines.planning import loaded
     from kb.diagnostics import Diagnostic, InvalidInput, Source
-    from kb.loader import find, load, problem_files
+    from kb.loader import find, problem_files
 
     folder = Path(target)
     if folder.is_dir() and not (folder / "domain.yaml").exists():
         found = sorted(folder.glob("*.yaml"))
     else:
         path = find(target)
-        found = [path] if load(path).problem is not None else problem_files(path)
+        found = [path] if loaded(path).problem is not None else problem_files(path)
     if not found:
         hint = "problems are .yaml files in the folder `problems` beside a domain"
         raise InvalidInput([Diagnostic(Source(target), "K405", "there are no problems here", hint)])

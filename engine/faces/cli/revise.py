@@ -54,13 +54,13 @@ class Observations:
 def _revise(file: Path, given: Observations, both: bool, work: tuple[float | None, int, int]) -> Answer:
     from engine.faces.cli.interruption import Interruption
     from engine.formats.report import json
+    from engine.pipelines.planning import plan_in
     from engine.pipelines.revision.now import revised_now
     from engine.stages.planning import Limits
-    from kb.loader.plan import load_plan
 
     seconds, expansions, seed = work
     with Interruption(seconds) as interrupted:
-        problem, plan = load_plan(file)
+        problem, plan = plan_in(file)
         limits = Limits(expansions, interrupted=interrupted, seed=seed)
         found, follows = revised_now(
             problem, plan, (given.done, given.holds, given.gone, given.lost), limits, both

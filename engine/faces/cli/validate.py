@@ -69,9 +69,8 @@ def _validate_pddl(domain: Path, task: Path, made: Path) -> Answer:
 
 def _validate(file: Path, target: str) -> Answer:
     from engine.pipelines import planning
-    from kb.loader.plan import load_claimed
 
-    own, plan, claims = load_claimed(file)
+    own, plan, claims = planning.claimed_in(file)
     return _judged(planning.problem_of(target) if target else own, plan, str(file), claims)
 
 

@@ -12,7 +12,6 @@ from engine.stages.macros.lifted.world import CellDomain
 from engine.stages.macros.lookup.repertoire import record_of
 from engine.stages.validation.semantics import Semantics
 from kb.diagnostics import Diagnostic, InvalidInput, Source
-from kb.loader.plan import load_plan
 from kb.model.macro import Macrop
 from kb.store import Library, NotationError, Record, document, macrop_of
 
@@ -37,7 +36,7 @@ class Lesson:
 
 def lesson(file: Path, library: Library) -> Lesson:
     """Learn from the plan in a file if the independent checker accepts it. Raises `InvalidInput`."""
-    problem, plan = load_plan(file)
+    problem, plan = planning.plan_in(file)
     wrong = planning.check_plan(problem, plan, str(file))
     if wrong:
         return Lesson(file, reason="the plan is not valid", diagnostics=tuple(wrong))

@@ -18,7 +18,7 @@ from engine.model.shop import Shop
 from engine.model.stages import STAGE
 from engine.model.task import Bits, GroundOperator, Task, bitset, progress
 from engine.pipelines.gate import PlanGate
-from engine.pipelines.planning import planned, problem_of
+from engine.pipelines.planning import plan_in, planned, problem_of
 from engine.pipelines.timetable.kept import LONG, kept
 from engine.pipelines.timetable.orders import Steps, in_its_order
 from engine.pipelines.timetable.wishes import wishes_for
@@ -40,11 +40,10 @@ BLOCKS = "of all schedules of the blocks of this plan"
 
 def subject_of(target: str, goals: str = "", command: str = "") -> tuple[Problem, Plan | None]:
     """The problem that a target names, and the plan if the target is the file of a plan. Raises `InvalidInput`."""
-    from kb.loader import load_plan  # not needed for tasks in PDDL, and slow to load
-    from kb.loader.plan import is_plan
+    from kb.loader.plan import is_plan  # not needed for tasks in PDDL, and slow to load
 
     if is_plan(Path(target)):
-        return load_plan(Path(target))
+        return plan_in(Path(target))
     return problem_of(target, goals, command), None
 
 

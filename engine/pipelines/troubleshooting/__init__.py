@@ -10,6 +10,7 @@ from pathlib import Path
 
 from engine.kernels.cancellation import Interrupted, never
 from engine.model.cases import Diagnosis, Revision
+from engine.pipelines import planning
 from engine.pipelines.barring import barred
 from engine.pipelines.revision.remaining import remaining
 from engine.pipelines.simulation import Dynamics, FaultyCell
@@ -24,7 +25,7 @@ from engine.stages.diagnosis.session import Session
 from engine.stages.planning import Limits
 from kb.check.faults import too_many
 from kb.diagnostics import Diagnostic, InvalidInput, Source, unknown_name
-from kb.loader import find, load
+from kb.loader import find
 from kb.loader.faults import load_faults
 from kb.model.domain import Domain
 from kb.model.faults import FaultModel
@@ -124,7 +125,7 @@ def desk(
 
     With the plan that failed, set-up and recovery begin where it was interrupted. `seen` corrects the state then.
     """
-    loaded = load(find(target))
+    loaded = planning.loaded(find(target))
     model, _ = load_faults(Path(loaded.domain.path))
     if exception not in model.exceptions:
         raise InvalidInput([unknown_name("exception", exception, model.exceptions, Source("--exception"))])
@@ -182,4 +183,4 @@ def _beliefs(moment: Moment, case: Opened, binding: Binding) -> Beliefs:
 
 def fault_model(target: str) -> FaultModel:
     """The fault base of a target. Raises `InvalidInput`."""
-    return load_faults(Path(load(find(target)).domain.path))[0]
+    return load_faults(Path(planning.loaded(find(target)).domain.path))[0]

@@ -17,7 +17,6 @@ from kb.asp import AspError, ground_term
 from kb.diagnostics import Diagnostic, InvalidInput, Source, unknown_name
 from kb.files import read_file
 from kb.loader import Loaded
-from kb.loader.plan import load_plan
 from kb.model.faults import FaultModel, Interruption
 from kb.model.plan import Plan, StepId
 from kb.model.problem import Problem
@@ -74,7 +73,7 @@ def moment_of(
             hint = "give a problem as the target"
             raise InvalidInput([Diagnostic(Source("--holds"), "K404", "a domain has no state", hint)])
         return moment(loaded.problem, step, seen=seen) if loaded.problem else None
-    problem, plan = load_plan(failed.file)
+    problem, plan = planning.plan_in(failed.file)
     where = Source(str(failed.file))
     if loaded.problem is None or (problem.domain.name, problem.name) != (
         loaded.domain.name,
