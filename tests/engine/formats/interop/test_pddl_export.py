@@ -17,7 +17,6 @@ from engine.model.outcome import Found, Infeasible
 from engine.pipelines import planning
 from engine.stages.grounding import ground
 from engine.stages.planning import Limits
-from engine.stages.planning import Limits
 from engine.stages.validation import validate
 from kb.diagnostics import InvalidInput
 from kb.loader import find, problem_files
