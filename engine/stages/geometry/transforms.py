@@ -1,5 +1,6 @@
 """Rigid transforms as homogeneous matrices (..., 4, 4). `T_a_b` is the pose of b in a: x_a = T_a_b x_b."""
 
+import functools
 import math
 
 import numpy as np
@@ -38,6 +39,12 @@ def transform(R: Floats, p: Floats | Vector) -> Floats:
 
 def of_pose(pose: Pose) -> Floats:
     """The matrix (4, 4) of a pose: R = Rz(yaw) Ry(pitch) Rx(roll)."""
+    return _matrix(pose).copy()
+
+
+@functools.lru_cache(4096)
+def _matrix(pose: Pose) -> Floats:
+    """The same matrix, made once: a cell has few poses, and every scene of it asks for all of them."""
     roll, pitch, yaw = pose.rpy_rad
     R = rotation((0, 0, 1), yaw) @ rotation((0, 1, 0), pitch) @ rotation((1, 0, 0), roll)
     return transform(R, pose.position_m)

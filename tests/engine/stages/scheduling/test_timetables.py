@@ -74,6 +74,7 @@ def test_a_plan_without_structure_keeps_its_own_order() -> None:
     assert made.schedule.makespan == makespan(made.plan)
 
 
+@pytest.mark.slow
 def test_two_places_of_the_freezer_are_used_at_once(tmp_path: Path) -> None:
     """When cooling takes longer than heating, capacity of the freezer is what counts; its slots are interchangeable."""
     text = """problem: cold
