@@ -111,8 +111,8 @@ def filled(line: str) -> str:
 
 
 def timed(line: str) -> object:
-    """A command line to run; preparing a whole cell takes too long for every run."""
-    return pytest.param(line, marks=pytest.mark.slow) if " prepare " in line else line
+    """A command line to run; preparing a whole cell, or folding a long plan, takes too long for every run."""
+    return pytest.param(line, marks=pytest.mark.slow) if " prepare " in line or "--folded" in line else line
 
 
 EXAMPLES = re.findall(r'^    (cellwright (?:[^"\n]|"[^"]*")*)\n+```\n(.*?)^```', README, re.M | re.S)

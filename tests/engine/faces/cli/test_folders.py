@@ -133,6 +133,7 @@ def test_a_folder_of_domains_hides_no_bundled_one_even_where_python_looks_in_it_
     assert ran.returncode == 0, ran.stderr
 
 
+@pytest.mark.slow
 def test_golden_plans_run_with_pytest_beside_packages_with_our_names(crowded: Path) -> None:
     ran = run(crowded, script("pytest"), "mine")
     assert ran.returncode == 0, ran.stdout

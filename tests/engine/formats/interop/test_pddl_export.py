@@ -45,7 +45,9 @@ def reread(text: PddlText, folder: Path) -> PddlProblem:
     return read_pddl(folder / "domain.pddl", folder / "problem.pddl")
 
 
-@pytest.mark.parametrize("lifted", [True, False], ids=["lifted", "ground"])
+@pytest.mark.parametrize(
+    "lifted", [True, pytest.param(False, marks=pytest.mark.slow)], ids=["lifted", "ground"]
+)
 @pytest.mark.parametrize("file", TARGETS, ids=lambda file: f"{file.parents[1].name}-{file.stem}")
 def test_an_export_has_the_plans_of_its_problem(file: Path, lifted: bool, tmp_path: Path) -> None:
     problem = planning.problem_of(str(file))

@@ -149,6 +149,7 @@ def test_empty_travel_counts(laboratory: Path) -> None:
     assert made.schedule.proved
 
 
+@pytest.mark.slow
 def test_nothing_stays_in_the_heat_longer_than_allowed(laboratory: Path) -> None:
     free = timed(of_two(laboratory)).schedule
     made = timed(of_two(laboratory, "longest_stay(furnace, 906)"))
