@@ -10,7 +10,15 @@ from typing import TYPE_CHECKING, Any
 from kb.targets import CELL_FILE, CONTACTS_FILE, DOMAIN_FILE, bundled, find, reference
 
 if TYPE_CHECKING:
-    from kb.loader.loading import Loaded, load, load_domain, load_problem, problem_files, with_goals
+    from kb.loader.loading import (
+        Loaded,
+        domain_of,
+        load,
+        load_domain,
+        load_problem,
+        problem_files,
+        with_goals,
+    )
     from kb.loader.plan import load_plan
 
 __all__ = [
@@ -19,6 +27,7 @@ __all__ = [
     "DOMAIN_FILE",
     "Loaded",
     "bundled",
+    "domain_of",
     "find",
     "load",
     "load_domain",

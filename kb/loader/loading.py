@@ -79,6 +79,19 @@ def _load_problem(reader: Reader, findings: Findings, rewrite: Rewrite) -> Loade
     return Loaded(domain, problem, findings.warnings())
 
 
+def domain_of(target: str) -> Path:
+    """The domain file of a target, which may be one of its problems. The domain itself is not read. Raises `InvalidInput`."""
+    path, findings = find(target), Findings()
+    reader = Reader.of(read_file(path), findings)
+    if not isinstance(reader.root.value, dict) or "problem" not in reader.root.value:
+        if isinstance(reader.root.value, dict):
+            _require_no_other(path, reader.root.value)
+        return path
+    if not validate_shape(reader, "problem"):
+        require(findings)
+    return domain_file(reader)
+
+
 def load_problem(target: str) -> Problem:
     """The problem that a target names. Raises `InvalidInput`."""
     loaded = load(find(target))

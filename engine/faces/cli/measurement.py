@@ -81,10 +81,11 @@ def _list(target: str) -> Answer:
     from engine.formats.report.rows import TextTable
     from engine.pipelines.inspection import partition
     from engine.pipelines.inspection.places import with_places
+    from engine.pipelines.planning import loaded
     from kb.diagnostics import Diagnostic, InvalidInput, Source
-    from kb.loader import find, load
+    from kb.loader import find
 
-    problem = load(find(target)).problem
+    problem = loaded(find(target)).problem
     if problem is None:
         raise InvalidInput(
             [Diagnostic(Source(target), "K404", "this is a domain, not a problem", "name a problem")]

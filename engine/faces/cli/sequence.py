@@ -223,10 +223,11 @@ def _read(target: str, wanted: tuple[list[str], list[str], list[str]]) -> Visits
 
 
 def _problem_of(target: str) -> "Problem":
+    from engine.pipelines.planning import loaded
     from kb.diagnostics import Diagnostic, InvalidInput, Source
-    from kb.loader import find, load
+    from kb.loader import find
 
-    problem = load(find(target)).problem
+    problem = loaded(find(target)).problem
     if problem is None:
         said = "this is a domain, not a problem"
         raise InvalidInput([Diagnostic(Source(target), "K404", said, "name a problem")])

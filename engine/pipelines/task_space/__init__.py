@@ -16,7 +16,7 @@ from engine.stages.states.sequences import sequence as search
 from engine.stages.states.tokens import token_types
 from kb.diagnostics import Diagnostic, InvalidInput, Source, unknown_name
 from kb.files import File, read_file
-from kb.loader import find, load, problem_files
+from kb.loader import domain_of, load, problem_files
 from kb.loader.contact_templates import Templates
 from kb.loader.contacts import load_contacts
 from kb.loader.reader import Findings, require
@@ -38,7 +38,7 @@ class Wanted:
 
 def model_of(target: str) -> tuple[ContactModel, tuple[Diagnostic, ...]]:
     """The contact model of the domain that a target names, and warnings. Raises `InvalidInput`."""
-    return load_contacts(Path(load(find(target)).domain.path))
+    return load_contacts(domain_of(target))
 
 
 def space_of(model: ContactModel, wanted: Wanted = Wanted()) -> Space:
@@ -131,7 +131,7 @@ def write_domain(target: str, folder: Path) -> tuple[Path, ...]:
 
     Files that are there are not overwritten.
     """
-    path = Path(load(find(target)).domain.path)
+    path = domain_of(target)
     texts = {Path(path.name): generated(path).text}
     for each in sorted((*path.parent.glob("*.lp"), *problem_files(path))):
         texts[each.relative_to(path.parent)] = read_file(each).text

@@ -153,4 +153,4 @@ def _partners(space: Space, cluster: Cluster, node: int, edges: Sequence[Edge]) 
 def _inside(space: Space, outline: Outline) -> str:
     """What the several anchor points hold."""
     kinds = Counter(space.types[outline.cluster.nodes[node]].name for node in outline.hanging)
-    return ", ".join(f"up to {n} {kind}" if n > 1 else kind for kind, n in sorted(kinds.items()))
+    return ", ".join(f"{kind} (up to {n})" if n > 1 else kind for kind, n in sorted(kinds.items()))

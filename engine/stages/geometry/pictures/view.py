@@ -3,7 +3,6 @@
 import math
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -27,7 +26,7 @@ from engine.stages.geometry.world.following import following
 from engine.stages.geometry.world.model import World
 from engine.stages.geometry.world.scenes import scene_of
 from kb.diagnostics import Diagnostic, InvalidInput, Source, unknown_name
-from kb.loader import CELL_FILE, find, load
+from kb.loader import CELL_FILE, domain_of
 from kb.loader.cell import load_cell
 from kb.loader.configuration import read_configuration
 from kb.model.cell import Cell
@@ -49,7 +48,7 @@ class View:
 
 def cell_of(target: str) -> Cell:
     """The cell beside the domain of a target. Raises `InvalidInput`."""
-    path = Path(load(find(target)).domain.path).with_name(CELL_FILE)
+    path = domain_of(target).with_name(CELL_FILE)
     if not path.is_file():
         hint = f"describe the cell in a {CELL_FILE} beside the domain"
         raise InvalidInput([Diagnostic(Source(str(path)), "K405", f"there is no {CELL_FILE}", hint)])

@@ -130,7 +130,7 @@ class Facts:
         return type_ == OBJECT or Function(type_, (term,)) in self
 
 
-class Evaluated(Facts):
+class GivenFacts(Facts):
     """Facts that someone else has evaluated. Each predicate is read when it is first asked for; nothing is changed."""
 
     __slots__ = ("_asked", "_holds", "_read")

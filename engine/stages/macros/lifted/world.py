@@ -9,7 +9,7 @@ from functools import cached_property, lru_cache
 
 from engine.stages.macros.lifted.bodies import Bindings, satisfiable, solve
 from engine.stages.macros.lifted.digests import Digests
-from engine.stages.macros.lifted.facts import Evaluated, Facts
+from engine.stages.macros.lifted.facts import Facts, GivenFacts
 from engine.stages.macros.lifted.ground_steps import GroundStep, ground_step, is_plain
 from engine.stages.macros.lifted.schema import Following, NotGeneral, OperatorSchema, Schemas, stand_in
 from kb.asp import Grounder
@@ -56,7 +56,7 @@ class CellDomain:
         """The atoms that hold in every state. They are evaluated at the first use."""
         grounder = Grounder()
         grounder.ground("\n".join([static_program(self.problem), *_aggregate_rules(self.domain)]))
-        return Evaluated(grounder.named, grounder.holds)
+        return GivenFacts(grounder.named, grounder.holds)
 
     @cached_property
     def amounts(self) -> Amounts:

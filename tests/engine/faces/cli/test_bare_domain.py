@@ -1,6 +1,7 @@
 """A domain whose operators are generated from its contact model serves every command that reads a plan."""
 
 import json
+import shutil
 from pathlib import Path
 
 import pytest
@@ -40,3 +41,25 @@ def test_a_step_is_explained(plan_file: Path) -> None:
     answer = CliRunner().invoke(app, ["explain", str(plan_file), "2"])
     assert answer.exit_code == 0, answer.output
     assert operators[1].split("(")[0] in answer.stdout
+
+
+@pytest.fixture
+def problem_file(tmp_path: Path) -> Path:
+    """A problem of a copy of the domain, with a cell beside it."""
+    folder = Path(shutil.copytree(SATELLITE, tmp_path / "satellite"))
+    (folder / "cell.yaml").write_text("cell: satellite\n")
+    (folder / "problems").mkdir()
+    file = folder / "problems" / "one.yaml"
+    file.write_text(f"problem: one\ndomain: satellite\ngoals: ['{GOALS}']\n")
+    return file
+
+
+def test_a_problem_stands_for_its_domain_where_pictures_and_states_are_asked_for(problem_file: Path) -> None:
+    for words in (["cell", "show"], ["states"]):
+        answer = CliRunner().invoke(app, [*words, str(problem_file)])
+        assert answer.exit_code == 0, answer.output
+
+
+def test_the_table_of_states_counts_without_a_wrong_plural() -> None:
+    table = CliRunner().invoke(app, ["states", str(SATELLITE)]).stdout
+    assert "module (up to 2)" in " ".join(table.split())
