@@ -56,7 +56,7 @@ class Answer:
 def give(make: Callable[[], Answer], form: Form) -> NoReturn:
     """Make the answer, print it and exit with its code."""
     if watch := current():
-        watch.json = form is Form.JSON
+        watch.tell = lambda code: _print_stopped(code, form)
     with _hearing():
         answer = _made(make)
     if watch:
@@ -141,7 +141,7 @@ def _made(make: Callable[[], Answer]) -> Answer:
         return Answer("stopped", code=LIMIT, diagnostics=(found,))
     except Stopped:
         watch = current()
-        return stopped(LIMIT if watch is not None and watch.is_time_up() else INTERRUPTED)
+        return _stopped(LIMIT if watch is not None and watch.is_time_up() else INTERRUPTED)
     except OSError as error:
         message, hint = (
             f"the operating system reports: {error.strerror or error}",
@@ -155,7 +155,7 @@ def _made(make: Callable[[], Answer]) -> Answer:
         return Answer("internal error", {"error": f"{type(error).__name__}: {error}"}, code=INTERNAL)
 
 
-def stopped(code: int) -> Answer:
+def _stopped(code: int) -> Answer:
     """The answer of a command that was ended before it had one: by its time limit or by Ctrl-C."""
     from kb.diagnostics import Diagnostic, Source
 
@@ -167,12 +167,11 @@ def stopped(code: int) -> Answer:
     return Answer("stopped", code=code, diagnostics=(found,))
 
 
-def print_stopped(code: int, json: bool) -> None:
-    """Print that answer."""
-    answer = stopped(code)
-    if not json:
+def _print_stopped(code: int, form: Form) -> None:
+    answer = _stopped(code)
+    if form is Form.TEXT:
         _report(answer)
-    _print(answer, Form.JSON if json else Form.TEXT)
+    _print(answer, form)
     sys.stdout.flush()
     sys.stderr.flush()
 

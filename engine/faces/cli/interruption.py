@@ -111,13 +111,3 @@ def _say(text: str) -> None:
     with suppress(OSError):
         sys.stderr.write(text)
         sys.stderr.flush()
-
-
-def limit_memory(megabytes: int | None) -> None:
-    """Limit the memory of this process and of those it starts. Beyond the limit a `MemoryError` is raised."""
-    if megabytes is not None:
-        import resource
-
-        _, most = resource.getrlimit(resource.RLIMIT_DATA)
-        wanted = min(megabytes * 2**20, sys.maxsize)
-        resource.setrlimit(resource.RLIMIT_DATA, (wanted if most < 0 else min(wanted, most), most))

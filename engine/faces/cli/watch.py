@@ -7,9 +7,10 @@ thread: it ends the process with the proper exit code when the time is over or C
 import os
 import signal
 import socket
+import sys
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 
 from engine.faces.cli.exits import INTERRUPTED, LIMIT
@@ -25,7 +26,8 @@ class Watch:
     def __init__(self, seconds: float | None = None) -> None:
         self.seconds = seconds
         self.deadline = None if seconds is None else time.monotonic() + seconds
-        self.json = self.heard = self.answered = self.waiting = False
+        self.tell: Callable[[int], None] = lambda _: None
+        self.heard = self.answered = self.waiting = False
         self._alarm, self._woken = socket.socketpair()
 
     def is_time_up(self) -> bool:
@@ -62,10 +64,8 @@ class Watch:
             time.sleep(0.02)
 
     def _end(self, code: int) -> None:
-        from engine.faces.cli.answers import print_stopped
-
         with suppress(Exception):
-            print_stopped(code, self.json)
+            self.tell(code)
         os._exit(code)
 
 
@@ -82,7 +82,6 @@ def current() -> Watch | None:
 def watching(seconds: float | None, megabytes: int | None) -> Iterator[None]:
     """A context in which a command is watched, if this is the main thread of a process of its own."""
     global _now
-    from engine.faces.cli.interruption import limit_memory
     from kb import stopping
 
     limit_memory(megabytes)
@@ -100,3 +99,13 @@ def own_process() -> None:
     """Say that this process does nothing but the command, so that it may be ended."""
     global _alone
     _alone = True
+
+
+def limit_memory(megabytes: int | None) -> None:
+    """Limit the memory of this process and of those it starts. Beyond the limit a `MemoryError` is raised."""
+    if megabytes is not None:
+        import resource
+
+        _, most = resource.getrlimit(resource.RLIMIT_DATA)
+        wanted = min(megabytes * 2**20, sys.maxsize)
+        resource.setrlimit(resource.RLIMIT_DATA, (wanted if most < 0 else min(wanted, most), most))
