@@ -28,7 +28,6 @@ class Watch:
         self.deadline = None if seconds is None else time.monotonic() + seconds
         self.tell: Callable[[int], None] = lambda _: None
         self.heard = self.answered = self.waiting = False
-        self._alarm, self._woken = socket.socketpair()
 
     def is_time_up(self) -> bool:
         """Whether the time limit has passed."""
@@ -36,15 +35,16 @@ class Watch:
 
     def start(self) -> None:
         """Watch from now on. Only the main thread may start it."""
+        self._alarm, woken = socket.socketpair()
         self._alarm.setblocking(False)
         signal.set_wakeup_fd(self._alarm.fileno(), warn_on_full_buffer=False)
-        threading.Thread(target=self._run, name=NAME, daemon=True).start()
+        threading.Thread(target=self._run, args=(woken,), name=NAME, daemon=True).start()
 
-    def _run(self) -> None:
-        self._woken.settimeout(None if self.deadline is None else max(self.deadline - time.monotonic(), 0))
+    def _run(self, woken: socket.socket) -> None:
+        woken.settimeout(None if self.deadline is None else max(self.deadline - time.monotonic(), 0))
         code = INTERRUPTED
         try:
-            while not set(self._woken.recv(64)) & {signal.SIGINT, signal.SIGTERM}:
+            while not set(woken.recv(64)) & {signal.SIGINT, signal.SIGTERM}:
                 pass
             grace = HEARING
         except TimeoutError:
