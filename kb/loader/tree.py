@@ -20,6 +20,7 @@ __all__ = ["File", "Node", "read_file", "read_tree"]
 
 MAX_DEPTH = 50
 MAX_NODES = 1_000_000
+SHORT = 2**16  # characters
 MAX_FOUND = 100  # a file with more YAML errors than this is not read further
 
 
@@ -81,13 +82,24 @@ def _visible(raw: str) -> list[int]:
 
 
 def read_tree(file: File) -> tuple[Node, list[Diagnostic]]:
-    """The tree of a file and its errors. Raises `InvalidInput` if there is no tree."""
+    """The tree of a file and its errors. Raises `InvalidInput` if there is no tree.
+
+    The trees of the last short files are remembered: the domain is read anew with each of its problems.
+    """
+    root, found = (_remembered if len(file.text) <= SHORT else _read)(file)
+    return root, [*found]
+
+
+def _read(file: File) -> tuple[Node, list[Diagnostic]]:
     found: list[Diagnostic] = []
     try:
         root = _Composer(file, found).compose()
     except yaml.YAMLError as error:
         raise InvalidInput([*found, _yaml_error(file, error)]) from None
     return root, found
+
+
+_remembered = functools.lru_cache(16)(_read)
 
 
 class _Composer:
