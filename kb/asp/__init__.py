@@ -13,7 +13,8 @@ import clingo
 from kb.asp.bounded import run_bounded
 from kb.asp.suspicion import suspicion
 from kb.asp.tables import Table, table
-from kb.terms import Function, Number, Term, Text
+from kb.plain_terms import plain_terms
+from kb.terms import Function, Number, Term, Text, is_ground
 
 
 class AspError(Exception):
@@ -148,6 +149,9 @@ def symbol(ground: Term) -> clingo.Symbol:
 
 def ground_term(text: str) -> Term:
     """A ground term from its text, read in a fast way. Arithmetic in it is evaluated. Raises `AspError`."""
+    plain = plain_terms(text)
+    if plain is not None and len(plain) == 1 and is_ground(plain[0]):
+        return plain[0]
     if (found := suspicion(text)) is not None:
         raise AspError([(1, found.offset + 1, found.message)])
     messages = Messages()
