@@ -15,6 +15,14 @@ CODES = {"found": 0, "infeasible": INFEASIBLE, "gave up": GAVE_UP}
 NAMED = 'home, a place of the cell, joint values "0, 90, 0, 0, 45, 0", or "point X, Y, Z" in metres'
 
 
+class Way(StrEnum):
+    """The strategies of `engine.model.motion`, named here so that help needs no array library."""
+
+    CONNECT = "connect"
+    VISIBILITY = "visibility"
+    REDUCED = "reduced"
+
+
 class MotionForm(StrEnum):
     """The forms in which a motion is shown."""
 
@@ -39,6 +47,10 @@ def plan_motion(
     bridges: Annotated[
         int, typer.Option(min=0, max=100_000, help="short cuts that are tried: more work, a shorter path")
     ] = 60,
+    strategy: Annotated[
+        Way,
+        typer.Option(help="connect: two trees; visibility: the hand first; reduced: three joints at a time"),
+    ] = Way.CONNECT,
     seed: Seed = 0,
     format: Annotated[MotionForm, typer.Option("--format", help="how it is shown")] = MotionForm.TEXT,
     output: Annotated[Path | None, typer.Option("--output", "-o", help="the SVG file to write")] = None,
@@ -47,13 +59,13 @@ def plan_motion(
     if format is not MotionForm.SVG:
         refuse_idle({"--output": output}, "without a picture: give --format svg")
     form = Form.JSON if format is MotionForm.JSON else Form.TEXT
-    give(lambda: _planned(target, (start, goal), (margin, seed, bridges), format, output), form)
+    give(lambda: _planned(target, (start, goal), (margin, seed, bridges, strategy), format, output), form)
 
 
 def _planned(
     target: str,
     ends: tuple[str, str],
-    settings: tuple[float, int, int],
+    settings: tuple[float, int, int, Way],
     form: MotionForm,
     output: Path | None,
 ) -> Answer:
@@ -62,10 +74,11 @@ def _planned(
 
     from engine.formats.report import motion as report
     from engine.formats.report import motion_svg
-    from engine.pipelines import motion as pipeline
+    from engine.model.motion import Strategy
+    from engine.pipelines.motion import moving as pipeline
 
-    margin, seed, bridges = settings
-    found = pipeline.move(target, *ends, margin, seed, bridges)
+    margin, seed, bridges, strategy = settings
+    found = pipeline.move(target, *ends, margin, seed, bridges, Strategy(strategy.value))
     path, timed = found.path(), found.trajectory()
     times = timed.corners_s
     status = report.status(found.answer)

@@ -1,6 +1,7 @@
 """What motions are planned on: any checker, with lines checked whole and proofs for paths."""
 
 import math
+from collections.abc import Sequence
 from functools import cached_property
 
 import numpy as np
@@ -11,6 +12,7 @@ from engine.kernels.geometry.proof import Proof
 from engine.model.geometry import Contact, Floats, Joints, Scene, Truths
 from engine.ports import CollisionChecker
 from engine.stages.geometry.collision.builtin import BuiltinChecker
+from engine.stages.geometry.collision.covering import covered
 from engine.stages.geometry.shapes.packing import bounded, grouped
 
 
@@ -66,6 +68,10 @@ class Ground:
     def proof(self, margin_m: float, finest_m: float) -> Proof:
         """A proof by the built-in kernels, whatever the checker is."""
         return Proof(self._mechanism, *self._packed(margin_m), self._reach, margin_m, finest_m)
+
+    def covered(self, wrist: Sequence[int], start: Floats, goal: Floats) -> "Ground":
+        """The ground where one box stands for all that the joints `wrist` carry between two configurations (k,)."""
+        return Ground(BuiltinChecker(covered(self.scene, wrist, start, goal)))
 
     def _packed(self, margin_m: float) -> tuple[Pieces, Pairs]:
         """The scene as kernels read it, packed once for each margin."""

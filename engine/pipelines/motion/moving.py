@@ -1,16 +1,17 @@
-"""Motions of an arm in a cell: what a person names becomes configurations, and the planner joins them."""
+"""A motion of an arm between two named ends: what a person names becomes configurations, and a planner joins them."""
 
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from engine.model.geometry import Floats
-from engine.model.motion import Answer, Moved, Query
+from engine.model.motion import Answer, Moved, Query, Strategy
 from engine.pipelines.planning import initial_facts
 from engine.plugins import geometry_backend
 from engine.stages.geometry import transforms
 from engine.stages.geometry.collision.ground import Ground
 from engine.stages.geometry.pictures.view import cell_of
+from engine.stages.geometry.reach.hand import ArmHand
 from engine.stages.geometry.reach.reach import Reachability, Unreached
 from engine.stages.geometry.world.following import following
 from engine.stages.geometry.world.model import World
@@ -64,7 +65,13 @@ class _End:
 
 
 def move(
-    target: str, start: str, goal: str, margin_m: float = 0.0, seed: int = 0, bridges: int = 60
+    target: str,
+    start: str,
+    goal: str,
+    margin_m: float = 0.0,
+    seed: int = 0,
+    bridges: int = 60,
+    strategy: Strategy = Strategy.CONNECT,
 ) -> Motion:
     """The motion in the cell of a target between two ends, each named as `end_of` says.
 
@@ -88,9 +95,11 @@ def move(
         seed=seed,
         bridges=bridges,
         moving=tuple(range(first, first + count)),
+        strategy=strategy,
     )
+    hand = ArmHand(world, ground.scene, place.arm, reach.flange_to_end(place))
     names = tuple(joint.name for joint in world.models[place.arm].arm.joints)
-    return Motion(world, place.arm, plan(ground, query), first, names)
+    return Motion(world, place.arm, plan(ground, query, hand), first, names)
 
 
 def _nearest_first(configurations: Floats, now: Floats) -> Floats:
