@@ -64,6 +64,10 @@ class MotionGround(CollisionChecker, Protocol):
         """
         ...
 
+    def travel(self, first: Floats, second: Floats) -> float:
+        """A bound on the way (m) of every point of everything that moves, on the straight line between configurations (k,)."""
+        ...
+
 
 class Hand(Protocol):
     """The hand of the arm that moves, for planners that think in the room. Configurations are those of the ground (n, k)."""

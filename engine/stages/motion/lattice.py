@@ -39,8 +39,8 @@ class Lattice:
     def within(self, where: Floats) -> Truths:
         """Whether configurations (n, k) are within the limits (n,)."""
         own = where[:, self.free]
-        inside: Truths = ((own >= self.low[self.free]) & (own <= self.high[self.free])).all(axis=1)
-        return inside
+        inside = (own >= self.low[self.free]) & (own <= self.high[self.free])
+        return np.asarray(inside.all(axis=1))
 
 
 def nearest_free(ground: MotionGround, lattice: Lattice, margin_m: float) -> Floats | None:

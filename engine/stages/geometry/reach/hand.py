@@ -4,6 +4,7 @@ import numpy as np
 
 from engine.model.geometry import Floats, Piece, Scene
 from engine.stages.geometry import transforms
+from engine.stages.geometry.kinematics.arms import ArmModel
 from engine.stages.geometry.kinematics.inverse import InverseKinematics, turns
 from engine.stages.geometry.world.model import World
 
@@ -16,11 +17,11 @@ class ArmHand:
         self._kinematics = InverseKinematics(world.models[arm])
         self._base = world.pose("world", f"{arm}.base")
         first, count = world.first_carriers[arm], world.models[arm].joints.count
-        self._own = slice(first, first + count)
+        self.own = slice(first, first + count)
 
     def poses(self, q: Floats) -> Floats:
         """Where the hand is in the world (n, 4, 4)."""
-        found: Floats = self._base @ self._kinematics.model.flange_pose(q[..., self._own]) @ self._end
+        found: Floats = self._base @ self._kinematics.model.flange_pose(q[..., self.own]) @ self._end
         return found
 
     def reaching(self, poses: Floats, near: Floats) -> list[Floats]:
@@ -31,11 +32,21 @@ class ArmHand:
     def _nearest_first(self, branches: Floats, near: Floats) -> Floats:
         """All turns of some branches (b, own joints) as configurations of the world (m, k)."""
         inside = [turns(self._kinematics.model, q) for q in branches]
-        own = np.concatenate(inside) if inside else np.zeros((0, len(near[self._own])))
-        away = np.abs(own - near[self._own]).max(axis=1)
+        own = np.concatenate(inside) if inside else np.zeros((0, len(near[self.own])))
+        away = np.abs(own - near[self.own]).max(axis=1)
         whole = np.repeat(near[None], len(own), axis=0)
-        whole[:, self._own] = own[np.argsort(away, kind="stable")]
+        whole[:, self.own] = own[np.argsort(away, kind="stable")]
         return whole
+
+    @property
+    def model(self) -> ArmModel:
+        """The arm; `own` are its joints among those of the world."""
+        return self._kinematics.model
+
+    def branches(self, pose: Floats) -> Floats:
+        """The arm's own configurations (b, own joints) for a pose (1, 4, 4), within its limits or not."""
+        base = transforms.inverse(self._base) @ pose @ transforms.inverse(self._end)
+        return self._kinematics.solve(base).of(0)
 
     def boxes(self) -> tuple[Floats, Floats]:
         """The boxes around the standing pieces: poses (n, 4, 4) and half edges (n, 3)."""
