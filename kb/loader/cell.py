@@ -7,7 +7,9 @@ from pathlib import Path
 from kb.diagnostics import unknown_name
 from kb.files import is_file
 from kb.loader.arm import bundled_arms, pairs, quantities_of, read_arm
+from kb.loader.cell_guides import read_guide, read_plain
 from kb.loader.cell_locations import Known, read_locations
+from kb.loader.cell_operations import read_operations
 from kb.loader.quantities import ANGLE, Quantities, child, members
 from kb.loader.reader import Findings, Reader, require, validate_shape
 from kb.loader.tree import Node, read_file
@@ -52,6 +54,7 @@ class _CellReader:
             for section, kind in _BODIES.items()
             for name, node in self._section(section)
         }
+        self._check_followers(bodies)
         self._frames(arms, frames, bodies)
         regions = {name: self._region(name, node) for name, node in self._section("regions")}
         self._check_parents(regions)
@@ -62,9 +65,10 @@ class _CellReader:
             place = self._place(key, node, arms, bodies)
             places[place.name] = place
         known = Known(bodies, places, self._known())
-        locations = read_locations(self.reader, self.read.findings, known)
+        locations = read_locations(self.reader, self.read, known)
+        operations = read_operations(self.reader, self.read.findings, known)
         name = self.reader.text("cell")
-        return Cell(name, arms, frames, bodies, regions, allowed, places, locations, path)
+        return Cell(name, arms, frames, bodies, regions, allowed, places, locations, operations, path)
 
     def _section(self, section: str) -> list[tuple[str, Node]]:
         """The named entries of a section. A name that another section uses already is reported."""
@@ -112,7 +116,24 @@ class _CellReader:
 
     def _body(self, name: str, kind: BodyKind, node: Node) -> Body:
         features = {key: self.read.pose(value) for key, _, value in members(child(node, "features"))}
-        return Body(name, kind, self._placement(node), self.read.shapes(child(node, "shapes")), features)
+        return Body(
+            name,
+            kind,
+            self._placement(node),
+            self.read.shapes(child(node, "shapes")),
+            features,
+            read_guide(child(node, "joint"), self.read),
+            read_plain(child(node, "mass")),
+            read_plain(child(node, "friction")),
+        )
+
+    def _check_followers(self, bodies: Mapping[str, Body]) -> None:
+        """A body follows one that has a joint, and follows none itself."""
+        leaders = {name for name, body in bodies.items() if body.guide and not body.guide.follows}
+        for name, body in bodies.items():
+            if body.guide and body.guide.follows and body.guide.follows not in leaders:
+                where = self.nodes[name].where
+                self.read.findings.note(unknown_name("body with a joint", body.guide.follows, leaders, where))
 
     def _frames(
         self, arms: Mapping[str, MountedArm], frames: Mapping[str, Placement], bodies: Mapping[str, Body]

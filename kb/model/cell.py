@@ -10,7 +10,7 @@ from enum import Enum
 
 from kb.diagnostics import NOWHERE, Source
 from kb.model.shapes import HERE, Offsets, PlacedShape, Pose, Shape, Vector
-from kb.terms import Atom, Term
+from kb.terms import Atom, Function, Term
 
 WORLD = "world"
 
@@ -119,9 +119,23 @@ class BodyKind(Enum):
 
 
 @dataclass(frozen=True, slots=True)
+class Guide:
+    """How a body moves on what it stands on: along or about `axis`, in its own frame, from `lower` to `upper` (m or rad).
+
+    At 0 it is where the file places it. With `follows` it always goes as far as that body.
+    """
+
+    kind: JointKind
+    axis: Vector
+    lower: float
+    upper: float
+    follows: str = ""
+
+
+@dataclass(frozen=True, slots=True)
 class Body:
     """A solid thing: its shapes, where it is at the start, and named poses on it (such as where to grip it,
-    or its tip).
+    or its tip). With a `guide` it slides or swings on what it stands on.
     """
 
     name: str
@@ -129,6 +143,9 @@ class Body:
     placement: Placement = Placement()
     shapes: tuple[PlacedShape, ...] = ()
     features: Mapping[str, Pose] = field(default_factory=dict)
+    guide: Guide | None = None
+    mass_kg: float | None = None
+    friction: float | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -168,14 +185,39 @@ class Place:
 class Location:
     """Where a fact puts a body: its feature `grip` (else its own frame) takes the pose of a place, or that of a frame.
 
-    `body` and `place` are terms, and `frame` is the name of a frame. All three may contain variables of the
-    fact.
+    With `value` (m or rad) the body goes that far along its guide instead. `body` and `place` are terms, and `frame` is the
+    name of a frame. All three may contain variables of the fact.
     """
 
     fact: Atom
     body: Term
     place: Term | None = None
     frame: str = ""
+    where: Source = field(default=NOWHERE, compare=False)
+    value: float | None = None
+
+
+class Ends(Enum):
+    """Where the arm is after a step: back before the place, in it, or before it without having been in it."""
+
+    OUTSIDE = "outside"
+    INSIDE = "inside"
+    BEFORE = "before"
+
+
+@dataclass(frozen=True, slots=True)
+class Operation:
+    """What an arm does in a step of an operator: `operator` is its name with variables.
+
+    The arm goes to the place `at`; there it takes or leaves what the facts after the step say, and moves the body `drags` along
+    its guide. `drives` is a body that moves the arm, at rest, along its guide.
+    """
+
+    operator: Function
+    at: Term | None = None
+    ends: Ends = Ends.OUTSIDE
+    drags: str = ""
+    drives: str = ""
     where: Source = field(default=NOWHERE, compare=False)
 
 
@@ -191,4 +233,5 @@ class Cell:
     allowed: frozenset[frozenset[str]] = frozenset()
     places: Mapping[str, Place] = field(default_factory=dict)
     locations: tuple[Location, ...] = ()
+    operations: tuple[Operation, ...] = ()
     path: str = ""
