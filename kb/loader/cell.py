@@ -9,6 +9,7 @@ from kb.files import is_file
 from kb.loader.arm import bundled_arms, pairs, quantities_of, read_arm
 from kb.loader.cell_guides import read_guide, read_plain
 from kb.loader.cell_locations import Known, read_locations
+from kb.loader.cell_measuring import read_measuring
 from kb.loader.cell_operations import read_operations
 from kb.loader.quantities import ANGLE, Quantities, child, members
 from kb.loader.reader import Findings, Reader, require, validate_shape
@@ -68,7 +69,14 @@ class _CellReader:
         locations = read_locations(self.reader, self.read, known)
         operations = read_operations(self.reader, self.read.findings, known)
         name = self.reader.text("cell")
-        return Cell(name, arms, frames, bodies, regions, allowed, places, locations, operations, path)
+        measuring = {
+            key: read_measuring(node, self.read, bodies)
+            for key, key_node, node in self.reader.entries("measuring")
+            if self._is_tool(key, key_node, bodies)
+        }
+        return Cell(
+            name, arms, frames, bodies, regions, allowed, places, locations, operations, measuring, path
+        )
 
     def _section(self, section: str) -> list[tuple[str, Node]]:
         """The named entries of a section. A name that another section uses already is reported."""
@@ -232,6 +240,13 @@ class _CellReader:
             self.read.findings.add(key.where, "K005", "the arm for this place is not given", "give `arm`")
             return ""
         return next(iter(arms))
+
+    def _is_tool(self, name: str, key: Node, bodies: Mapping[str, Body]) -> bool:
+        """Whether a body is a tool with a tip; another one is reported."""
+        tools = {each for each, body in bodies.items() if "tip" in body.features}
+        if name not in tools:
+            self.read.findings.note(unknown_name("tool with a `tip`", name, tools, key.where))
+        return name in tools
 
     def _which_tool(self, node: Node, bodies: Mapping[str, Body]) -> str:
         given = child(node, "tool")

@@ -1,11 +1,14 @@
 """The `operations` of a `cell.yaml`: what an arm does in the steps of the domain's operators."""
 
+from fractions import Fraction
+
 from kb.diagnostics import unknown_name
 from kb.loader.cell_locations import Known
 from kb.loader.quantities import child
 from kb.loader.reader import Findings, Reader
 from kb.loader.tree import Node
 from kb.model.cell import Ends, Operation
+from kb.syntax import SECONDS
 from kb.terms import Function, Term, Variable, is_ground, variables
 
 
@@ -34,7 +37,16 @@ def _operation(
         findings.add(
             node.where, "K005", "nothing is dragged without a place", "give `at`: where it is gripped"
         )
-    return Operation(operator, place, Ends(ends.value if ends else "outside"), *names, key.where)
+    takes = _seconds(child(node, "takes"))
+    return Operation(operator, place, Ends(ends.value if ends else "outside"), *names, takes_s=takes, where=key.where)
+
+
+def _seconds(node: Node | None) -> float:
+    """A time in s; 0 if none is given."""
+    if node is None:
+        return 0.0
+    number = str(node.value).rstrip("mins ")
+    return float(Fraction(number) * SECONDS[str(node.value)[len(number) :].strip() or "s"])
 
 
 def _check_place(

@@ -210,7 +210,7 @@ class Operation:
     """What an arm does in a step of an operator: `operator` is its name with variables.
 
     The arm goes to the place `at`; there it takes or leaves what the facts after the step say, and moves the body `drags` along
-    its guide. `drives` is a body that moves the arm, at rest, along its guide.
+    its guide. `drives` is a body that moves the arm, at rest, along its guide. `takes_s` is spent at the place.
     """
 
     operator: Function
@@ -218,7 +218,32 @@ class Operation:
     ends: Ends = Ends.OUTSIDE
     drags: str = ""
     drives: str = ""
+    takes_s: float = 0.0
     where: Source = field(default=NOWHERE, compare=False)
+
+
+@dataclass(frozen=True, slots=True)
+class Patch:
+    """A rectangle in the picture of a scanner: where its middle is and how large it is, across the field of view (m)."""
+
+    at_m: tuple[float, float]
+    size_m: tuple[float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class Measuring:
+    """How a tool takes a measurement that has a position, but no place of its own.
+
+    `approach_m` is how far it backs off along its z, `touches` are the bodies that it may touch. `tilts_rad` are the angles to
+    the normal that are allowed, those that are preferred first. `field_m` is the width of what a scanner sees, `patch_m` the
+    least and the greatest side of a patch.
+    """
+
+    approach_m: float = 0.0
+    touches: tuple[str, ...] = ()
+    tilts_rad: tuple[float, ...] = (0.0,)
+    field_m: float = 0.0
+    patch_m: tuple[float, float] = (0.0, 0.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -234,4 +259,5 @@ class Cell:
     places: Mapping[str, Place] = field(default_factory=dict)
     locations: tuple[Location, ...] = ()
     operations: tuple[Operation, ...] = ()
+    measuring: Mapping[str, Measuring] = field(default_factory=dict)
     path: str = ""

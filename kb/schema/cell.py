@@ -263,6 +263,23 @@ class OperationEntry(Strict):
     )
     drags: str | None = Field(None, description="the body that the arm moves along its joint there")
     drives: str | None = Field(None, description="the body that moves the arm along its joint")
+    takes: str | None = Field(
+        None, pattern=r"^[0-9]+(\.[0-9]+)? *(s|ms|min)?$", description="the time that is spent at the place, in s"
+    )
+
+
+class MeasuringEntry(Strict):
+    """How a tool takes a measurement that has a position, but no place of its own."""
+
+    approach: Quantity = Field("0", description="how far the tool backs off along its z")
+    touches: list[str] = Field(default_factory=list, description="bodies that it may be in contact with")
+    tilts: list[Quantity] = Field(
+        default_factory=lambda: ["0"], description="the angles to the normal that are allowed, the preferred ones first"
+    )
+    field: Quantity = Field("0", description="the width of what a scanner sees at its working distance")
+    patch: Annotated[list[Quantity], Field(min_length=2, max_length=2)] | None = Field(
+        None, description="the least and the greatest side of a patch in the picture of a scanner"
+    )
 
 
 class CellFile(Strict):
@@ -295,4 +312,8 @@ class CellFile(Strict):
     operations: dict[Expression, OperationEntry] = Field(
         default_factory=dict,
         description="an operator, such as pick(Item, Place), and what the arm does in its steps",
+    )
+    measuring: dict[str, MeasuringEntry] = Field(
+        default_factory=dict,
+        description="a tool, and how it takes the measurements whose position a problem gives",
     )

@@ -75,10 +75,10 @@ class Reachability:
         angles = np.arange(TURNS if place.turns else 1) * 2 * math.pi / TURNS
         around = transforms.transform(transforms.rotation((0, 0, 1), angles), np.zeros(3))
         ends = T_base_goal @ around @ transforms.translation(0.0, 0.0, -back_m)
-        poses: Floats = ends @ transforms.inverse(self._flange_to_end(place))
+        poses: Floats = ends @ transforms.inverse(self.flange_to_end(place))
         return poses
 
-    def _flange_to_end(self, place: Place) -> Floats:
+    def flange_to_end(self, place: Place) -> Floats:
         """T_flange_end (4, 4): the tool point, or the tip of the tool held there."""
         T = transforms.of_pose(self._world.cell.arms[place.arm].tool)
         if place.tool:
@@ -140,7 +140,7 @@ class Reachability:
 
     def _why_too_far(self, place: Place, poses: Floats) -> Unreached:
         """Whether the position alone can be reached, in some orientation."""
-        T_flange_end, rng = self._flange_to_end(place), np.random.default_rng(0)
+        T_flange_end, rng = self.flange_to_end(place), np.random.default_rng(0)
         position = (poses[0] @ T_flange_end)[:3, 3]
         axes = rng.normal(size=(ORIENTATIONS, 3))
         axes /= np.linalg.norm(axes, axis=1, keepdims=True)
