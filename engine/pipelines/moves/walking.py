@@ -26,8 +26,9 @@ from kb.model.plan import Plan, Step
 from kb.syntax import SECONDS
 from kb.terms import Atom, Function, Term, match, substitute
 
-TRIED = 24  # configurations at a place that are tried, the nearest first
-GOALS = 4  # of them, those that a way is planned to
+TRIED = (24, 192)  # configurations at a place that are tried, the nearest first: at once, and if no way leads to those
+GOALS = (4, 32)  # of them, those that a way is planned to
+BUDGET = (40_000, 400_000)  # configurations that the search for a way looks at
 DRAG_STEPS = 24
 DRIVE_LOOKS = 17
 CAREFUL = 0.4  # of the full speed: on straight ways, and while something is dragged
@@ -125,7 +126,7 @@ class Walk:
         corners = fastest(path, Limits(speed, rated, rated * ABRUPT)).corners_s
         return Leg(kind, arm, path, corners, proved, _held(room.world, arm))
 
-    def way(self, room: Room, arm: str, goals: Floats) -> Leg | Blocked | None:
+    def way(self, room: Room, arm: str, goals: Floats, budget: int = BUDGET[1]) -> Leg | Blocked | None:
         """The way from where the arm is to one of some configurations (n, k); None if start or goals are not free."""
         world = room.world
         first, count = world.first_carriers[arm], world.models[arm].joints.count
@@ -133,6 +134,7 @@ class Walk:
             room.whole(arm, self.now(arm)[None])[0],
             room.whole(arm, goals),
             seed=self.seed,
+            budget=budget,
             bridges=self.bridges,
             moving=tuple(range(first, first + count)),
         )
@@ -230,13 +232,17 @@ class _Step:
         optional = self.operation.ends is Ends.BEFORE
         if not len(free) and not optional:
             return self._unreached(poses)
-        ready = self._ready(free)
-        fronts = [path[0] for path in ready]
-        if not fronts and optional:
-            fronts = self._fronts_alone()
+        found: Leg | Blocked | None = None
+        for tried, goals, budget in zip(TRIED, GOALS, BUDGET, strict=True):
+            ready = self._ready(free[:tried], goals)
+            fronts = [path[0] for path in ready] or (self._fronts_alone(tried)[:goals] if optional else [])
+            if not fronts:
+                continue
+            found = self.walk.way(self.before, self.arm, np.array(fronts), budget)
+            if isinstance(found, Leg):
+                break
         if not fronts:
             return self._unmoved("approach", "there is no straight way into it, and out of it again")
-        found = self.walk.way(self.before, self.arm, np.array(fronts))
         if not isinstance(found, Leg):
             return self._no_way(found)
         reached = found.path[-1]
@@ -248,29 +254,29 @@ class _Step:
         assert not isinstance(legs, str), "a straight way that is ready was tried already"
         return self._made([found, *legs])
 
-    def _ready(self, poses: Floats) -> list[Floats]:
-        """The straight ways into the place that serve the whole step; of many the nearest."""
+    def _ready(self, poses: Floats, most: int) -> list[Floats]:
+        """The straight ways into the place that serve the whole step; of many the first."""
         found: list[Floats] = []
-        for q in poses[:TRIED]:
+        for q in poses:
             path = self.before.straight(self.place, q, self.place.approach_m)
             if path is None or not self.before.is_free(self.place, path):
                 continue
             if not self._front_is_free(path[0]) or isinstance(self._at_place(path, dry=True), str):
                 continue
             found.append(path)
-            if len(found) == GOALS:
+            if len(found) == most:
                 break
         return found
 
     def _front_is_free(self, q: Floats) -> bool:
         return not bool(self.before.free(self.arm).collides(self.before.whole(self.arm, q[None]))[0])
 
-    def _fronts_alone(self) -> list[Floats]:
+    def _fronts_alone(self, tried: int) -> list[Floats]:
         """Configurations before the place; whether the arm gets in from there is not asked."""
         away = transforms.of_pose(self.place.placement.pose) @ transforms.translation(0, 0, -self.place.approach_m)
         before = replace(self.place, placement=Placement(self.place.placement.parent, transforms.to_pose(away)))
-        poses = self.before.poses(before, self.walk.now(self.arm))[:TRIED]
-        return [q for q in poses if self._front_is_free(q)][:GOALS]
+        poses = self.before.poses(before, self.walk.now(self.arm))[:tried]
+        return [q for q in poses if self._front_is_free(q)]
 
     def _at_place(self, straight: Floats, dry: bool = False) -> list[Leg] | str:
         """The legs from the front into the place, and, if the step says so, back out; a text if something touches.
@@ -331,7 +337,7 @@ class _Step:
         reason = answer.reason if isinstance(answer, Unreached) else "no configuration is free"
         if not len(poses):
             return self._unmoved("reach", reason)
-        culprits = {name for q in poses[:TRIED] for name in self._others(q)}
+        culprits = {name for q in poses for name in self._others(q)}
         return self._unmoved("contact", reason, tuple(sorted(culprits)))
 
     def _others(self, q: Floats) -> Iterator[str]:
