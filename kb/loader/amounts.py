@@ -22,7 +22,7 @@ def amounts_of(problem: Problem, facts: Facts | None = None) -> Amounts:
 
     `facts` gives its static facts if they have been evaluated already.
     """
-    return Amounts(problem.domain, facts or _evaluated(problem), standing(problem.domain))
+    return Amounts(problem.domain, facts or _evaluated(problem), standing(problem.domain), problem.durations)
 
 
 def standing(domain: Domain) -> Standing:

@@ -40,7 +40,11 @@ class Semantics:
         own = self.problem
         same = problem.domain is own.domain and all(
             one is other or one == other
-            for one, other in ((problem.statics, own.statics), (problem.objects, own.objects))
+            for one, other in (
+                (problem.statics, own.statics),
+                (problem.objects, own.objects),
+                (problem.durations, own.durations),
+            )
         )
         if not same:
             return None
