@@ -85,7 +85,7 @@ def _step(value: Floats, by: Floats, damping: Floats) -> Floats:
     """Steps (B, 6 k) that lessen the lack."""
     transposed = np.swapaxes(by, 1, 2)
     normal = transposed @ by + (damping + 1e-15)[:, None, None] * np.eye(by.shape[2])
-    found: Floats = -np.linalg.solve(normal, transposed @ value[..., None])[..., 0]
+    found: Floats = -np.asarray(np.linalg.solve(normal, transposed @ value[..., None]), dtype=float)[..., 0]
     return found
 
 
