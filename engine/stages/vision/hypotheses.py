@@ -22,6 +22,7 @@ LENGTH_M = 0.004
 INSIDE = 0.85
 THROUGH = 0.2
 STEP = 4.0  # of the noise
+FACING = 0.35  # cosine: of a flatter surface, the next pixel already lies much deeper
 
 
 @dataclass(frozen=True, eq=False)
@@ -200,7 +201,8 @@ def _worth(poses: Floats, model: Model, image: DepthImage) -> Floats:
     """
     points, normals = model.samples
     at = np.einsum("hij,sj->hsi", poses[:, :3, :3], points) + poses[:, None, :3, 3]
-    facing = np.einsum("hij,sj,hsi->hs", poses[:, :3, :3], normals, at) < 0
+    facing = np.einsum("hsi,hsi->hs", np.einsum("hij,sj->hsi", poses[:, :3, :3], normals), at)
+    facing = facing < -FACING * np.linalg.norm(at, axis=2)
     u, v = (np.rint(each).astype(np.int64) for each in image.camera.pixels(at))
     visible = facing & (u >= 0) & (v >= 0) & (u < image.camera.width) & (v < image.camera.height)
     depth = np.where(visible, image.depth[np.where(visible, v, 0), np.where(visible, u, 0)], 0.0)

@@ -1,5 +1,6 @@
 """Where a part is in a depth image, or why that cannot be said."""
 
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,22 +10,23 @@ from engine.model.geometry import Floats, Truths
 from engine.model.vision import DepthImage, Hypothesis, Located, NotLocated, Sighting
 from engine.stages.vision.hypotheses import Model, hypotheses
 from engine.stages.vision.outlines import regions_of
-from engine.stages.vision.refinement import judged, refined
+from engine.stages.vision.refinement import View, judged, refined
 
-TRIED, REFINED = 60, 6
+TRIED, BETTERED, REFINED = 30, 14, 5  # hypotheses that are looked at, bettered a little, and brought to the best pose
 NEAR_M, NEAR_RAD = 0.006, np.radians(8)  # hypotheses this near to each other become one
 BELOW_M = 0.004
 
 
 @dataclass(frozen=True, slots=True)
 class Demands:
-    """What a hypothesis must show to be believed: shares, pixels, and by how much it must be better than any other one."""
+    """What a hypothesis must show to be believed: shares, pixels, and how many pixels more than any other one (also as a share)."""
 
-    agreeing: float = 0.93
+    agreeing: float = 0.98
     seen: float = 0.4
-    edged: float = 0.75
+    edged: float = 0.8
     pixels: int = 250
-    ahead: float = 0.06
+    ahead_px: int = 50
+    ahead: float = 0.01
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -44,47 +46,53 @@ def locate(model: Model, image: DepthImage, ground: Ground, demands: Demands | N
     begun = hypotheses(model, regions, image, TRIED * 4)
     if not len(begun):
         return NotLocated("nothing in the image has edges like those of the part")
-    inverse = np.where(image.depth > 0, 1.0 / np.where(image.depth > 0, image.depth, 1.0), 0.0)
-    apart = _distinct(begun, model, TRIED)
-    first = [(T, each) for T in apart if (each := judged(model, image, inverse, T)) is not None]
-    first.sort(key=lambda pair: -worth(pair[1]))
+    view = View(image, ground.known)
+    apart = _ordered(model, view, _distinct(begun, model, TRIED))[:BETTERED]
+    nearer = [refined(model, view, T, 2)[0] for T in apart]
     final: list[tuple[Hypothesis, Floats]] = []
-    for T, _ in first[:REFINED]:
-        pose, covariance = refined(model, image, inverse, T)
-        each = judged(model, image, inverse, pose)
+    for T in _distinct(_ordered(model, view, nearer), model, REFINED):
+        pose, covariance = refined(model, view, T)
+        each = judged(model, view, pose)
         if each is not None and not _below(model, pose, ground):
             final.append((each, covariance))
     return _decided(model, final, demands or Demands())
 
 
+def _ordered(model: Model, view: View, poses: Sequence[Floats]) -> list[Floats]:
+    """The poses of a part in the picture, those first for which most speaks."""
+    found = [(worth(each), T) for T in poses if (each := judged(model, view, T)) is not None]
+    return [T for _, T in sorted(found, key=lambda pair: -pair[0])]
+
+
 def worth(one: Hypothesis) -> float:
-    """How much speaks for a hypothesis: the pixels that show it, less those that contradict it and the outline's share."""
-    return one.pixels * (one.agreeing * (0.3 + 0.7 * one.edged)) ** 2
+    """How much speaks for a hypothesis: the pixels that show it, less for those that contradict it, and for its outline."""
+    return one.pixels * one.agreeing**8 * (0.3 + 0.7 * one.edged) ** 2
 
 
 def _decided(model: Model, final: list[tuple[Hypothesis, Floats]], demands: Demands) -> Sighting:
     if not final:
         return NotLocated("the part would lie below the floor wherever it could be")
-    final.sort(key=lambda pair: -worth(pair[0]))
+    final.sort(key=lambda pair: (bool(_doubt(pair[0], demands)), -worth(pair[0])))
     best, covariance = final[0]
     second = next((each for each, _ in final[1:] if not same(model, best.T_camera_part, each.T_camera_part)), None)
-    reason = _doubt(best, second, demands)
+    reason = _doubt(best, demands)
+    if not reason and second is not None and not _doubt(second, demands):
+        ahead = max(demands.ahead_px, demands.ahead * best.pixels)
+        reason = "two poses explain the image equally well" if best.pixels - second.pixels < ahead else ""
     if reason:
         return NotLocated(reason, best, second)
     poses = tuple(best.T_camera_part @ S for S in model.symmetries)
     return Located(best, covariance, poses, second)
 
 
-def _doubt(best: Hypothesis, second: Hypothesis | None, demands: Demands) -> str:
-    """Why the best hypothesis is not believed; empty if it is."""
+def _doubt(best: Hypothesis, demands: Demands) -> str:
+    """Why a hypothesis is not believed; empty if it is."""
     if best.pixels < demands.pixels or best.seen < demands.seen:
         return f"too little of the part would be seen: {best.pixels} pixels, {best.seen:.0%} of its picture"
     if best.agreeing < demands.agreeing:
         return f"the image shows through the part: only {best.agreeing:.0%} of it agrees"
     if best.edged < demands.edged:
         return f"the outline does not end where the part would: only {best.edged:.0%} of it does"
-    if second is not None and worth(second) > (1 - demands.ahead) * worth(best):
-        return "two poses explain the image equally well"
     return ""
 
 
@@ -97,7 +105,7 @@ def same(model: Model, one: Floats, other: Floats) -> bool:
     return False
 
 
-def _distinct(poses: Floats, model: Model, most: int) -> list[Floats]:
+def _distinct(poses: Iterable[Floats], model: Model, most: int) -> list[Floats]:
     """The first of those poses that are nearly one."""
     kept: list[Floats] = []
     for T in poses:

@@ -113,22 +113,15 @@ def _region(
     image: DepthImage, inverse: Floats, label: Floats, number: int, plane: Floats, box: tuple[slice, slice]
 ) -> Region | None:
     rows, columns = (slice(max(0, each.start - 3), each.stop + 3) for each in box)
-    mask = ndimage.binary_fill_holes(ndimage.binary_closing(label[rows, columns] == number, iterations=1))
-    soft = ndimage.gaussian_filter(mask.astype(float), 1.5)
-    rim = mask & ~ndimage.binary_erosion(mask, border_value=1)
-    v, u = np.nonzero(rim)
-    gv, gu = np.gradient(soft)
-    outward = -np.stack([gu[v, u], gv[v, u]], axis=1)
-    length = np.linalg.norm(outward, axis=1)
-    keep = length > 1e-6
-    u, v, outward = u[keep], v[keep], outward[keep] / length[keep, None]
-    at = np.stack([u + columns.start, v + rows.start], axis=1).astype(float)
+    mask = ndimage.binary_fill_holes(label[rows, columns] == number)
+    at, outward, core = border(mask)
+    at += [columns.start, rows.start]
     ends = _ends(inverse, plane, at, outward, image.noise_m)
     axes, offset = frame_of(plane, image.camera)
     shown, outer = at[ends] + 0.5 * outward[ends], at[ends] + outward[ends]
     points = on_plane(image.camera, axes, offset, shown)
     normals = on_plane(image.camera, axes, offset, outer) - points
-    inner_v, inner_u = np.nonzero(ndimage.binary_erosion(mask, iterations=2))
+    inner_v, inner_u = np.nonzero(core)
     if not len(inner_u):
         return None
     some = np.linspace(0, len(inner_u) - 1, 60).astype(int)
@@ -136,6 +129,29 @@ def _region(
     pitch = -offset / image.camera.focal_px
     lines = _lines(points, normals, pitch)
     return Region(axes, offset, on_plane(image.camera, axes, offset, inside), lines, int(mask.sum()))
+
+
+def border(mask: Truths) -> tuple[Floats, Floats, Truths]:
+    """The border pixels (n, 2) of a mask, as (u, v), the directions (n, 2) out of it, and the mask without its border region."""
+    soft = ndimage.gaussian_filter(mask.astype(np.float32), 1.5, truncate=2.5)
+    v, u = np.nonzero(mask & ~shrunk(mask))
+    below, above = np.minimum(v + 1, mask.shape[0] - 1), np.maximum(v - 1, 0)
+    right, left = np.minimum(u + 1, mask.shape[1] - 1), np.maximum(u - 1, 0)
+    outward = np.stack([soft[v, left] - soft[v, right], soft[above, u] - soft[below, u]], axis=1).astype(float)
+    length = np.linalg.norm(outward, axis=1)
+    keep = length > 1e-6
+    at = np.stack([u, v], axis=1).astype(float)
+    return at[keep], outward[keep] / length[keep, None], soft > 0.995
+
+
+def shrunk(mask: Truths) -> Truths:
+    """The pixels of a mask all of whose four neighbours are in it; what lies outside the picture counts as in it."""
+    found: Truths = mask.copy()
+    found[1:] &= mask[:-1]
+    found[:-1] &= mask[1:]
+    found[:, 1:] &= mask[:, :-1]
+    found[:, :-1] &= mask[:, 1:]
+    return found
 
 
 def _ends(inverse: Floats, plane: Floats, at: Floats, outward: Floats, noise_m: float) -> Truths:

@@ -5,22 +5,36 @@ the part ends is compared with the place where the measured surface ends.
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
-from scipy import ndimage
 
 from engine.kernels.rigid import apply, turned
 from engine.model.geometry import Floats, Longs, Truths
 from engine.model.vision import DepthImage, Hypothesis
 from engine.stages.vision.hypotheses import Model
 from engine.stages.vision.kernels.rays import Range, draw
-from engine.stages.vision.outlines import beyond_plane
+from engine.stages.vision.outlines import beyond_plane, border, shrunk
 
 ROUNDS = 6
 AGREES = 3.5  # of the noise
 EDGE_PX = 0.5  # the standard deviation of a place where the surface ends
 REACH_PX = 5
 POINTS = 1500
+
+
+@dataclass(frozen=True, eq=False)
+class View:
+    """An image, and where it shows only what is known (height, width)."""
+
+    image: DepthImage
+    known: Truths
+
+    @cached_property
+    def inverse(self) -> Floats:
+        """The inverse depths (height, width), 0 where nothing was measured."""
+        depth = self.image.depth
+        return np.where(depth > 0, 1.0 / np.where(depth > 0, depth, 1.0), 0.0)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -69,16 +83,17 @@ def look(model: Model, image: DepthImage, T: Floats) -> Look | None:
     return Look(T, v0, u0, seen.depth, seen.owner, apart)
 
 
-def judged(model: Model, image: DepthImage, inverse: Floats, T: Floats) -> Hypothesis | None:
+def judged(model: Model, view: View, T: Floats) -> Hypothesis | None:
     """What an image says of a pose; None if the part would not be in it."""
-    seen = look(model, image, T)
+    image, seen = view.image, look(model, view.image, T)
     if seen is None:
         return None
-    rim = outline(model, image, inverse, seen)
+    rim = outline(model, view, seen)
     known = ~np.isnan(seen.apart)
     apart = seen.apart[known]
     agree = int((np.abs(apart) <= AGREES * image.noise_m).sum())
-    through = int((apart > AGREES * image.noise_m).sum())
+    within = seen.apart[known & shrunk(seen.owner >= 0)]
+    through = int((within > AGREES * image.noise_m).sum())
     told = rim.continues | ~np.isnan(rim.shift_px)
     good = told & (np.abs(np.nan_to_num(rim.shift_px, nan=99.0)) <= 2.5)
     return Hypothesis(
@@ -90,21 +105,20 @@ def judged(model: Model, image: DepthImage, inverse: Floats, T: Floats) -> Hypot
     )
 
 
-def outline(model: Model, image: DepthImage, inverse: Floats, seen: Look) -> Rim:
-    """The outline of a part's picture, compared with the image; `inverse` are the image's inverse depths."""
-    mask = seen.owner >= 0
-    rim = mask & ~ndimage.binary_erosion(mask, border_value=1)
-    v, u = np.nonzero(rim)
-    gv, gu = np.gradient(ndimage.gaussian_filter(mask.astype(float), 1.5))
-    outward = -np.stack([gu[v, u], gv[v, u]], axis=1)
-    length = np.linalg.norm(outward, axis=1, keepdims=True)
-    outward = outward / np.where(length > 0, length, 1.0)
-    at = np.stack([u + seen.u0, v + seen.v0], axis=1).astype(float)
+def outline(model: Model, view: View, seen: Look) -> Rim:
+    """The outline of a part's picture, compared with the image.
+
+    Where what is known lies beyond, the surface does not continue: there it meets the floor at a flat angle.
+    """
+    image = view.image
+    at, outward, _ = border(seen.owner >= 0)
+    u, v = at.astype(np.int64).T
+    at += [seen.u0, seen.v0]
     planes = _planes(model, image, seen.T)[seen.owner[v, u]].T
     steps = np.arange(-REACH_PX, REACH_PX + 1)
     on, off, hidden = np.zeros((3, len(at), len(steps)), dtype=bool)
     for n, step in enumerate(steps):
-        apart, known = beyond_plane(inverse, planes, at + step * outward)
+        apart, known = beyond_plane(view.inverse, planes, at + step * outward)
         on[:, n] = known & (np.abs(apart) <= AGREES * image.noise_m)
         off[:, n] = known & (apart > AGREES * image.noise_m)
         hidden[:, n] = known & (apart < -AGREES * image.noise_m)
@@ -114,7 +128,9 @@ def outline(model: Model, image: DepthImage, inverse: Floats, seen: Look) -> Rim
     begins = on[:, :2].any(axis=1) & (on.sum(axis=1) >= 3)
     valid = begins & ends & off[rows, first] & (first > 0)
     shift = np.where(valid, steps[first] - 1.0, np.nan)
-    return Rim(at, outward, shift, begins & ~ends)
+    far = np.rint(at + (REACH_PX - 1) * outward).astype(np.int64)
+    known = view.known[np.clip(far[:, 1], 0, image.camera.height - 1), np.clip(far[:, 0], 0, image.camera.width - 1)]
+    return Rim(at, outward, shift, begins & ~ends & ~known)
 
 
 def _planes(model: Model, image: DepthImage, T: Floats) -> Floats:
@@ -127,15 +143,15 @@ def _planes(model: Model, image: DepthImage, T: Floats) -> Floats:
 
 
 def refined(
-    model: Model, image: DepthImage, inverse: Floats, T: Floats, rounds: int = ROUNDS
+    model: Model, view: View, T: Floats, rounds: int = ROUNDS
 ) -> tuple[Floats, Floats]:
     """The pose near to one that fits the image best, and its covariance (6, 6) about the part's origin."""
     covariance = np.full((6, 6), np.inf)
     for round_ in range(rounds):
-        seen = look(model, image, T)
+        seen = look(model, view.image, T)
         if seen is None:
             break
-        rows, lacks, weights = _equations(model, image, inverse, seen, max(3.0, 8.0 - 2.0 * round_))
+        rows, lacks, weights = _equations(model, view, seen, max(3.0, 8.0 - 2.0 * round_))
         if len(lacks) < 12:
             break
         normal = (rows * weights[:, None]).T @ rows
@@ -151,11 +167,11 @@ def refined(
 
 
 def _equations(
-    model: Model, image: DepthImage, inverse: Floats, seen: Look, within: float
+    model: Model, view: View, seen: Look, within: float
 ) -> tuple[Floats, Floats, Floats]:
     """Rows (n, 6), what they lack in metres (n,), and weights (n,), for a displacement and a turn about the part's origin."""
-    surface = _surface(model, image, seen, within)
-    rim = _rim(image, seen, outline(model, image, inverse, seen))
+    surface = _surface(model, view.image, seen, within)
+    rim = _rim(view.image, seen, outline(model, view, seen))
     return tuple(np.concatenate(pair) for pair in zip(surface, rim, strict=True))  # type: ignore[return-value]
 
 
