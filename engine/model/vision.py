@@ -51,7 +51,8 @@ class Hypothesis:
 
     `agreeing` is the share, of the pixels where the part would be seen and nothing is before it, that show its surface.
     `seen` is the share of its picture that shows it. `edged` is the share of its outline, as far as it is seen, where the
-    surface ends. `pixels` counts the pixels that show it.
+    surface ends. `pixels` counts the pixels that show it. `evidence` is twice the gain in log-likelihood over knowing nothing
+    of the part: what each pixel, and each place of the outline, is nearer than the farthest that still agrees.
     """
 
     T_camera_part: Floats
@@ -59,6 +60,7 @@ class Hypothesis:
     seen: float
     edged: float
     pixels: int
+    evidence: float
 
 
 @dataclass(frozen=True, slots=True, eq=False)

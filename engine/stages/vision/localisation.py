@@ -4,29 +4,32 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy import ndimage
 
-from engine.kernels.rigid import difference
+from engine.kernels.rigid import apply, difference
 from engine.model.geometry import Floats, Truths
 from engine.model.vision import DepthImage, Hypothesis, Located, NotLocated, Sighting
 from engine.stages.vision.hypotheses import Model, hypotheses
 from engine.stages.vision.outlines import regions_of
-from engine.stages.vision.refinement import View, judged, refined
+from engine.stages.vision.refinement import View, judged, look, refined
 
 TRIED, BETTERED, REFINED = 30, 14, 5  # hypotheses that are looked at, bettered a little, and brought to the best pose
 NEAR_M, NEAR_RAD = 0.006, np.radians(8)  # hypotheses this near to each other become one
 BELOW_M = 0.004
+ABOVE_M = 0.006  # how far above what carries it a part may seem to be
+RING_PX = 12
+CARRIED = 0.1  # of the surroundings of a part that is above the floor, the share that must be high enough to carry it
 
 
 @dataclass(frozen=True, slots=True)
 class Demands:
-    """What a hypothesis must show to be believed: shares, pixels, and how many pixels more than any other one (also as a share)."""
+    """What a hypothesis must show to be believed: shares, pixels, and by how much its evidence is ahead."""
 
     agreeing: float = 0.98
     seen: float = 0.4
     edged: float = 0.8
     pixels: int = 250
-    ahead_px: int = 50
-    ahead: float = 0.01
+    ahead: float = 40.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -53,7 +56,7 @@ def locate(model: Model, image: DepthImage, ground: Ground, demands: Demands | N
     for T in _distinct(_ordered(model, view, nearer), model, REFINED):
         pose, covariance = refined(model, view, T)
         each = judged(model, view, pose)
-        if each is not None and not _below(model, pose, ground):
+        if each is not None and not _below(model, pose, ground) and _rests(model, pose, view, ground):
             final.append((each, covariance))
     return _decided(model, final, demands or Demands())
 
@@ -71,14 +74,14 @@ def worth(one: Hypothesis) -> float:
 
 def _decided(model: Model, final: list[tuple[Hypothesis, Floats]], demands: Demands) -> Sighting:
     if not final:
-        return NotLocated("the part would lie below the floor wherever it could be")
-    final.sort(key=lambda pair: (bool(_doubt(pair[0], demands)), -worth(pair[0])))
+        return NotLocated("the part would lie below the floor, or rest on nothing, wherever it could be")
+    final.sort(key=lambda pair: (bool(_doubt(pair[0], demands)), -pair[0].evidence))
     best, covariance = final[0]
     second = next((each for each, _ in final[1:] if not same(model, best.T_camera_part, each.T_camera_part)), None)
     reason = _doubt(best, demands)
     if not reason and second is not None and not _doubt(second, demands):
-        ahead = max(demands.ahead_px, demands.ahead * best.pixels)
-        reason = "two poses explain the image equally well" if best.pixels - second.pixels < ahead else ""
+        ahead = best.evidence - second.evidence
+        reason = "two poses explain the image equally well" if ahead < demands.ahead else ""
     if reason:
         return NotLocated(reason, best, second)
     poses = tuple(best.T_camera_part @ S for S in model.symmetries)
@@ -127,5 +130,26 @@ def _near(kept: Floats, T: Floats, model: Model) -> bool:
 
 
 def _below(model: Model, T: Floats, ground: Ground) -> bool:
-    points = model.solid.vertices @ T[:3, :3].T + T[:3, 3]
+    points = apply(T, model.solid.vertices)
     return any(bool((points @ floor[:3] - floor[3] < -BELOW_M).any()) for floor in ground.floors)
+
+
+def _rests(model: Model, T: Floats, view: View, ground: Ground) -> bool:
+    """Whether a part may rest on a floor, or on something that is seen beside it. What it hides wholly does not count."""
+    points = apply(T, model.solid.vertices)
+    heights = [points @ floor[:3] - floor[3] for floor in ground.floors]
+    if not heights or min(float(each.min()) for each in heights) < ABOVE_M:
+        return True
+    seen = look(model, view.image, T, RING_PX)
+    if seen is None:
+        return False
+    mask = seen.owner >= 0
+    ring = ndimage.binary_dilation(mask, iterations=RING_PX) & ~ndimage.binary_dilation(mask, iterations=2)
+    v, u = np.nonzero(ring)
+    depth = view.image.depth[v + seen.v0, u + seen.u0]
+    around = (view.image.camera.rays(u + float(seen.u0), v + float(seen.v0)) * depth[:, None])[depth > 0]
+    return any(
+        bool((around @ floor[:3] - floor[3] > height.min() - ABOVE_M).mean() > CARRIED)
+        for floor, height in zip(ground.floors, heights, strict=True)
+        if len(around)
+    )

@@ -25,6 +25,8 @@ TURN = np.cos(np.radians(25))
 SHORTEST_PX = 8
 LINES = 8
 CANDIDATES = 60
+AROUND = 4  # pixels: how far around a border pixel its direction is taken from
+DISC = np.array([(x, y) for x in range(-4, 5) for y in range(-4, 5) if x * x + y * y <= 18])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -114,34 +116,67 @@ def _region(
 ) -> Region | None:
     rows, columns = (slice(max(0, each.start - 3), each.stop + 3) for each in box)
     mask = ndimage.binary_fill_holes(label[rows, columns] == number)
-    at, outward, core = border(mask)
+    at, outward = border(mask)
     at += [columns.start, rows.start]
     ends = _ends(inverse, plane, at, outward, image.noise_m)
     axes, offset = frame_of(plane, image.camera)
     shown, outer = at[ends] + 0.5 * outward[ends], at[ends] + outward[ends]
     points = on_plane(image.camera, axes, offset, shown)
     normals = on_plane(image.camera, axes, offset, outer) - points
-    inner_v, inner_u = np.nonzero(core)
+    inner_v, inner_u = np.nonzero(shrunk(shrunk(mask)))
     if not len(inner_u):
         return None
     some = np.linspace(0, len(inner_u) - 1, 60).astype(int)
     inside = np.stack([inner_u[some] + columns.start, inner_v[some] + rows.start], axis=1).astype(float)
-    pitch = -offset / image.camera.focal_px
+    rays = image.camera.rays(at[:, 0], at[:, 1]).mean(axis=0)
+    flat = max(0.3, -float(rays @ axes[:, 2]) / float(np.linalg.norm(rays)))
+    pitch = -offset / flat / image.camera.focal_px / flat
     lines = _lines(points, normals, pitch)
     return Region(axes, offset, on_plane(image.camera, axes, offset, inside), lines, int(mask.sum()))
 
 
-def border(mask: Truths) -> tuple[Floats, Floats, Truths]:
-    """The border pixels (n, 2) of a mask, as (u, v), the directions (n, 2) out of it, and the mask without its border region."""
-    soft = ndimage.gaussian_filter(mask.astype(np.float32), 1.5, truncate=2.5)
+def border(mask: Truths) -> tuple[Floats, Floats]:
+    """The border pixels (n, 2) of a mask, as (u, v), and the directions (n, 2) out of it: away from what is near and in it."""
     v, u = np.nonzero(mask & ~shrunk(mask))
-    below, above = np.minimum(v + 1, mask.shape[0] - 1), np.maximum(v - 1, 0)
-    right, left = np.minimum(u + 1, mask.shape[1] - 1), np.maximum(u - 1, 0)
-    outward = np.stack([soft[v, left] - soft[v, right], soft[above, u] - soft[below, u]], axis=1).astype(float)
+    wide = np.pad(mask, AROUND)
+    near = wide[v[:, None] + DISC[:, 1] + AROUND, u[:, None] + DISC[:, 0] + AROUND]
+    outward = -(near @ DISC.astype(float))
     length = np.linalg.norm(outward, axis=1)
     keep = length > 1e-6
     at = np.stack([u, v], axis=1).astype(float)
-    return at[keep], outward[keep] / length[keep, None], soft > 0.995
+    return at[keep], outward[keep] / length[keep, None]
+
+
+def shrunk(mask: Truths) -> Truths:
+    """The pixels of a mask all of whose four neighbours are in it; what lies outside the picture counts as in it."""
+    found: Truths = mask.copy()
+    found[1:] &= mask[:-1]
+    found[:-1] &= mask[1:]
+    found[:, 1:] &= mask[:, :-1]
+    found[:, :-1] &= mask[:, 1:]
+    return found
+
+
+def _ends(inverse: Floats, plane: Floats, at: Floats, outward: Floats, noise_m: float) -> Truths:
+    """At which border pixels (n, 2), as (u, v), what lies beyond is farther away (n,)."""
+    apart, known = beyond_plane(inverse, plane, at[:, None] + np.array(BEYOND)[:, None] * outward[:, None])
+    farther = known & (apart > STEP * noise_m)
+    nearer = known & (apart < -STEP * noise_m)
+    before = np.maximum.accumulate(farther, axis=1)
+    found: Truths = farther.any(axis=1) & ~(nearer & ~before).any(axis=1)
+    return found
+
+
+def border(mask: Truths) -> tuple[Floats, Floats]:
+    """The border pixels (n, 2) of a mask, as (u, v), and the directions (n, 2) out of it: away from what is near and in it."""
+    v, u = np.nonzero(mask & ~shrunk(mask))
+    wide = np.pad(mask, AROUND)
+    near = wide[v[:, None] + DISC[:, 1] + AROUND, u[:, None] + DISC[:, 0] + AROUND]
+    outward = -(near @ DISC.astype(float))
+    length = np.linalg.norm(outward, axis=1)
+    keep = length > 1e-6
+    at = np.stack([u, v], axis=1).astype(float)
+    return at[keep], outward[keep] / length[keep, None]
 
 
 def shrunk(mask: Truths) -> Truths:
@@ -167,10 +202,11 @@ def _ends(inverse: Floats, plane: Floats, at: Floats, outward: Floats, noise_m: 
 
 
 def beyond_plane(inverse: Floats, plane: Floats, at: Floats) -> tuple[Floats, Truths]:
-    """How much deeper the image is than a plane at places (n, 2), as (u, v), in metres; and whether something is known there."""
-    u, v = np.rint(at).astype(np.int64).T
-    inside = (u >= 0) & (v >= 0) & (u < inverse.shape[1]) & (v < inverse.shape[0])
-    w = np.where(inside, inverse[np.clip(v, 0, inverse.shape[0] - 1), np.clip(u, 0, inverse.shape[1] - 1)], 0.0)
+    """How much deeper the image is than planes (3, ...) at places (..., 2), as (u, v), in metres; and whether it is known there."""
+    u, v = np.rint(at[..., 0]).astype(np.int64), np.rint(at[..., 1]).astype(np.int64)
+    height, width = inverse.shape
+    inside = (u >= 0) & (v >= 0) & (u < width) & (v < height)
+    w = np.where(inside, inverse.reshape(-1)[np.where(inside, v * width + u, 0)], 0.0)
     expected = plane[0] * u + plane[1] * v + plane[2]
     return (expected - w) / np.maximum(expected, 1e-9) ** 2, w > 0
 

@@ -65,15 +65,15 @@ class Rim:
     continues: Truths
 
 
-def look(model: Model, image: DepthImage, T: Floats) -> Look | None:
-    """The part's picture at a pose T_camera_part (4, 4); None if it lies outside the image."""
+def look(model: Model, image: DepthImage, T: Floats, around_px: int = 8) -> Look | None:
+    """The part's picture at a pose T_camera_part (4, 4), with some pixels around; None if it lies outside the image."""
     camera = image.camera
     corners = apply(T, model.solid.vertices)
     if corners[:, 2].min() < 1e-3:
         return None
     u, v = camera.pixels(corners)
-    u0, v0 = max(0, int(u.min()) - 8), max(0, int(v.min()) - 8)
-    u1, v1 = min(camera.width, int(u.max()) + 9), min(camera.height, int(v.max()) + 9)
+    u0, v0 = max(0, int(u.min()) - around_px), max(0, int(v.min()) - around_px)
+    u1, v1 = min(camera.width, int(u.max()) + around_px + 1), min(camera.height, int(v.max()) + around_px + 1)
     if u1 - u0 < 3 or v1 - v0 < 3:
         return None
     seen = Range((v1 - v0, u1 - u0), camera.focal_px, (camera.centre_px[0] - u0, camera.centre_px[1] - v0))
@@ -95,13 +95,17 @@ def judged(model: Model, view: View, T: Floats) -> Hypothesis | None:
     within = seen.apart[known & shrunk(seen.owner >= 0)]
     through = int((within > AGREES * image.noise_m).sum())
     told = rim.continues | ~np.isnan(rim.shift_px)
-    good = told & (np.abs(np.nan_to_num(rim.shift_px, nan=99.0)) <= 2.5)
+    shift = np.abs(np.nan_to_num(rim.shift_px, nan=99.0))
+    good = told & (shift <= 2.5)
+    explained = np.maximum(AGREES**2 - (apart / image.noise_m) ** 2, 0.0).sum()
+    ended = np.maximum(AGREES**2 - (shift / EDGE_PX) ** 2, 0.0).sum()
     return Hypothesis(
         T,
         agree / max(agree + through, 1),
         agree / max(int(known.sum()), 1),
         float(good.sum() / max(told.sum(), 1)),
         agree,
+        float(explained + ended),
     )
 
 
@@ -111,17 +115,16 @@ def outline(model: Model, view: View, seen: Look) -> Rim:
     Where what is known lies beyond, the surface does not continue: there it meets the floor at a flat angle.
     """
     image = view.image
-    at, outward, _ = border(seen.owner >= 0)
+    at, outward = border(seen.owner >= 0)
     u, v = at.astype(np.int64).T
-    at += [seen.u0, seen.v0]
+    at = at + [seen.u0, seen.v0]
     planes = _planes(model, image, seen.T)[seen.owner[v, u]].T
     steps = np.arange(-REACH_PX, REACH_PX + 1)
-    on, off, hidden = np.zeros((3, len(at), len(steps)), dtype=bool)
-    for n, step in enumerate(steps):
-        apart, known = beyond_plane(view.inverse, planes, at + step * outward)
-        on[:, n] = known & (np.abs(apart) <= AGREES * image.noise_m)
-        off[:, n] = known & (apart > AGREES * image.noise_m)
-        hidden[:, n] = known & (apart < -AGREES * image.noise_m)
+    places = at[:, None] + steps[:, None] * outward[:, None]
+    apart, known = beyond_plane(view.inverse, planes[:, :, None], places)
+    on = known & (np.abs(apart) <= AGREES * image.noise_m)
+    off = known & (apart > AGREES * image.noise_m)
+    hidden = known & (apart < -AGREES * image.noise_m)
     left = off | hidden
     first = np.argmax(left, axis=1)
     ends, rows = left.any(axis=1), np.arange(len(at))

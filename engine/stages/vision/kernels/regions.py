@@ -73,7 +73,7 @@ def block(g: Grower, u: int, v: int, side: int) -> float:
     The plane is that of `g`. A block with fewer than three quarters of its pixels free fits badly.
     """
     _begin(g, u + side // 2, v + side // 2)
-    if g.w0 == 0.0:
+    if g.w0 == 0.0 or g.label[g.v0, g.u0] != 0:
         return DOUBT
     for y in range(v, v + side):
         for x in range(u, u + side):
