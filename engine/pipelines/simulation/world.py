@@ -1,17 +1,15 @@
-"""The world model of a run: the facts that hold, and how far the workflow is."""
+"""A world that steps move on: the facts that hold, and how far the workflow is."""
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 
-from engine.pipelines.simulation import Achievement, WorldState
+from engine.pipelines.simulation.dynamics import Move, WorldState
+from engine.pipelines.simulation.faulty import Achievement
 from engine.stages.macros.lifted.world import StepChange
-from kb.asp import ground_term
 from kb.model.plan import StepId
 from kb.model.problem import Chain, Problem
 from kb.model.workflow import Listed, advanced, begun, holding, reaches
 from kb.terms import Atom, Function
-
-Move = tuple[str, int, Atom]
 
 
 @dataclass
@@ -61,10 +59,3 @@ class World:
 def achievement(step: int, action: Function, added: Iterable[Atom], moved: Iterable[Move]) -> Achievement:
     """What a step has achieved, as diagnosis wants it."""
     return Achievement(StepId(step), action, tuple(added), tuple(moved))
-
-
-def read_atom(text: str) -> Function:
-    """The ground atom in a text of the journal."""
-    found = ground_term(text)
-    assert isinstance(found, Function)
-    return found
