@@ -11,7 +11,7 @@ from xml.etree import ElementTree
 from engine.formats.interop.behaviour_trees.structure import Beside, Part, Series, structure
 from kb.model.domain import Domain, Operator
 from kb.model.plan import Plan, Step, StepId
-from kb.terms import Function, Term, substitute
+from kb.terms import Term, substitute
 
 RESERVED = ("ID", "name")  # attributes that every node has
 MAIN = "Plan"

@@ -128,9 +128,7 @@ def test_variables_whose_names_are_taken_get_ports_of_other_names() -> None:
     names = ("ID", "_ID", "ID_")
     operator = Operator("work", tuple(_parameter(each) for each in names), None, ())  # type: ignore[arg-type]
     step = Step(StepId(1), Function("work", tuple(Function(each) for each in "abc")))
-    tree = Tree(
-        written(Domain("work", operators=(operator,)), Plan((step,))), lambda _: Status.SUCCESS
-    )
+    tree = Tree(written(Domain("work", operators=(operator,)), Plan((step,))), lambda _: Status.SUCCESS)
     assert tree.models == {"work": {"ID_", "ID__", "ID___", "duration"}}
     assert tree.tick() is Status.SUCCESS
 
