@@ -129,7 +129,7 @@ class Order(StrEnum):
     STOP = "stop"  # at once
     INTERRUPT = "interrupt"  # at the end of the current goal, with an empty gripper
     CONTINUE = "continue"
-    SKIP = "skip"  # at a pause: take a step for done, without its effects
+    SKIP = "skip"  # at a pause: take a step for done; a person has done it
     RETRY = "retry"  # at a pause: the step that failed once more
     BACK = "back"  # at a pause: go back to a step
     CORRECT = "correct"  # at a pause: facts that hold, and facts that do not
