@@ -141,32 +141,33 @@ class Order(StrEnum):
 class RecordKind(StrEnum):
     """What a record of the journal tells. Its content, by key, is described here; every record has `at_ms`.
 
-    RUN: target, problem, domain, driver, seed, options, version of the program; it is the first record.
-    PLAN: why (first | recovery | reschedule | merged | correction), steps [{id, step, stream, after, resources, start_ms,
-          lasts_ms}], forecast_ms (the end), goals; it replaces the steps that have not begun.
-    FORECAST: starts {id: start_ms} of the steps whose forecast changed, forecast_ms.
-    COMMAND: number, kind, stream, action, says, expects, choices, lasts_ms, timeout_ms, about, asks, step (id in the plan).
-    REPLY: number, text, data.
-    TROUBLE: kind, text, number.
-    DONE: step (id), number, action, started_ms, adds, ends, events: what the step changed in the world model.
-    RESULT: number, action, result (the fact of the result pattern), and where the domain says so value, nominal, lower,
+    RUN: target, problem, domain, goals, command, driver, seed, factor, options, version; it is the first record.
+    PLAN: why (first, recovery, reschedule, or the order that asked for it), steps [{id, step, stream, says, after, resources,
+          start_ms, lasts_ms, ...; keys that say nothing are left out}], order, forecast_ms (the end), goals, given_up; it
+          replaces the steps that have not begun.
+    COMMAND: command (its number), command_kind, stream, action, says, expects, choices, lasts_ms, timeout_ms, about, asks,
+          step (id in the plan, or null).
+    REPLY: command, text, data. A command that got none in time has the text `timeout`.
+    TROUBLE: trouble (its kind), text, command.
+    DONE: step (id), command, action, started_ms, adds, ends, events: what the step changed in the world model; moved: the
+          stages that were reached, [[chain, number, atom]].
+    RESULT: command, action, result (the fact of the result pattern), and where the domain says so value, nominal, lower,
             upper, passed.
-    EXCEPTION: exception (name in the fault base, else a text), step, action, number, reply.
-    FINDING: exception, action (test, repair or question), outcome, belief [[hypothesis, probability]].
-    DIAGNOSIS: exception, causes, cured, isolated, cost.
-    WORLD: why, adds, ends: the world model was corrected.
+    EXCEPTION: exception (its name in the fault base, else the reply), known, step, action, command, reply.
+    FINDING: exception, action (test, repair or question), outcome, belief [[hypothesis, probability]] before it, expected_cost.
+    DIAGNOSIS: exception, causes [[hypothesis, probability]], cured, isolated, cost.
+    WORLD: why, adds, ends, reached: the world model was corrected.
     GIVEN_UP: goal, why.
-    GOAL: goal: a stage or goal was reached.
-    ORDER: order, given (what it says besides), from (terminal, socket, driver).
+    GOAL: goal: a stage was reached.
+    ORDER: order, given (what it says besides), origin (terminal, socket).
     DECISION: what, why: a choice of the executive between alternatives.
     PHASE: phase, why.
     CHECKPOINT: state: from here a resumed run can go on without reading older records.
-    END: outcome (reached | partly | stopped | aborted), goals reached, given_up [[goal, why]], makespan_ms.
+    END: outcome (reached, partly, stopped, aborted, paused), why, goals, open_goals, given_up [[goal, why]], makespan_ms.
     """
 
     RUN = "run"
     PLAN = "plan"
-    FORECAST = "forecast"
     COMMAND = "command"
     REPLY = "reply"
     TROUBLE = "trouble"
@@ -235,3 +236,23 @@ class RunState:
     forecast_ms: int = 0
     facts: frozenset[Any] = frozenset()
     why: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Finish:
+    """How a run ended: `reached`, `partly`, `stopped`, `aborted` or `paused`, and why. Stopped and paused runs can be resumed.
+
+    `goals` are reached, `open_goals` are not; `given_up` says which of them were given up, and why. Times are of the run's
+    clock; `forecast_ms` is what the first plan was to take.
+    """
+
+    run: str
+    outcome: str
+    why: str = ""
+    goals: tuple[str, ...] = ()
+    open_goals: tuple[str, ...] = ()
+    given_up: tuple[tuple[str, str], ...] = ()
+    makespan_ms: int = 0
+    forecast_ms: int = 0
+    exceptions: int = 0
+    steps: int = 0

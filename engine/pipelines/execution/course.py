@@ -59,6 +59,7 @@ class Course:
     keeps_history: bool = True
     done: set[int] = field(default_factory=set)
     outbox: list[Command] = field(default_factory=list)
+    pending: list[Given] = field(default_factory=list)  # orders that came while an exception was handled
     turn: Turn | None = None
     look: Callable[[RunState], None] | None = None
 
@@ -83,6 +84,9 @@ class Course:
 
     def wait(self) -> None:
         """Wait for what comes next, and take it in."""
+        waiting, self.pending = self.pending, []
+        for given in waiting:
+            self.order(given, noted=True)
         for given in self.orders.due(self.driver.now_ms()):
             self.order(given)
         if self.turn is not None:
@@ -129,9 +133,12 @@ class Course:
         else:
             self._take(executive.Failed(message.number, message.text))
 
-    def order(self, given: Given) -> None:
+    def order(self, given: Given, noted: bool = False) -> None:
         """Take in an order. Those that the table does not know are for whoever called `go`."""
-        self.recorder.note(RecordKind.ORDER, order=given.order.value, given=given.text, origin=given.origin)
+        if not noted:
+            self.recorder.note(
+                RecordKind.ORDER, order=given.order.value, given=given.text, origin=given.origin
+            )
         event = TABLE.get(given.order)
         if event is not None:
             before = self.standing.phase
