@@ -46,6 +46,7 @@ CODES = {
     "K313": "an initial state from which no goal can be reached",
     "K314": "two things where only one fits",
     "K315": "a fact that is denied and never made true again",
+    "K316": "limits that nothing passes, or that contradict each other",
     "K401": "unknown domain, problem or file",
     "K402": "not a plan in the documented format",
     "K403": "existing files are not overwritten",
