@@ -14,7 +14,7 @@ from engine.faces.cli.options import Command, Expansions, Format, Goals, Seed, T
 
 if TYPE_CHECKING:
     from engine.model.execution import Record
-    from engine.pipelines.execution import Ending, Wanted
+    from engine.pipelines.execution import Finish, Wanted
     from engine.pipelines.execution.recorder import Watcher
 
 DriverName = Annotated[str, typer.Option("--driver", help="who carries out the commands: sim, or a plug-in")]
@@ -217,13 +217,13 @@ class Watching:
         self.channel.give(Given(Order.APPROVE if said in ("y", "yes") else Order.ABORT, "", "terminal"))
 
 
-def answer_of(ending: "Ending | Any", wanted: "Wanted", quiet: bool) -> Answer:
+def answer_of(ending: "Finish | Any", wanted: "Wanted", quiet: bool) -> Answer:
     """What is printed at the end of a run."""
     from engine.formats.report import execution as report
     from engine.formats.report.json import status
-    from engine.pipelines.execution import Ending
+    from engine.pipelines.execution import Finish
 
-    if not isinstance(ending, Ending):
+    if not isinstance(ending, Finish):
         from rich.text import Text
 
         said = Text(f"No plan: {ending.reason}.")

@@ -4,13 +4,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 
-from engine.model.execution import VERSION, Record, RecordKind
+from engine.model.execution import VERSION, Finish, Record, RecordKind
 from engine.model.outcome import Outcome
 from engine.pipelines.execution.compiling import situation_of
 from engine.pipelines.execution.orders import Orders
 from engine.pipelines.execution.planned import Ready, first
 from engine.pipelines.execution.recorder import Recorder, Watcher
-from engine.pipelines.execution.running import Ending, Execution
+from engine.pipelines.execution.running import Execution
 from engine.pipelines.simulation import World
 from engine.pipelines.simulator.driver import fault_base
 from engine.plugins import driver
@@ -55,7 +55,7 @@ def begin(
     watchers: Sequence[Watcher] = (),
     limits: Limits = Limits(),
     outcome: Outcome | None = None,
-) -> Ending | Outcome:
+) -> Finish | Outcome:
     """Run a problem to its end under a name that `named` has given; why there is no plan, if there is none.
 
     Raises `InvalidInput`.
@@ -83,7 +83,7 @@ def _executed(
     orders: Orders,
     watchers: Sequence[Watcher],
     limits: Limits,
-) -> Ending:
+) -> Finish:
     recorder = Recorder(Ledger(journal, run), made.now_ms, watchers)
     recorder.note(RecordKind.RUN, **document(wanted, problem))
     execution = Execution(run, problem, made, recorder, orders, fault_base(problem), limits)

@@ -3,8 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
-from engine.model.execution import Finish as Ending
-from engine.model.execution import Order, Phase, RecordKind
+from engine.model.execution import Finish, Order, Phase, RecordKind
 from engine.pipelines.attainment import GivenUp
 from engine.pipelines.execution.course import Course, Turn
 from engine.pipelines.execution.handling import ExceptionHandler, GivesUp
@@ -41,7 +40,7 @@ class Execution:
     exceptions: int = 0
     forecast_ms: int = 0
 
-    def start(self, ready: Ready, world: World, approve: bool = False) -> Ending:
+    def start(self, ready: Ready, world: World, approve: bool = False) -> Finish:
         """Execute a first plan to the end of the run."""
         course = self._course(ready, world)
         self.forecast_ms = ready.compiled.program.forecast_ms
@@ -72,7 +71,7 @@ class Execution:
         made: Program = replace(program, lookahead=queues)
         return replace(ready, compiled=replace(ready.compiled, program=made))
 
-    def guarded(self, course: Course, scope: Scope, approve: bool = False) -> Ending:
+    def guarded(self, course: Course, scope: Scope, approve: bool = False) -> Finish:
         """Run to the end. If the journal cannot be written, everything halts: nothing is done that is not noted."""
         handler = ExceptionHandler(course, scope, self.base, self.limits)
         try:
@@ -97,7 +96,7 @@ class Execution:
             if not self.orders.wait():
                 return False
 
-    def _run(self, course: Course, handler: ExceptionHandler) -> Ending:
+    def _run(self, course: Course, handler: ExceptionHandler) -> Finish:
         while True:
             turn = course.go()
             self.steps += len(course.done)
@@ -113,7 +112,7 @@ class Execution:
             if ended is not None:
                 return ended
 
-    def _handled(self, course: Course, handler: ExceptionHandler, turn: Turn) -> Ending | None:
+    def _handled(self, course: Course, handler: ExceptionHandler, turn: Turn) -> Finish | None:
         """Handle failures; the ending if nothing more can be done."""
         if not turn.failures:
             return self._end(course, handler.scope, STOPPED, turn.why)
@@ -124,7 +123,7 @@ class Execution:
         self.follow(course, handler.scope, found, "recovery")
         return None
 
-    def _gives_up(self, course: Course, handler: ExceptionHandler, found: GivesUp) -> Ending:
+    def _gives_up(self, course: Course, handler: ExceptionHandler, found: GivesUp) -> Finish:
         _, open_ = handler.scope.reached(self.problem, course.world.state)
         outcome = REACHED if not open_ else STOPPED if found.stops else PARTLY
         return self._end(course, handler.scope, outcome, found.why)
@@ -136,7 +135,7 @@ class Execution:
         self.recorder.note(RecordKind.PLAN, **plan_entry(found, why, scope))
         course.follow(compiled, standing_of(compiled.program, now, course.standing.number))
 
-    def _changed(self, course: Course, handler: ExceptionHandler, given: Given) -> Ending | None:
+    def _changed(self, course: Course, handler: ExceptionHandler, given: Given) -> Finish | None:
         """What an order at a pause makes of the plan. An order that cannot be followed is told, and nothing changes."""
         if given.order is Order.ABORT:
             self.driver.halt()
@@ -150,14 +149,14 @@ class Execution:
         self.follow(course, scope, found, given.order.value)
         return None
 
-    def _finished(self, course: Course, handler: ExceptionHandler) -> Ending:
+    def _finished(self, course: Course, handler: ExceptionHandler) -> Finish:
         """The end of the last plan: whether all original goals hold is looked up in the world, not taken from the plan."""
         _, open_ = handler.scope.reached(self.problem, course.world.state)
         outcome = REACHED if not open_ else PARTLY
         why = "" if not open_ else f"{len(open_)} of the goals could not be reached"
         return self._end(course, handler.scope, outcome, why)
 
-    def _end(self, course: Course, scope: Scope, outcome: str, why: str) -> Ending:
+    def _end(self, course: Course, scope: Scope, outcome: str, why: str) -> Finish:
         ending = self._ending(course, scope, outcome, why)
         self.recorder.note(
             RecordKind.END,
@@ -171,9 +170,9 @@ class Execution:
         course.flush()
         return ending
 
-    def _ending(self, course: Course, scope: Scope, outcome: str, why: str) -> Ending:
+    def _ending(self, course: Course, scope: Scope, outcome: str, why: str) -> Finish:
         goals, open_ = scope.reached(self.problem, course.world.state)
-        return Ending(
+        return Finish(
             self.run,
             outcome,
             why,
