@@ -27,7 +27,9 @@ class Watch:
         self.seconds = seconds
         self.deadline = None if seconds is None else time.monotonic() + seconds
         self.tell: Callable[[int], None] = lambda _: None
-        self.heard = self.answered = self.waiting = False
+        self.heard = self.answered = False
+        self.waiting = False  # for a person, or for a cell: then Ctrl-C is heard there, and `time_is_up` ends it
+        self.time_is_up: Callable[[], None] | None = None
 
     def is_time_up(self) -> bool:
         """Whether the time limit has passed."""
@@ -44,10 +46,12 @@ class Watch:
         woken.settimeout(None if self.deadline is None else max(self.deadline - time.monotonic(), 0))
         code = INTERRUPTED
         try:
-            while not set(woken.recv(64)) & {signal.SIGINT, signal.SIGTERM}:
+            while not set(woken.recv(64)) & {signal.SIGINT, signal.SIGTERM} or self.waiting:
                 pass
             grace = HEARING
         except TimeoutError:
+            if self.waiting and self.time_is_up is not None:
+                self.time_is_up()
             while self.waiting:
                 time.sleep(0.1)
             code, grace = LIMIT, max(0.05 * (self.seconds or 0), 0.3)
