@@ -10,15 +10,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_array
-from scipy.sparse.csgraph import connected_components, minimum_spanning_tree
-from scipy.spatial import cKDTree
 
 from engine.kernels.arrays import Floats, Ints, Longs
 from engine.kernels.cancellation import Interrupted, never
 from engine.stages.sequencing.costs import Costs
 
 if TYPE_CHECKING:
+    from scipy.sparse import csr_array
+
     from engine.stages.sequencing.kernels.graphs import Graph
 
 GRAIN = 64.0  # penalties are whole multiples of 1 / GRAIN
@@ -29,11 +28,8 @@ QUICK = 8_000  # up to this number of cities there is always a bound, soon after
 KNOWN = 60  # of more cities, on average so many near ones are counted
 QUANTILES = (1.0, 0.9999, 0.999, 0.99, 0.95, 0.9, 0.75, 0.5)  # of the weights of a tree
 STEEPEST = 4.0  # a city of more edges is turned no more than by so many: one that all are near would leap out of reach
-WEIGHED, LIGHTEST, CHUNK = (
-    4_000,
-    5,
-    2_000_000,
-)  # cities; edges of each that an ascent must know; weights at once
+WEIGHED, LIGHTEST = 4_000, 5  # up to so many cities, so many of the lightest edges of each are looked for
+CHUNK = 2_000_000  # weights at once
 FEWER, LEAST = 4, 3  # each time as many clusters; the fewest
 NO_FLOOR = 1e300
 SHRINK = {"rounded": 1.0, "raised": 1.0, "manhattan": 1.0, "micrometres": 1e6, "pseudo_euclidean": 0.1**0.5}
@@ -56,8 +52,11 @@ class _Edges:
         """A weight that is less than any: a weight of 0 would be no edge of a sparse graph."""
         return float((self.cost + penalty[self.first] + penalty[self.second]).min()) - 1.0
 
-    def tree(self, penalty: Floats, cities: int = 0) -> csr_array:
+    def tree(self, penalty: Floats, cities: int = 0) -> "csr_array":
         """A shortest tree of all cities, or of the first so many, whose weights are lessened by the least."""
+        from scipy.sparse import csr_array  # slow to import
+        from scipy.sparse.csgraph import minimum_spanning_tree
+
         weight, n = self.cost + penalty[self.first] + penalty[self.second] - self.least(penalty), len(penalty)
         own = np.maximum(self.first, self.second) < (cities or n)
         return minimum_spanning_tree(
@@ -144,6 +143,8 @@ def _coarsely(
     What one city says about its cluster is little against what it says about itself. So an ascent over single cities takes
     very long until all cities of a cluster have moved.
     """
+    from scipy.sparse.csgraph import connected_components  # slow to import
+
     tree, n = edges.tree(penalty, places), len(penalty)
     longest, least = np.sort(tree.data)[::-1], edges.least(penalty)
     counts = [n // FEWER**level for level in range(1, 20) if n // FEWER**level >= LEAST][::-1]
@@ -220,6 +221,8 @@ def _at_least(costs: Costs, penalty: Floats, edges: _Edges) -> float:
     the one radius and half the cost of the other. The radius of a city depends on its penalty, so that half the cost and
     the penalty make half the floor.
     """
+    from scipy.spatial import cKDTree  # slow to import
+
     assert costs.metric is not None
     points, n = costs.metric.points, len(costs)
     m, tree = len(points), cKDTree(points)
