@@ -10,6 +10,7 @@ import pytest
 
 from kb.asp import AspError, ground_term
 from kb.diagnostics import InvalidInput
+from kb.files import MAX_BYTES
 from kb.loader import find, load, load_plan
 from kb.syntax import ExpressionError, parse
 

@@ -23,9 +23,15 @@ def initial_state(problem: Problem, vocabulary: Vocabulary) -> tuple[tuple[Atom,
 
     A fact is wrong if an argument is not a value of its type, or if other facts deny it.
     """
+    return evaluated_state(problem, vocabulary, Grounder())
+
+
+def evaluated_state(
+    problem: Problem, vocabulary: Vocabulary, grounder: Grounder
+) -> tuple[tuple[Atom, ...], list[Diagnostic]]:
+    """`initial_state`; afterwards a new `grounder` holds every static fact, unless the state is complete as it is given."""
     if problem.complete:
         return tuple(dict.fromkeys(problem.initial)), []
-    grounder = Grounder()
     grounder.ground("\n".join(_program(problem)))
     universe = Universe(grounder, vocabulary, {})
     state = _State(deduction(problem.domain, vocabulary, universe))
