@@ -89,12 +89,16 @@ def kernels() -> list[Extension]:
 
 
 def _kernel(types: Path, optional: bool) -> Extension:
-    """The module beside a file of types."""
+    """The module beside a file of types. It may have a file of C, too, with the same name and the ending `.h`."""
+    header, flags = types.with_suffix(".h"), FLAGS
+    if header.is_file() and POSIX:
+        flags = [*FLAGS, "-O3"]  # its loops over a few vectors are better written out
     return Extension(
         ".".join(types.with_suffix("").parts),
         [types.with_suffix(".py").as_posix()],
-        depends=[types.as_posix(), Path(__file__).name],
-        extra_compile_args=FLAGS,
+        depends=[types.as_posix(), Path(__file__).name, *([header.as_posix()] if header.is_file() else [])],
+        include_dirs=["."],
+        extra_compile_args=flags,
         libraries=["m"] if POSIX else [],
         optional=optional,
     )

@@ -5,8 +5,10 @@ from functools import cached_property
 
 import numpy as np
 
-from engine.kernels.geometry.edges import Edges, Mechanism
+from engine.kernels.geometry.edges import Edges
+from engine.kernels.geometry.lanes import Narrow
 from engine.kernels.geometry.layout import Pairs, Pieces
+from engine.kernels.geometry.mechanism import Mechanism
 from engine.kernels.geometry.proof import Proof
 from engine.model.geometry import Contact, Floats, Joints, Scene, Truths
 from engine.ports import CollisionChecker
@@ -21,13 +23,14 @@ class Ground:
         if checker.scene.free:
             raise ValueError("a free scene has no joints that a motion could be planned for")
         self.checker = checker
-        self._kept: dict[float, tuple[Pieces, Pairs]] = {}
+        self._kept: dict[float, Narrow] = {}
         joints = checker.scene.joints
         self._mechanism = Mechanism(
             joints.parent,
             np.ascontiguousarray(joints.T_parent_origin),
             np.ascontiguousarray(joints.axis),
             joints.prismatic,
+            travelled(joints),
         )
 
     @property
@@ -49,9 +52,9 @@ class Ground:
 
     def lines(self, step: float, margin_m: float = 0.0) -> Edges:
         """Lines checked by compiled kernels, where the checker has them, else by the checker, from Python."""
-        pieces, pairs = self._packed(margin_m)
+        scene = self._packed(margin_m)
         if isinstance(self.checker, BuiltinChecker):
-            return Edges(self._mechanism, pieces, pairs, step, margin_m)
+            return Edges(scene, step, margin_m)
 
         def free(first: Floats, second: Floats) -> bool:
             away = float(np.linalg.norm(second - first))
@@ -61,16 +64,16 @@ class Ground:
                 return bool((self.clearance(where, margin_m + 1e-9) > margin_m).all())
             return not self.collides(where).any()
 
-        return Edges(self._mechanism, pieces, pairs, step, margin_m, free)
+        return Edges(scene, step, margin_m, free)
 
     def proof(self, margin_m: float, finest_m: float) -> Proof:
         """A proof by the built-in kernels, whatever the checker is."""
-        return Proof(self._mechanism, *self._packed(margin_m), self._reach, margin_m, finest_m)
+        return Proof(self._packed(margin_m), self._reach, margin_m, finest_m)
 
-    def _packed(self, margin_m: float) -> tuple[Pieces, Pairs]:
+    def _packed(self, margin_m: float) -> Narrow:
         """The scene as kernels read it, packed once for each margin."""
         if margin_m not in self._kept:
-            self._kept[margin_m] = self._pack(margin_m)
+            self._kept[margin_m] = Narrow(self._mechanism, *self._pack(margin_m))
         return self._kept[margin_m]
 
     def _pack(self, margin_m: float) -> tuple[Pieces, Pairs]:
@@ -81,7 +84,7 @@ class Ground:
 
     @cached_property
     def _reach(self) -> Floats:
-        return reaches(self.scene.joints, self._packed(0.0)[0])
+        return reaches(self.scene.joints, self._packed(0.0).pieces)
 
 
 def reaches(joints: Joints, pieces: Pieces) -> Floats:
@@ -90,7 +93,7 @@ def reaches(joints: Joints, pieces: Pieces) -> Floats:
     It is 0 where the joint does not move the piece, and 1 for a joint that slides.
     """
     steps = np.linalg.norm(joints.T_parent_origin[:, :3, 3], axis=1)
-    travel = np.where(joints.prismatic, np.maximum(np.abs(joints.lower), np.abs(joints.upper)), 0.0)
+    travel = np.where(joints.prismatic, travelled(joints), 0.0)
     ball = np.linalg.norm(pieces.bounds[:, :3], axis=1) + pieces.bounds[:, 3]
     found = np.zeros((joints.count, pieces.count))
     for carrier in np.unique(pieces.carrier):
@@ -99,4 +102,10 @@ def reaches(joints: Joints, pieces: Pieces) -> Floats:
             found[joint, on] = 1.0 if joints.prismatic[joint] else far + ball[on]
             far += float(steps[joint] + travel[joint])
             joint = int(joints.parent[joint]) - 1
+    return found
+
+
+def travelled(joints: Joints) -> Floats:
+    """How far from 0 each joint gets at most within its limits (k,), rad or m."""
+    found: Floats = np.maximum(np.abs(joints.lower), np.abs(joints.upper))
     return found
