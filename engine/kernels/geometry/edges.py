@@ -15,8 +15,6 @@ import numpy as np
 from engine.kernels.arrays import Bytes, Floats, refuse_unless
 from engine.kernels.geometry import checks, mechanism, room
 from engine.kernels.geometry.lanes import Lanes, Narrow
-from engine.kernels.geometry.layout import Pairs
-from engine.kernels.geometry.mechanism import Mechanism
 from engine.kernels.geometry.room import Room
 
 LANES = 16  # configurations side by side

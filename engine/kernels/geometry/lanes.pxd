@@ -63,5 +63,5 @@ cdef class Lanes:
     @cython.locals(g=Py_ssize_t)
     cdef Py_ssize_t sift(self, Py_ssize_t first, unsigned int lanes, double margin, bint every) noexcept nogil
 
-cdef Py_ssize_t _sifted(Lanes l, Py_ssize_t first, unsigned int lanes, double margin, bint every) noexcept nogil
-cdef void _bind(Lanes l, Narrow narrow) except *
+cdef Py_ssize_t _sifted(Lanes room, Py_ssize_t first, unsigned int lanes, double margin, bint every) noexcept nogil
+cdef void _bind(Lanes room, Narrow narrow) except *

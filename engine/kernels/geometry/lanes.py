@@ -6,6 +6,8 @@ This spares work, and changes no answer: a lane that is not surely apart, or sur
 doubt, and whoever asks looks at the groups of pairs in doubt in double precision. Without a C compiler all is in doubt.
 """
 
+from typing import Any
+
 import cython
 import numpy as np
 
@@ -145,27 +147,33 @@ class Lanes:
 
 if cython.compiled:
 
-    def _sifted(l: Lanes, first: int, lanes: int, margin: float, every: bool) -> int:
-        hit, doubted = cython.address(l.hit), cython.address(l.doubted)
-        return lanes_sift(cython.address(l.scene), first, lanes, margin, every, hit, doubted)
+    def _sifted(room: Any, first: int, lanes: int, margin: float, every: bool) -> int:
+        hit, doubted = cython.address(room.hit), cython.address(room.doubted)
+        return lanes_sift(cython.address(room.scene), first, lanes, margin, every, hit, doubted)  # type: ignore[name-defined, no-any-return]  # noqa: F821
 
-    def _bind(l: Lanes, narrow: Narrow) -> None:
+    def _bind(room: Any, narrow: Narrow) -> None:
         """Tell `lanes.h` where the arrays are."""
         m, p, q = narrow.mechanism, narrow.pieces, narrow.pairs
-        l.scene.joints, l.scene.pieces, l.scene.groups = m.count, p.count, l.groups
-        l.scene.parent, l.scene.slides = cython.address(m.parent[0]), cython.address(m.slides[0])
-        l.scene.origins, l.scene.own = (
+        room.scene.joints, room.scene.pieces, room.scene.groups = m.count, p.count, room.groups
+        room.scene.parent, room.scene.slides = cython.address(m.parent[0]), cython.address(m.slides[0])
+        room.scene.origins, room.scene.own = (
             cython.address(narrow.origins[0, 0]),
             cython.address(narrow.bounds[0, 0]),
         )
-        l.scene.carrier, l.scene.slack = cython.address(p._carrier[0]), cython.address(narrow.slack[0])
-        if l.proving:
-            l.scene.reach = cython.address(l.reach[0, 0])
-        l.scene.rows, l.scene.pairs = cython.address(q._groups[0, 0]), cython.address(q._pairs[0, 0])
-        l.scene.after, l.scene.poses = cython.address(q._after[0]), cython.address(l.poses[0, 0, 0])
-        l.scene.middle, l.scene.axes = cython.address(l.middle[0, 0, 0]), cython.address(l.axes[0, 0, 0])
-        l.scene.placed, l.scene.turned = cython.address(l.placed[0, 0]), cython.address(l.placed[1, 0])
-        l.scene.start, l.scene.way = cython.address(l.start[0]), cython.address(l.way[0])
-        l.scene.where, l.scene.share = cython.address(l.where[0]), cython.address(l.share[0])
-        l.scene.away, l.scene.whole = cython.address(l.away[0]), cython.address(l.whole[0])
-        l.scene.doubt = cython.address(l.doubt[0])
+        room.scene.carrier, room.scene.slack = cython.address(p._carrier[0]), cython.address(narrow.slack[0])
+        if room.proving:
+            room.scene.reach = cython.address(room.reach[0, 0])
+        room.scene.rows, room.scene.pairs = cython.address(q._groups[0, 0]), cython.address(q._pairs[0, 0])
+        room.scene.after, room.scene.poses = cython.address(q._after[0]), cython.address(room.poses[0, 0, 0])
+        room.scene.middle, room.scene.axes = (
+            cython.address(room.middle[0, 0, 0]),
+            cython.address(room.axes[0, 0, 0]),
+        )
+        room.scene.placed, room.scene.turned = (
+            cython.address(room.placed[0, 0]),
+            cython.address(room.placed[1, 0]),
+        )
+        room.scene.start, room.scene.way = cython.address(room.start[0]), cython.address(room.way[0])
+        room.scene.where, room.scene.share = cython.address(room.where[0]), cython.address(room.share[0])
+        room.scene.away, room.scene.whole = cython.address(room.away[0]), cython.address(room.whole[0])
+        room.scene.doubt = cython.address(room.doubt[0])

@@ -2,7 +2,6 @@
 # cython: initializedcheck=False, cdivision=True
 """Joints as kernels of motion read them."""
 
-import cython
 import numpy as np
 
 from engine.kernels.arrays import Floats, Longs, Truths, refuse_unless

@@ -13,8 +13,6 @@ import numpy as np
 from engine.kernels.arrays import Floats, refuse_unless
 from engine.kernels.geometry import checks, edges, mechanism, room, volumes
 from engine.kernels.geometry.lanes import Lanes, Narrow
-from engine.kernels.geometry.layout import Pairs
-from engine.kernels.geometry.mechanism import Mechanism
 from engine.kernels.geometry.room import Room
 
 LANES = 16  # stretches side by side
