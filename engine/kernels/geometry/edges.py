@@ -96,10 +96,10 @@ def _block_touches(e: Edges, steps: int, blocks: int, b: int) -> bool:
     if g >= 0:
         e.latest = g
         return True
-    for n in range(LANES):
-        if e.lanes.doubted & (1 << n) and _touches_in(e, n):
-            return True
-    return False
+    n = 0
+    while n < LANES and not (e.lanes.doubted & (1 << n) and _touches_in(e, n)):
+        n += 1
+    return n < LANES
 
 
 def _touches_in(e: Edges, n: int) -> bool:
