@@ -15,6 +15,7 @@ from engine.model.geometry import Floats, Joints
 from engine.model.motion import Answer, Blocked, Moved, Query, Refused, Strategy
 from engine.ports import Hand, MotionGround
 from engine.stages.motion.reasons import blocked, failed, refusals
+from engine.stages.motion.severing import severed
 
 REACH = 1.0  # rad or m: the longest branch of a tree; of those tried on the UR5 problems, the one with the least work
 NODES = 20_000  # of each tree
@@ -37,7 +38,9 @@ def plan(ground: MotionGround, query: Query, hand: Hand | None = None) -> Answer
         return Refused(reasons)
     asked = replace(query, start=start, goals=np.ascontiguousarray(goals[list(allowed)]))
     found = _proved(ground, asked, hand) if query.proved else search(ground, asked, hand)
-    return replace(found, goal=allowed[found.goal]) if isinstance(found, Moved) else found
+    if isinstance(found, Blocked):
+        return replace(found, severed=severed(ground, asked))
+    return replace(found, goal=allowed[found.goal])
 
 
 def _checked(joints: Joints, query: Query) -> tuple[Floats, Floats]:

@@ -77,6 +77,21 @@ class Ground:
         """The ground where one box stands for all that the joints `wrist` carry between two configurations (k,)."""
         return Ground(BuiltinChecker(covered(self.scene, wrist, start, goal)))
 
+    def proximal(self, joints: Collection[int]) -> "Ground":
+        """The ground of what these joints alone move, against what stands still. All else is left out."""
+        scene = self.scene
+        movers: list[frozenset[int]] = [frozenset()]
+        for joint, parent in enumerate(scene.joints.parent):
+            movers.append(movers[parent] | {joint})
+        kept = [n for n, piece in enumerate(scene.pieces) if movers[piece.carrier] <= frozenset(joints)]
+        number = np.full(len(scene.pieces), -1)
+        number[kept] = np.arange(len(kept))
+        moves = np.array([piece.carrier != 0 for piece in scene.pieces], dtype=bool)
+        pairs = scene.pairs.reshape(-1, 2)
+        left = number[pairs[(moves[pairs].sum(axis=1) == 1) & (number[pairs] >= 0).all(axis=1)]]
+        pieces = tuple(scene.pieces[n] for n in kept)
+        return Ground(BuiltinChecker(replace(scene, pieces=pieces, pairs=np.ascontiguousarray(left))))
+
     def travel(self, first: Floats, second: Floats) -> float:
         """A bound on the way (m) of every point that moves on the straight line between two configurations (k,)."""
         return float((np.abs(second - first) @ self._reach).max(initial=0.0))

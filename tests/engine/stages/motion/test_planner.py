@@ -9,6 +9,7 @@ from engine.model.motion import Blocked, InCollision, Moved, OutsideLimits, Quer
 from engine.stages.geometry.collision.builtin import BuiltinChecker
 from engine.stages.geometry.collision.ground import Ground
 from engine.stages.motion.planner import plan
+from engine.stages.motion.severing import severed
 from tests.engine.stages.motion.conftest import arm_among, block, finely, random_ground, touching
 
 STEP = 1 / 32  # what a query asks for if it says nothing else
@@ -162,3 +163,42 @@ def test_any_checker_takes_part_and_agrees() -> None:
 def test_a_start_of_another_shape_or_of_no_number_is_refused(start: Floats) -> None:
     with pytest.raises(ValueError, match="start and goals must be"):
         plan(wall(), Query(start, THERE[None]))
+
+
+def walled(side_m: float) -> Ground:
+    """Posts that the first link cannot pass, if they are as thick as this."""
+    posts = [block("post", (0.8 * np.cos(a), 0.8 * np.sin(a)), (side_m, side_m)) for a in (1.0, -2.0)]
+    return Ground(BuiltinChecker(arm_among(posts, links=3)))
+
+
+def test_that_there_is_no_path_is_proved_where_the_first_link_cannot_pass() -> None:
+    start, goal = np.zeros(3), np.array([2.0, 0.5, 0.0])
+    answer = plan(walled(0.1), Query(start, goal[None], budget=5_000))
+    assert isinstance(answer, Blocked)
+    assert answer.severed is not None
+    assert answer.severed.joints == (0,)
+    assert {answer.severed.contacts[0].first, answer.severed.contacts[0].second} == {"link 1", "post"}
+    assert walled(0.1).collides(answer.severed.at[None])[0]
+
+
+def test_nothing_is_proved_where_there_is_a_way(rng: np.random.Generator) -> None:
+    for _ in range(12):
+        ground = random_ground(rng, 5, 2, LENGTH_M)
+        q = rng.uniform(-np.pi, np.pi, (60, 2))
+        ends = q[ground.clearance(q) > 0.01][:2]
+        query = Query(ends[0], ends[1:], budget=30_000)
+        if isinstance(plan(ground, query), Moved):
+            assert severed(ground, query) is None
+
+
+def test_a_proof_on_two_joints_agrees_with_the_grid(rng: np.random.Generator) -> None:
+    proofs = 0
+    for _ in range(12):
+        ground = random_ground(rng, 8, 2)
+        q = rng.uniform(-np.pi, np.pi, (200, 2))
+        ends = q[ground.clearance(q) > 0.0][:2]
+        query = Query(ends[0], ends[1:], budget=20_000)
+        if severed(ground, query) is not None:
+            proofs += 1
+            assert isinstance(plan(ground, query), Blocked)
+    assert proofs
