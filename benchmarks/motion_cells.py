@@ -1,6 +1,6 @@
 """Motions in the two bundled cells: the three strategies side by side.
 
-    python benchmarks/motion_cells.py [--queries N] [--json FILE]
+    python benchmarks/motion_cells.py [--part PART] [--queries N] [--json FILE]
 
 Half of the queries go from place to place of the cell, at random configurations that reach them, and half between random free
 configurations of the arm. Every strategy gets the same queries, with the same short cuts and the same proof. Times are
@@ -14,6 +14,7 @@ import json
 import sys
 import time
 from collections import Counter
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -25,6 +26,7 @@ from rich.table import Table
 from engine import plugins
 from engine.model.geometry import Floats
 from engine.model.motion import Blocked, Moved, Query, Strategy
+from engine.pipelines.motion.moving import limits_of
 from engine.pipelines.planning import initial_facts
 from engine.stages.geometry.collision.ground import Ground
 from engine.stages.geometry.pictures.view import cell_of
@@ -33,9 +35,11 @@ from engine.stages.geometry.reach.reach import Reachability, Reached
 from engine.stages.geometry.world.following import following
 from engine.stages.geometry.world.model import World
 from engine.stages.motion.planner import plan
+from engine.stages.motion.refining import refined
 
 CELLS = {"themse": "themse/one", "bulkhead": "bulkhead/one_point"}
 FINER = 1 / 320
+WORK = (0, 3_000, 10_000, 30_000, 100_000, 300_000)  # configurations looked at for shorter paths
 BUDGET = 100_000  # configurations that one query may look at
 
 
@@ -147,18 +151,44 @@ def shown(cell: str, rows: dict[str, list[dict[str, Any]]]) -> Table:
     return table
 
 
+def refining(cell: str, bench: Bench, queries: list[Query]) -> Table:
+    """How the time of paths falls with the work, beside the shortest known; straight lines are left out."""
+    speeds = np.ones(bench.ground.scene.joints.count)
+    speeds[bench.hand.own] = limits_of(bench.world, bench.arm).speed
+    courses, spent = [], []
+    for query in queries:
+        mine = replace(query, budget=BUDGET)
+        first = plan(bench.ground, mine)
+        if not isinstance(first, Moved) or len(first.path) == 2:
+            continue
+        started = time.process_time()
+        found = refined(bench.ground, mine, first, speeds, WORK[-1])
+        spent.append((time.process_time() - started) * 1e3)
+        courses.append(found.course)
+    table = Table("configurations looked at", "time, of the shortest known: median", "95 %", "ms", title=cell)
+    for work in WORK:
+        left = [[t for looked, t in course if looked <= work][-1] / course[-1][1] for course in courses]
+        ms = np.median(spent) * work / WORK[-1]
+        table.add_row(f"{work:,}", f"{np.median(left):.3f}", f"{np.percentile(left, 95):.3f}", f"{ms:.0f}")
+    return table
+
+
 def main() -> int:
     """Measure, print, and judge: 1 if a path touches anything at a finer look."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--queries", type=int, default=200, help="in each cell")
+    parser.add_argument("--part", choices=("strategies", "refining", "travel"), default="strategies")
     parser.add_argument("--json", type=Path)
     arguments = parser.parse_args()
     console, kept, hits = Console(), {}, 0
     for cell, target in CELLS.items():
         bench = Bench(target)
         queries = bench.queries(arguments.queries, np.random.default_rng(18))
+        if arguments.part == "refining":
+            console.print(refining(cell, bench, queries))
+            continue
         rows = {str(each): [asked(bench, query, each) for query in queries] for each in Strategy}
         console.print(shown(cell, rows))
         for name, own in rows.items():

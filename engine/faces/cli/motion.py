@@ -51,6 +51,10 @@ Bridges = Annotated[
 Strategy = Annotated[
     Way, typer.Option(help="connect: two trees; visibility: the hand first; reduced: three joints at a time")
 ]
+Refine = Annotated[
+    int,
+    typer.Option(min=0, max=100_000_000, help="configurations to look at for a shorter path, such as 100000"),
+]
 Direct = Annotated[
     bool, typer.Option("--direct", help="no straight lines of the tool out of places and into them")
 ]
@@ -75,6 +79,7 @@ def plan_motion(
     margin: Margin = 0.0,
     bridges: Bridges = 60,
     strategy: Strategy = Way.CONNECT,
+    refine: Refine = 0,
     direct: Direct = False,
     tool: Tool = "",
     rest: Rest = False,
@@ -95,7 +100,7 @@ def plan_motion(
         from engine.model.motion import Strategy
         from engine.pipelines.motion.moving import Wish
 
-        return Wish(margin, seed, bridges, Strategy(strategy.value), direct, tool, not rest)
+        return Wish(margin, seed, bridges, Strategy(strategy.value), direct, tool, not rest, refine)
 
     seen = (math.radians(azimuth), math.radians(elevation))
     give(lambda: _planned(target, (start, tuple(goal)), wished, format, output, seen), form)

@@ -19,6 +19,7 @@ from engine.stages.geometry.reach.reach import Reachability
 from engine.stages.geometry.world.following import following
 from engine.stages.geometry.world.model import World
 from engine.stages.motion.planner import plan
+from engine.stages.motion.refining import proved_and_refined
 from engine.stages.motion.trajectory import Limits
 
 UNKNOWN_SPEED = 1.0  # rad/s or m/s
@@ -41,6 +42,7 @@ class Wish:
     direct: bool = False
     tool: str = ""
     smooth: bool = True
+    refine: int = 0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -109,11 +111,18 @@ def move(target: str, start: str, goals: tuple[str, ...], wish: Wish = Wish()) -
     place = carried(begin, arrive, tool)
     ground = Ground(reach.checker(place))
     hand = ArmHand(world, ground.scene, place.arm, reach.flange_to_end(place))
-    here = reach.whole(place, nearest_first(begin.configurations, world.configurations[place.arm]))
+    limits = limits_of(world, place.arm)
+    here = reach.whole(
+        place, nearest_first(begin.configurations, world.configurations[place.arm], limits.speed)
+    )
     out = departures(begin, here, reach, hand, "--from")
     ins = [
         departures(
-            end, reach.whole(place, nearest_first(end.configurations, here[0][hand.own])), reach, hand, "--to"
+            end,
+            reach.whole(place, nearest_first(end.configurations, here[0][hand.own], limits.speed)),
+            reach,
+            hand,
+            "--to",
         )
         for end in arrive
     ]
@@ -127,9 +136,13 @@ def move(target: str, start: str, goals: tuple[str, ...], wish: Wish = Wish()) -
         strategy=wish.strategy,
     )
     answer = plan(ground, query, hand)
+    if wish.refine and isinstance(answer, Moved):
+        speeds = np.ones(world.joints.count)
+        speeds[hand.own] = limits.speed
+        answer = proved_and_refined(ground, query, answer, speeds, wish.refine).found
     names = tuple(joint.name for joint in world.models[place.arm].arm.joints)
     legs, n = _legs(answer, out, ins, reach, Leg(FREE, query.start[None], False, ground, wish.margin_m))
-    times = timed(legs, limits_of(world, place.arm), hand.own, zones_of(world, ground), wish.smooth)
+    times = timed(legs, limits, hand.own, zones_of(world, ground), wish.smooth)
     return Motion(
         world, place.arm, answer, hand.own, names, legs, arrive[n].name, times, query.start, ground, hand
     )
@@ -155,7 +168,8 @@ def _legs(
     return tuple(legs), n
 
 
-def nearest_first(configurations: Floats, now: Floats) -> Floats:
-    """The configurations (n, k), those first that are nearest to where the arm is."""
-    found: Floats = configurations[np.argsort(np.abs(configurations - now).max(axis=1), kind="stable")]
+def nearest_first(configurations: Floats, now: Floats, speed: Floats) -> Floats:
+    """The configurations (n, k), those first that the arm is at soonest, from where it is and at the speeds (k,) of its joints."""
+    times = (np.abs(configurations - now) / speed).max(axis=1)
+    found: Floats = configurations[np.argsort(times, kind="stable")]
     return found

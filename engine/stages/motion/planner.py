@@ -56,7 +56,7 @@ def _proved(ground: MotionGround, query: Query, hand: Hand | None = None) -> Mov
 
     A path that grazes something between two looks is not proved. The next round looks twice as often, and keeps farther off.
     """
-    found, looked, room = search(ground, query, hand), 0, _room_at_ends(ground, query)
+    found, looked, room = search(ground, query, hand), 0, room_at_ends(ground, query)
     for round_ in range(ROUNDS):
         if isinstance(found, Blocked):
             return found
@@ -74,7 +74,7 @@ def _proved(ground: MotionGround, query: Query, hand: Hand | None = None) -> Mov
     return found
 
 
-def _room_at_ends(ground: MotionGround, query: Query) -> float:
+def room_at_ends(ground: MotionGround, query: Query) -> float:
     """How much wider than asked the margin can be at start and goals."""
     ends = np.vstack([query.start[None], query.goals])
     return max(0.0, float(ground.clearance(ends, query.margin_m + 1.0).min()) - query.margin_m)
