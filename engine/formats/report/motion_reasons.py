@@ -8,6 +8,7 @@ from engine.model.geometry import Contact, Floats
 from engine.model.motion import Blocked, InCollision, OutsideLimits, Reason, Refused
 
 SHOWN = 3  # contacts that are named
+MOST = 5  # ends that are told of
 
 
 def content_of(answer: Refused | Blocked, joints: Sequence[str]) -> dict[str, Any]:
@@ -48,7 +49,9 @@ def text_of(answer: Refused | Blocked, joints: Sequence[str], slides: Sequence[b
     """The reason for people: degrees and m."""
     match answer:
         case Refused():
-            return "\n".join(_told(each, joints, slides) for each in answer.reasons)
+            told = [_told(each, joints, slides) for each in answer.reasons]
+            more = [f"and {len(told) - MOST} more: --format json has them all"] if len(told) > MOST else []
+            return "\n".join([*told[:MOST], *more])
         case Blocked():
             told = [_touching(each) for each in answer.contacts[:SHOWN]]
             why = [f"{answer.why[0].upper()}{answer.why[1:]}."] if answer.why else []
