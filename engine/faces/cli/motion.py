@@ -140,6 +140,7 @@ def plan_motion(
             not rest,
             refine,
             math.radians(upright),
+            budget,
         )
 
     if problems is not None:

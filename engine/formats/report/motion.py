@@ -72,8 +72,10 @@ def text(motion: Motion) -> str:
     for leg in motion.legs:
         kind = SAID.get(leg.kind, "")
         rows = range(n + (1 if n else 0), n + len(leg.path))
-        said = [f"{times[row]:8.3f} s  {values(path[row], motion.slides)}  {kind}".rstrip() for row in rows]
-        lines += said if len(said) <= MOST else [*said[: MOST - 2], _left_out(len(said) - MOST + 1), said[-1]]
+        shown = [f"{times[row]:8.3f} s  {values(path[row], motion.slides)}  {kind}".rstrip() for row in rows]
+        lines += (
+            shown if len(shown) <= MOST else [*shown[: MOST - 2], _left_out(len(shown) - MOST + 1), shown[-1]]
+        )
         n += len(leg.path) - 1
         lines += [_touch(each) for each in leg.touches]
     lines += [f"slow in {name}, because people may be there" for name in motion.times.slow]

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from engine.kernels.geometry.edges import Edges, free_edges
-from engine.model.geometry import Floats, Joints
+from engine.model.geometry import Floats, Joints, Truths
 from engine.model.motion import Query
 from engine.ports import Hand, MotionGround
 from engine.stages.motion.reduced import Failed
@@ -41,12 +41,11 @@ class Level:
         """How far it is tilted in configurations (n, k), in rad (n,)."""
         return np.asarray(np.arccos(np.clip((self.hand.poses(q)[:, :3, :3] @ self.up)[:, 2], -1.0, 1.0)))
 
-    def holds(self, path: Floats, joints: Joints) -> Floats:
+    def holds(self, path: Floats, joints: Joints) -> Truths:
         """Whether it stays upright everywhere on each line of a path (m, k): (m - 1,), true only where that is certain."""
         tilts = self.tilts(path)
         turned = np.abs(np.diff(path, axis=0))[:, ~joints.prismatic].sum(axis=1)
-        sure: Floats = (tilts[1:] + tilts[:-1] + turned) / 2 <= self.tilt_rad + 1e-9
-        return sure
+        return np.asarray((tilts[1:] + tilts[:-1] + turned) / 2 <= self.tilt_rad + 1e-9)
 
     def back(self, q: Floats, astray: float = ASTRAY) -> Floats | None:
         """The configuration (k,) near one where nothing is tilted, with the hand in the same place."""
