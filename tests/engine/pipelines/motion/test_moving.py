@@ -11,7 +11,6 @@ from engine.pipelines.motion.legs import APPROACH, Leg, leg_of
 from engine.pipelines.motion.moving import Motion, Site, Wish, move
 from engine.pipelines.motion.zones import zones_of
 from engine.stages.geometry import transforms
-from engine.stages.geometry.collision.ground import Ground
 from engine.stages.geometry.reach.hand import ArmHand
 from engine.stages.geometry.reach.reach import Reached
 from engine.stages.geometry.reach.straight import STRAY_M, Broken, straight
@@ -69,29 +68,32 @@ def test_a_line_that_breaks_says_at_which_joint_and_limit(bulkhead: Site) -> Non
     assert any(said in broken.why for said in ("limit", "singularity", "branch", "out of reach"))
 
 
-def pressing(themse: Site, depth_m: float) -> Leg:
-    """The line into `flap` at a configuration in which the gripper presses the switch."""
-    place = replace(themse.world.cell.places["flap"], depth_m=depth_m)
-    answer = themse.reach.at(place)
+def pressing(site: Site, depth_m: float) -> Leg:
+    """The line into a point 4 mm below the surface of the web, of which `depth_m` are declared."""
+    place = site.world.cell.places["meas(m2)"]
+    x, y, _ = place.placement.pose.position_m
+    lower = replace(place.placement, pose=replace(place.placement.pose, position_m=(x, y, 0.004)))
+    place = replace(place, placement=lower, depth_m=depth_m)
+    answer = site.reach.at(place)
     assert isinstance(answer, Reached)
-    bare = Ground(themse.reach.checker(replace(place, touches=())))
-    hand = ArmHand(themse.world, bare.scene, place.arm, themse.reach.flange_to_end(place))
-    q = answer.q[bare.collides(answer.q)][0]
+    checker = site.reach.checker(place)
+    hand = ArmHand(site.world, checker.scene, place.arm, site.reach.flange_to_end(place))
+    q = answer.q[0]
     line = straight(hand, q, hand.poses(q[None])[0] @ transforms.translation(0.0, 0.0, -place.approach_m))
     assert not isinstance(line, Broken)
-    return leg_of(APPROACH, line, place, themse.reach)
+    return leg_of(APPROACH, line, place, site.reach)
 
 
-def test_what_touches_by_intention_is_proved_pair_by_pair(themse: Site) -> None:
-    leg = pressing(themse, 0.005)
+def test_what_touches_by_intention_is_proved_pair_by_pair(bulkhead: Site) -> None:
+    leg = pressing(bulkhead, 0.005)
     (touch,) = leg.touches
-    assert {touch.first, touch.second} == {"mars_gripper", "switch"}
+    assert {touch.first, touch.second} == {"us_probe", "web"}
     assert leg.proved
-    assert 0.0 < touch.deepest_m <= touch.allowed_m
+    assert touch.deepest_m == pytest.approx(0.004, abs=1e-6)
 
 
-def test_a_touch_deeper_than_declared_is_not_proved(themse: Site) -> None:
-    leg = pressing(themse, 0.001)
+def test_a_touch_deeper_than_declared_is_not_proved(bulkhead: Site) -> None:
+    leg = pressing(bulkhead, 0.003)
     assert not leg.proved
     (touch,) = leg.touches
     assert touch.deepest_m > touch.allowed_m
