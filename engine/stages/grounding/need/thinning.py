@@ -11,6 +11,7 @@ from engine.stages.grounding.initial import evaluated_state
 from engine.stages.grounding.need.likeness import alike, free_objects, most_at_once, names
 from engine.stages.grounding.need.relevance import relevance
 from engine.stages.grounding.program import Vocabulary
+from kb.asp import Grounder
 from kb.asp.statics import evaluate
 from kb.asp.vocabulary import VIOLATED
 from kb.model.domain import BUILT_IN_TYPES, NUMERIC_TYPES, Domain
