@@ -38,7 +38,9 @@ def _operation(
             node.where, "K005", "nothing is dragged without a place", "give `at`: where it is gripped"
         )
     takes = _seconds(child(node, "takes"))
-    return Operation(operator, place, Ends(ends.value if ends else "outside"), *names, takes_s=takes, where=key.where)
+    return Operation(
+        operator, place, Ends(ends.value if ends else "outside"), *names, takes_s=takes, where=key.where
+    )
 
 
 def _seconds(node: Node | None) -> float:

@@ -264,7 +264,9 @@ class OperationEntry(Strict):
     drags: str | None = Field(None, description="the body that the arm moves along its joint there")
     drives: str | None = Field(None, description="the body that moves the arm along its joint")
     takes: str | None = Field(
-        None, pattern=r"^[0-9]+(\.[0-9]+)? *(s|ms|min)?$", description="the time that is spent at the place, in s"
+        None,
+        pattern=r"^[0-9]+(\.[0-9]+)? *(s|ms|min)?$",
+        description="the time that is spent at the place, in s",
     )
 
 
@@ -274,7 +276,8 @@ class MeasuringEntry(Strict):
     approach: Quantity = Field("0", description="how far the tool backs off along its z")
     touches: list[str] = Field(default_factory=list, description="bodies that it may be in contact with")
     tilts: list[Quantity] = Field(
-        default_factory=lambda: ["0"], description="the angles to the normal that are allowed, the preferred ones first"
+        default_factory=lambda: ["0"],
+        description="the angles to the normal that are allowed, the preferred ones first",
     )
     field: Quantity = Field("0", description="the width of what a scanner sees at its working distance")
     patch: Annotated[list[Quantity], Field(min_length=2, max_length=2)] | None = Field(
