@@ -219,11 +219,12 @@ def _plan(wanted: PlanRequest, form: PlanForm, stats: bool, work: SearchOptions)
         wish = objectives.Objective(work.objective.value) if work.objective else None
         order = objectives.Order(work.order.value)
         moving: Moving | None = None
+        origin: dict[str, Any] = {}
         if work.motion:
             moving = _moving(
                 wanted.target, problem, limits, lambda each: objectives.plan(each, limits, wish, order)
             )
-            run, origin, problem = moving.run, {}, moving.problem
+            run, problem = moving.run, moving.problem
         else:
             run, origin = planned(problem, limits, wish, order, work.store, work.folded)
     outcome = run.outcome

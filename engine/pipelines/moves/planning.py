@@ -44,24 +44,25 @@ def plan_moving(
     problem: Problem, cell: Cell, backend: GeometryBackend, planned: Callable[[Problem], Run], seed: int = 0
 ) -> Moving:
     """A plan for the problem, by `planned`, in which every step moves. Raises `InvalidInput` for a cell without operations."""
-    _require_operations(problem, cell)
+    _require_operations(cell)
     refused: list[Unmoved] = []
+    walk = Walk(PlanGate().semantics(problem), cell, backend, seed)
     while len(refused) <= MOST_BARS:
         asked = without_blocked(problem, refused)
         run = planned(asked)
         if not isinstance(run.outcome, Found):
             return Moving(Run(_without(run.outcome, refused)), problem, refused=tuple(refused))
-        steps = list(Walk(PlanGate().semantics(asked), cell, backend, seed).steps(run.outcome.plan))
+        steps = list(walk.steps(run.outcome.plan))
         if steps and isinstance(steps[-1], Unmoved):
             refused.append(steps[-1])
             continue
         moved = [each for each in steps if isinstance(each, MovedStep)]
-        return _in_real_time(_Asked(problem, asked, cell, backend, seed), run, moved, refused)
+        return _in_real_time(_Asked(problem, asked, walk), run, moved, refused)
     reason = f"{len(refused)} steps have no motion; the last: {told(refused[-1:])}"
     return Moving(Run(GaveUp(reason, "work")), problem, refused=tuple(refused))
 
 
-def _require_operations(problem: Problem, cell: Cell) -> None:
+def _require_operations(cell: Cell) -> None:
     if not cell.operations:
         hint = "say what the arm does in a step under `operations:`, such as pick(Item, Place): {at: Place}"
         raise InvalidInput([Diagnostic(Source(cell.path), "K405", "the cell declares no operations", hint)])
@@ -79,13 +80,11 @@ def _without(outcome: Outcome, refused: Sequence[Unmoved]) -> Outcome:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Asked:
-    """The problem as it was given, and without the steps that have no motion."""
+    """The problem as it was given, and without the steps that have no motion; the arm that walks through its plans."""
 
     problem: Problem
     barred: Problem
-    cell: Cell
-    backend: GeometryBackend
-    seed: int
+    walk: Walk
 
 
 def _in_real_time(asked: _Asked, run: Run, steps: list[MovedStep], refused: Sequence[Unmoved]) -> Moving:
@@ -97,9 +96,7 @@ def _in_real_time(asked: _Asked, run: Run, steps: list[MovedStep], refused: Sequ
         table = _scheduled(barred, plan, run)
         if table is None:
             break
-        again = list(
-            Walk(PlanGate().semantics(barred), asked.cell, asked.backend, asked.seed).steps(table.plan)
-        )
+        again = list(asked.walk.steps(table.plan))
         if any(isinstance(each, Unmoved) for each in again):
             break
         moved = [each for each in again if isinstance(each, MovedStep)]
