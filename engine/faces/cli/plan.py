@@ -35,7 +35,6 @@ if TYPE_CHECKING:
     from engine.model.outcome import Outcome
     from engine.pipelines.moves.planning import Moving
     from engine.pipelines.objective import Run
-    from engine.stages.planning import Limits
     from kb.model.problem import Problem
 
 
@@ -222,7 +221,7 @@ def _plan(wanted: PlanRequest, form: PlanForm, stats: bool, work: SearchOptions)
         origin: dict[str, Any] = {}
         if work.motion:
             moving = _moving(
-                wanted.target, problem, limits, lambda each: objectives.plan(each, limits, wish, order)
+                wanted.target, problem, work, lambda each: objectives.plan(each, limits, wish, order)
             )
             run, problem = moving.run, moving.problem
         else:
@@ -238,14 +237,15 @@ def _plan(wanted: PlanRequest, form: PlanForm, stats: bool, work: SearchOptions)
 
 
 def _moving(
-    target: str, problem: "Problem", limits: "Limits", planned: "Callable[[Problem], Run]"
+    target: str, problem: "Problem", work: SearchOptions, planned: "Callable[[Problem], Run]"
 ) -> "Moving":
     """The plan in which every step moves."""
-    from engine.pipelines.moves.planning import plan_moving
+    from engine.pipelines.poses.planning import plan_with_poses
     from engine.plugins import geometry_backend
     from engine.stages.geometry.pictures.view import cell_of
 
-    return plan_moving(problem, cell_of(target), geometry_backend(), planned, limits.seed)
+    found = plan_with_poses(problem, cell_of(target), geometry_backend(), planned, work.seed, work.store)
+    return found.moving
 
 
 def _motions(moving: "Moving | None") -> dict[str, Any]:

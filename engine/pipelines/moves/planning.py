@@ -13,7 +13,7 @@ from engine.model.outcome import Found, GaveUp, Infeasible, Outcome
 from engine.model.schedule import Timetable
 from engine.pipelines.gate import PlanGate
 from engine.pipelines.moves.bars import CERTAIN, told, without_blocked
-from engine.pipelines.moves.walking import Walk
+from engine.pipelines.moves.walking import Walk, Ways
 from engine.pipelines.objective import Run
 from engine.pipelines.timetable import keeping, own_order, timed
 from engine.pipelines.timetable.kept import LONG
@@ -41,12 +41,20 @@ class Moving:
 
 
 def plan_moving(
-    problem: Problem, cell: Cell, backend: GeometryBackend, planned: Callable[[Problem], Run], seed: int = 0
+    problem: Problem,
+    cell: Cell,
+    backend: GeometryBackend,
+    planned: Callable[[Problem], Run],
+    seed: int = 0,
+    ways: Ways | None = None,
 ) -> Moving:
-    """A plan for the problem, by `planned`, in which every step moves. Raises `InvalidInput` for a cell without operations."""
+    """A plan for the problem, by `planned`, in which every step moves.
+
+    `ways` are straight ways into places that are known already. Raises `InvalidInput` for a cell without operations.
+    """
     _require_operations(cell)
     refused: list[Unmoved] = []
-    walk = Walk(PlanGate().semantics(problem), cell, backend, seed)
+    walk = Walk(PlanGate().semantics(problem), cell, backend, seed, ways=ways or {})
     while len(refused) <= MOST_BARS:
         asked = without_blocked(problem, refused)
         run = planned(asked)

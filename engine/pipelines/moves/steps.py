@@ -1,6 +1,6 @@
 """The motion of one step at a place: a way to its front, straight in, what is done there, and straight out again."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -21,6 +21,7 @@ TRIED = (
     192,
 )  # configurations at a place that are tried, the nearest first: at once, and if no way leads to those
 GOALS = (4, 32)  # of them, those that a way is planned to
+KNOWN = 3  # straight ways, of those that are known, that are tried: the nearest
 BUDGET = (40_000, 400_000)  # configurations that the search for a way looks at
 DRAG_STEPS = 24
 CAREFUL = 0.4  # of the full speed: on straight ways, and while something is dragged
@@ -36,6 +37,7 @@ class StepMotion:
     place: Place
     before: Room
     after: Room
+    known: Sequence[Floats] = ()
 
     @property
     def arm(self) -> str:
@@ -68,56 +70,79 @@ class StepMotion:
         return None if isinstance(legs, str) else self._made(legs)
 
     def _anew(self) -> MovedStep | Unmoved:
-        poses = self.before.poses(self.place, self.hands.now(self.arm))
-        free = (
-            poses[~self.before.checker(self.place).collides(self.before.whole(self.arm, poses))]
-            if len(poses)
-            else poses
-        )
-        optional = self.operation.ends is Ends.BEFORE
-        if not len(free) and not optional:
-            return self._unreached(poses)
+        """A way from where the arm is, to a straight way that is known or found now."""
+        if (known := self._as_known()) is not None:
+            return known
+        free = self._free_poses()
+        if isinstance(free, Unmoved):
+            return free
         found: Leg | Blocked | None = None
         for tried, goals, budget in zip(TRIED, GOALS, BUDGET, strict=True):
             ready = self._ready(free[:tried], goals)
-            fronts = [path[0] for path in ready] or (self._fronts_alone(tried)[:goals] if optional else [])
+            fronts = [path[0] for path in ready] or self._fronts_alone(tried)[:goals]
             if not fronts:
                 continue
             found = self.hands.way(self.before, self.arm, np.array(fronts), budget)
             if isinstance(found, Leg):
-                break
-        if not fronts:
-            return self._no_straight(free)
-        if not isinstance(found, Leg):
-            return self._no_way(found)
-        reached = found.path[-1]
+                return self._arrived(found, ready)
+        return self._no_way(found) if fronts else self._no_straight(free)
+
+    def _as_known(self) -> MovedStep | None:
+        """The step by one of the straight ways that are known; None if none serves it now."""
+        now = self.hands.now(self.arm)
+        near = sorted(self.known, key=lambda path: float(np.abs(path[0] - now).max()))
+        ready = [path for path in near[:KNOWN] if self._serves(path)]
+        if not ready:
+            return None
+        found = self.hands.way(self.before, self.arm, np.array([path[0] for path in ready]), BUDGET[0])
+        return self._arrived(found, ready) if isinstance(found, Leg) else None
+
+    def _free_poses(self) -> Floats | Unmoved:
+        """The configurations (n, k) at the place that touch nothing; none are needed if the arm only goes before it."""
+        poses = self.before.poses(self.place, self.hands.now(self.arm))
+        if len(poses):
+            free: Floats = poses[
+                ~self.before.checker(self.place).collides(self.before.whole(self.arm, poses))
+            ]
+            if len(free):
+                return free
+        return poses[:0] if self.operation.ends is Ends.BEFORE else self._unreached(poses)
+
+    def _arrived(self, way: Leg, ready: list[Floats]) -> MovedStep:
+        """The step after the way to the front of the place."""
+        reached = way.path[-1]
         straight = next((path for path in ready if np.abs(path[0] - reached).max() < 1e-9), reached[None])
         self.hands.arrive(self.arm, reached, Front(self.place.name, straight))
-        if optional:
-            return self._made([found])
+        if self.operation.ends is Ends.BEFORE:
+            return self._made([way])
         legs = self._at_place(straight)
         assert not isinstance(legs, str), "a straight way that is ready was tried already"
-        return self._made([found, *legs])
+        return self._made([way, *legs])
 
     def _ready(self, poses: Floats, most: int) -> list[Floats]:
         """The straight ways into the place that serve the whole step; of many the first."""
         found: list[Floats] = []
         for q in poses:
             path = self.before.straight(self.place, q, self.place.approach_m)
-            if path is None or not self.before.is_free(self.place, path):
-                continue
-            if not self._front_is_free(path[0]) or isinstance(self._at_place(path, dry=True), str):
-                continue
-            found.append(path)
+            if path is not None and self._serves(path):
+                found.append(path)
             if len(found) == most:
                 break
         return found
+
+    def _serves(self, path: Floats) -> bool:
+        """Whether the whole step can be taken by a straight way into the place."""
+        if not self._front_is_free(path[0]) or not self.before.is_free(self.place, path):
+            return False
+        return not isinstance(self._at_place(path, dry=True), str)
 
     def _front_is_free(self, q: Floats) -> bool:
         return not bool(self.before.free(self.arm).collides(self.before.whole(self.arm, q[None]))[0])
 
     def _fronts_alone(self, tried: int) -> list[Floats]:
-        """Configurations before the place; whether the arm gets in from there is not asked."""
+        """Configurations before the place, if that is where the step ends; whether the arm gets in from there is not asked."""
+        if self.operation.ends is not Ends.BEFORE:
+            return []
         away = transforms.of_pose(self.place.placement.pose) @ transforms.translation(
             0, 0, -self.place.approach_m
         )

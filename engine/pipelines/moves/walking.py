@@ -1,6 +1,6 @@
 """An arm goes through the steps of a plan: each step's motion starts where the one before it has ended."""
 
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -29,6 +29,9 @@ _Situation = tuple[Function, frozenset[Atom], frozenset[Atom], bytes, str, bool]
 _Outcome = tuple[MovedStep | Unmoved, Floats, Front | None]
 
 
+Ways = Mapping[tuple[str, str], Sequence[Floats]]  # straight ways (m, k) into a place, from a station
+
+
 @dataclass(eq=False)
 class Walk:
     """What an arm does through plans for one problem. What was found for a step in a situation is kept for the next plan."""
@@ -38,6 +41,7 @@ class Walk:
     backend: GeometryBackend
     seed: int = 0
     bridges: int = 30
+    ways: Ways = field(default_factory=dict)
     _rooms: dict[frozenset[Atom], Room] = field(default_factory=dict)
     _known: dict[_Situation, _Outcome] = field(default_factory=dict)
 
@@ -91,7 +95,9 @@ class Walk:
         self, step: Step, operation: Operation, place: Place, before: State, after: State
     ) -> MovedStep | Unmoved:
         rooms = self.room(before), self.room(after)
-        found = StepMotion(self.hands, step, operation, place, *rooms).moved()
+        found = StepMotion(
+            self.hands, step, operation, place, *rooms, self._known_ways(place, before)
+        ).moved()
         if isinstance(found, MovedStep):
             return found
         standing = {*found.culprits, *held(rooms[0].world, place.arm)}
@@ -135,6 +141,14 @@ class Walk:
         legs.append(Leg(LegKind.DRIVE, arm, q, np.zeros(1), True, held(rooms[0].world, arm)))
         takes = max(operation.takes_s, step.duration * self._unit_s)
         return MovedStep(step.id, step.operator, operation.drives, tuple(legs), takes)
+
+    def _known_ways(self, place: Place, state: State) -> Sequence[Floats]:
+        """The straight ways into a place that are known for where the arm stands."""
+        if not self.ways:
+            return ()
+        stations = [str(fact.arguments[-1]) for fact in self._located(state) if fact.arguments]
+        found = (self.ways.get((place.name, each)) for each in (*sorted(stations), ""))
+        return next((each for each in found if each is not None), ())
 
     @property
     def _unit_s(self) -> float:

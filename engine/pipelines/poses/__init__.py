@@ -11,7 +11,7 @@ from engine.model.poses import MeasurementPoses
 from engine.pipelines.gate import PlanGate
 from engine.pipelines.moves.places import measured_at, with_measured_places
 from engine.pipelines.moves.rooms import Room
-from engine.pipelines.poses.digests import near_digest, own_digest
+from engine.pipelines.poses.digests import Standing, own_digest
 from engine.pipelines.poses.finding import found_poses
 from engine.ports import GeometryBackend
 from engine.stages.geometry.kinematics.inverse import InverseKinematics
@@ -20,7 +20,7 @@ from engine.stages.geometry.world.model import World
 from engine.stages.validation.semantics import Semantics
 from kb.model.cell import Cell, Measuring, Place
 from kb.model.problem import Problem
-from kb.terms import Atom, Function, Number, is_ground
+from kb.terms import Atom, Function, Number, Text, is_ground
 
 Key = tuple[str, str, str]  # measurement, tool, station
 
@@ -72,24 +72,27 @@ def known_poses(
     kinematics = {name: InverseKinematics(model) for name, model in World.of(whole).models.items()}
     for station, fact in stations_of_cell(whole) or (("", None),):
         rooms: dict[str, Room] = {}
+        around: dict[str, Standing] = {}
         for place in whole.places.values():
             name = measured_at(words, place.name)
             if name not in tools or place.tool != tools[name]:
                 continue
             if place.tool not in rooms:
                 rooms[place.tool] = Room(_standing(whole, semantics, fact, place), backend, kinematics)
+                around[place.tool] = Standing(rooms[place.tool].world)
+            room, others = rooms[place.tool], around[place.tool]
             how = _how(whole, place)
             key = (name, place.tool, station)
             old = (known or {}).get(key)
-            if old is not None and _valid(old, rooms[place.tool].world, place, how):
+            if old is not None and _valid(old, room.world, others, place, how):
                 found[key], kept = old, kept + 1
                 continue
-            found[key] = found_poses(rooms[place.tool], place, how, name, station, widths.get(name, 0.0))
+            found[key] = found_poses(room, others, place, how, name, station, widths.get(name, 0.0))
     return Knowledge(found, kept, len(found) - kept)
 
 
-def _valid(old: MeasurementPoses, world: World, place: Place, how: Measuring) -> bool:
-    return old.own == own_digest(world, place, how) and old.near == near_digest(world, old.box)
+def _valid(old: MeasurementPoses, world: World, others: Standing, place: Place, how: Measuring) -> bool:
+    return old.own == own_digest(world, place, how) and old.near == others.digest(old.box)
 
 
 def _how(cell: Cell, place: Place) -> Measuring:
@@ -134,14 +137,23 @@ def _standing(cell: Cell, semantics: Semantics, fact: Atom | None, place: Place)
 
 
 def with_stations(problem: Problem, knowledge: Knowledge) -> Problem:
-    """The problem with a fact for each station that reaches a measurement, and one for each that none reaches."""
-    words = problem.domain.conventions
-    facts: list[Atom] = []
+    """The problem with a fact for each station that reaches a measurement, and one for each measurement that none reaches.
+
+    Where the problem says itself from where a measurement is reached, that counts.
+    """
+    words, facts = problem.domain.conventions, list[Atom]()
+    said = {str(fact.arguments[-1]) for fact in problem.statics if fact.name == words.serves}
     if words.serves in problem.domain.predicates:
         for name, stations in sorted(knowledge.stations().items()):
-            facts += [Function(words.serves, (Function(each), Function(name))) for each in stations]
-    given = {*problem.statics}
-    return replace(problem, statics=(*problem.statics, *(each for each in facts if each not in given)))
+            facts += [
+                Function(words.serves, (Function(each), Function(name)))
+                for each in stations
+                if name not in said
+            ]
+    if words.impossible in problem.domain.predicates:
+        for name, why in sorted(knowledge.unreached().items()):
+            facts.append(Function(words.impossible, (Function(name), Text(why))))
+    return replace(problem, statics=(*problem.statics, *facts))
 
 
 def summary(knowledge: Knowledge) -> Sequence[str]:

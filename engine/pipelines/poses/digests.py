@@ -33,29 +33,29 @@ def own_digest(world: World, place: Place, how: object) -> str:
     return _digest((*parts, place.approach_m, place.turns, place.touches, how, cell.allowed))
 
 
-def near_digest(world: World, box: Box | None) -> str:
-    """The digest of the bodies that stand, and meet a box."""
-    if box is None:
-        return ""
-    bodies = []
-    for name in near(world, box):
-        body = world.cell.bodies[name]
-        stamps = [_stamp(each.shape) for each in body.shapes if isinstance(each.shape, Mesh)]
-        bodies.append((name, body.shapes, stamps, _rounded(world.pose("world", name))))
-    return _digest(tuple(bodies))
+class Standing:
+    """The bodies of a world that no arm carries, with their boxes and digests."""
+
+    def __init__(self, world: World) -> None:
+        names = sorted(name for name in world.cell.bodies if not world.locate(name).carrier)
+        boxes = {name: body_box(world, name) for name in names}
+        self._boxes = {name: box for name, box in boxes.items() if box is not None}
+        self._digests = {name: _of_body(world, name) for name in self._boxes}
+
+    def near(self, box: Box) -> list[str]:
+        """The bodies whose own box meets a box."""
+        low, high = (np.array(each) for each in box)
+        return [name for name, own in self._boxes.items() if (own[0] <= high).all() and (own[1] >= low).all()]
+
+    def digest(self, box: Box | None) -> str:
+        """The digest of the bodies that meet a box."""
+        return "" if box is None else _digest(tuple((name, self._digests[name]) for name in self.near(box)))
 
 
-def near(world: World, box: Box) -> list[str]:
-    """The bodies that the arm does not carry, whose own box meets a box."""
-    found = []
-    low, high = (np.array(each) for each in box)
-    for name in sorted(world.cell.bodies):
-        if world.locate(name).carrier:
-            continue
-        own = body_box(world, name)
-        if own is not None and (own[0] <= high).all() and (own[1] >= low).all():
-            found.append(name)
-    return found
+def _of_body(world: World, name: str) -> str:
+    body = world.cell.bodies[name]
+    stamps = [_stamp(each.shape) for each in body.shapes if isinstance(each.shape, Mesh)]
+    return _digest((body.shapes, stamps, _rounded(world.pose("world", name))))
 
 
 def body_box(world: World, name: str) -> tuple[Floats, Floats] | None:

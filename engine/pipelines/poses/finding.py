@@ -9,7 +9,7 @@ import numpy as np
 from engine.model.geometry import Floats
 from engine.model.poses import MeasurementPoses
 from engine.pipelines.moves.rooms import Room
-from engine.pipelines.poses.digests import box_of, near_digest, own_digest
+from engine.pipelines.poses.digests import Standing, box_of, own_digest
 from engine.stages.geometry import transforms
 from engine.stages.geometry.reach.reach import Unreached
 from kb.model.cell import Measuring, Patch, Place, Placement
@@ -20,7 +20,13 @@ AROUND = 4  # directions in which a tool is tilted
 
 
 def found_poses(
-    room: Room, place: Place, how: Measuring, measurement: str, station: str, width_m: float
+    room: Room,
+    others: Standing,
+    place: Place,
+    how: Measuring,
+    measurement: str,
+    station: str,
+    width_m: float,
 ) -> MeasurementPoses:
     """The poses of the first allowed tilt that has any, the nearest to the arm's rest first.
 
@@ -35,19 +41,29 @@ def found_poses(
         if ways:
             patch = _patch(how, width_m, tilt) if how.field_m else None
             made = MeasurementPoses(measurement, place.tool, station, tuple(ways[:KEPT]), tilt, patch)
-            return _with_digests(made, room, place, how, looked)
+            return _with_digests(made, room, others, place, how, looked)
     answer = room.reach.at(place)
     reasons = [answer.reason] if isinstance(answer, Unreached) else ["there is no straight way to it"]
     return _with_digests(
-        MeasurementPoses(measurement, place.tool, station, reason=reasons[0]), room, place, how, looked
+        MeasurementPoses(measurement, place.tool, station, reason=reasons[0]),
+        room,
+        others,
+        place,
+        how,
+        looked,
     )
 
 
 def _with_digests(
-    made: MeasurementPoses, room: Room, place: Place, how: Measuring, looked: list[Floats]
+    made: MeasurementPoses,
+    room: Room,
+    others: Standing,
+    place: Place,
+    how: Measuring,
+    looked: list[Floats],
 ) -> MeasurementPoses:
     box = box_of(room, place, looked)
-    own, near = own_digest(room.world, place, how), near_digest(room.world, box)
+    own, near = own_digest(room.world, place, how), others.digest(box)
     return replace(made, box=box, own=own, near=near)
 
 
