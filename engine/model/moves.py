@@ -63,6 +63,7 @@ class MovedStep:
 class Unmoved:
     """A step for which no motion is found: at which place, and why. `culprits` are the bodies in the way.
 
+    If it is `sure`, every configuration was looked at, and each touches something, or cannot be followed.
     It holds at least while the facts `while_true` are true, which put those bodies, and what the arm holds, where they are.
 
     `level` tells what refuses it: `reach` (no configuration at all), `contact` (every configuration touches something),
@@ -76,3 +77,4 @@ class Unmoved:
     reason: str
     culprits: tuple[str, ...] = ()
     while_true: tuple[Atom, ...] = ()
+    sure: bool = False

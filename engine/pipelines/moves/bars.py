@@ -10,8 +10,6 @@ from kb.model.conditions import And, Comparison, Condition, Literal, Or
 from kb.model.domain import Operator
 from kb.model.problem import Problem
 
-CERTAIN = ("reach", "contact")  # levels at which every configuration was looked at
-
 
 def without_blocked(problem: Problem, refused: Iterable[Unmoved]) -> Problem:
     """The problem in which no refused step is taken while the facts hold that its motion failed under."""

@@ -12,7 +12,7 @@ from engine.model.moves import MovedStep, Unmoved
 from engine.model.outcome import Found, GaveUp, Infeasible, Outcome
 from engine.model.schedule import Timetable
 from engine.pipelines.gate import PlanGate
-from engine.pipelines.moves.bars import CERTAIN, told, without_blocked
+from engine.pipelines.moves.bars import told, without_blocked
 from engine.pipelines.moves.walking import Walk, Ways
 from engine.pipelines.objective import Run
 from engine.pipelines.timetable import keeping, own_order, timed
@@ -81,7 +81,7 @@ def _without(outcome: Outcome, refused: Sequence[Unmoved]) -> Outcome:
     if not refused or not isinstance(outcome, Infeasible):
         return outcome
     reason = f"{outcome.reason}; {told(refused)}"
-    if all(each.level in CERTAIN for each in refused):
+    if all(each.sure for each in refused):
         return replace(outcome, reason=reason)
     return GaveUp(f"{reason}. Whether there really is no way was not proved", "work", outcome.statistics)
 

@@ -1,11 +1,11 @@
 """The motion of one step at a place: a way to its front, straight in, what is done there, and straight out again."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from engine.model.geometry import Floats
+from engine.model.geometry import Contact, Floats
 from engine.model.motion import Blocked
 from engine.model.moves import Leg, LegKind, MovedStep, Unmoved
 from engine.pipelines.moves.hands import Front, Hands, held
@@ -212,28 +212,50 @@ class StepMotion:
         answer = self.before.reach.at(self.place)
         reason = answer.reason if isinstance(answer, Unreached) else "no configuration is free"
         if not len(poses):
-            return self._unmoved("reach", reason)
-        culprits = {name for q in poses for name in self._others(q)}
-        return self._unmoved("contact", reason, tuple(sorted(culprits)))
+            return self._unmoved("reach", reason, sure=True)
+        culprits = {name for q in poses for name in self._others(q, self.before)}
+        return self._unmoved("contact", reason, tuple(sorted(culprits)), sure=True)
 
     def _no_straight(self, poses: Floats) -> Unmoved:
-        """The arm gets to the place in some configurations, but not straight in and out in any of them."""
-        culprits: set[str] = set()
-        for q in poses[: TRIED[0]]:
+        """The arm gets to the place in some configurations, but not straight in and out in any of them.
+
+        It is sure if something that touches was found for each way that the arm can follow.
+        """
+        culprits, sure = set[str](), not self.operation.drags
+        for q in poses:
             path = self.before.straight(self.place, q, self.place.approach_m)
-            culprits |= {name for each in (path if path is not None else ()) for name in self._others(each)}
+            touched = set(self._touched_along(path)) if path is not None else set()
+            sure = sure and (path is None or bool(touched))
+            culprits |= touched
         past = f" past {', '.join(sorted(culprits))}" if culprits else ""
-        return self._unmoved(
-            "approach", f"there is no straight way in and out{past}", tuple(sorted(culprits))
+        reason = f"there is no straight way in and out{past}"
+        return self._unmoved("approach", reason, tuple(sorted(culprits)), sure)
+
+    def _touched_along(self, path: Floats) -> Iterator[str]:
+        """What is touched first on a straight way into the place, or on the way out of it."""
+        for room in (self.before, self.after):
+            hits = room.checker(self.place).collides(room.whole(self.arm, path))
+            if hits.any():
+                yield from self._others(path[int(np.argmax(hits))], room)
+                return
+        yield from self._strangers(
+            self.before.free(self.arm).contacts(self.before.whole(self.arm, path[:1])[0])
         )
 
-    def _others(self, q: Floats) -> Iterator[str]:
+    def _others(self, q: Floats, room: Room) -> Iterator[str]:
         """The bodies that the arm, or what it holds, touches at a configuration."""
-        own = {*held(self.before.world, self.arm)}
-        for contact in self.before.touching(self.place, q):
-            for name in (contact.first, contact.second):
-                if name not in own and not name.startswith(f"{self.arm}."):
-                    yield name
+        return self._strangers(room.touching(self.place, q))
+
+    def _strangers(self, contacts: Iterable[Contact]) -> Iterator[str]:
+        """What is in contact, but for the arm and what it holds; the arm's own name where it touches itself."""
+        own = {*held(self.before.world, self.arm), *held(self.after.world, self.arm)}
+        for contact in contacts:
+            names = [
+                name
+                for name in (contact.first, contact.second)
+                if name not in own and not name.startswith(f"{self.arm}.")
+            ]
+            yield from names or [self.arm]
 
     def _no_way(self, found: Blocked | None) -> Unmoved:
         if found is None:
@@ -242,9 +264,11 @@ class StepMotion:
         reason = "no way leads there" + (f" past {', '.join(sorted(names))}" if names else "")
         return self._unmoved("way", reason, tuple(sorted(names)))
 
-    def _unmoved(self, level: str, reason: str, culprits: tuple[str, ...] = ()) -> Unmoved:
+    def _unmoved(
+        self, level: str, reason: str, culprits: tuple[str, ...] = (), sure: bool = False
+    ) -> Unmoved:
         bodies = tuple(each for each in culprits if each in self.hands.cell.bodies)
-        return Unmoved(self.step.id, self.step.operator, self.place.name, level, reason, bodies)
+        return Unmoved(self.step.id, self.step.operator, self.place.name, level, reason, bodies, sure=sure)
 
 
 def _value(cell: Cell, world: World, body: str) -> float:

@@ -76,7 +76,7 @@ class Walk:
         place = self.cell.places.get(str(operation.at))
         if place is None:
             said = f"{operation.at} has no place in the cell"
-            return Unmoved(step.id, step.operator, str(operation.at), "reach", said)
+            return Unmoved(step.id, step.operator, str(operation.at), "reach", said, sure=True)
         key = self._situation(step, place.arm, before, after)
         if key not in self._known:
             found = self._refined(step, operation, place, before, after)
