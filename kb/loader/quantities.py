@@ -160,7 +160,8 @@ def _ring(read: Quantities, node: Node) -> Shape:
 
 def _plate(read: Quantities, node: Node) -> Shape:
     x, y, z = (read.positive(item) for item in required(node, "size").value)
-    listed, holes = child(node, "holes"), []
+    listed = child(node, "holes")
+    holes: list[Hole] = []
     for item in listed.value if listed else []:
         u, v = (read.number(each) for each in required(item, "at").value)
         hole = Hole((u, v), read.positive(required(item, "radius")))
