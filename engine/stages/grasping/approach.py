@@ -36,7 +36,8 @@ class GraspPlane:
         found = np.ones(len(poses), dtype=bool)
         for middle, half, points in self.layers():
             local = _turned_back(points[None] - poses[:, None, :2], poses[:, 2]) - middle
-            found &= ~(np.abs(local) < half).all(axis=2).any(axis=1)
+            inside: Truths = np.asarray((np.abs(local) < half).all(axis=2))
+            found &= ~inside.any(axis=1)
         return found
 
 
@@ -99,7 +100,7 @@ def complete(plane: GraspPlane, start: Floats, grid: Grid | None = None) -> Appr
 def _blocked(plane: GraspPlane, grid: Grid) -> Truths:
     """Which cells (turns, side, side) the hand may not take, widened by half a cell."""
     found = np.zeros((grid.turns, grid.side, grid.side), dtype=bool)
-    places = (np.arange(grid.side) - grid.side // 2) * grid.step_m
+    places = np.asarray((np.arange(grid.side) - grid.side // 2) * grid.step_m, dtype=float)
     for turn in range(grid.turns):
         angle = grid.pose((turn, 0, 0))[2]
         c, s = np.cos(angle), np.sin(angle)
