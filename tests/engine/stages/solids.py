@@ -15,7 +15,7 @@ def prism(name: str, polygon: Polygon, height: float) -> Solid:
     """The prism over a polygon, counter-clockwise, from -height / 2 to height / 2."""
     flat = np.array(polygon, dtype=float)
     low = np.column_stack([flat, np.full(len(flat), -height / 2)])
-    high = low + [0.0, 0.0, height]
+    high = low + np.array([0.0, 0.0, height])
     up = np.array([0.0, 0.0, 1.0])
     surfaces = [("top", triangulated(high, up)), ("bottom", triangulated(low[::-1], -up))]
     for n in range(len(flat)):

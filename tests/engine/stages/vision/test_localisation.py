@@ -42,7 +42,7 @@ def seen(*things: tuple[Solid, Floats], seed: int = 0, noise: float = 0.001) -> 
 @given(seed=st.integers(0, 10**6))
 def test_rays_meet_triangles_where_planes_and_weights_say(seed: int) -> None:
     random = np.random.default_rng(seed)
-    triangles = random.uniform(-1, 1, (4, 3, 3)) + [0.0, 0.0, 1.2]
+    triangles = random.uniform(-1, 1, (4, 3, 3)) + np.array([0.0, 0.0, 1.2])
     image = Range((9, 12), 8.0, (5.5, 4.0))
     draw(image, triangles, np.arange(4))
     for v, u in product(range(9), range(12)):
