@@ -6,6 +6,7 @@ from pathlib import Path
 
 from engine.model.stages import stage_atom
 from engine.model.task import Task
+from engine.pipelines import measuring
 from engine.pipelines.inspection.demands import findings_of
 from engine.pipelines.planning import generated_if_bare
 from engine.pipelines.task_space import Wanted, space_of
@@ -54,7 +55,9 @@ def check(target: str, reach: bool = True) -> CheckReport:
     grounded = [(each, task) for each in small if (task := _grounded(each.problem, found)) is not None]
     tasks = [task for _, task in grounded]
     own = [each.problem for each in small]
-    found += [each for problem in problems for each in findings_of(problem)]
+    found += [
+        each for problem in problems for each in (*findings_of(problem), *measuring.findings_of(problem))
+    ]
     lost = [each for each, task in grounded if _starts_badly(each.problem, task, own, found)]
     if loaded is not None and loaded.problem is None and len(tasks) == len(problems) > len(lost):
         reached = frozenset[str]().union(*map(reachable_operators, tasks))

@@ -11,6 +11,7 @@ import typer
 from engine.faces.cli.answers import Answer, Form, give
 from engine.faces.cli.exits import FINDINGS, STOPPED, exit_code
 from engine.faces.cli.options import Command, Expansions, Format, Goals, Seed, Target, number
+from engine.faces.cli.watch import current
 
 if TYPE_CHECKING:
     from engine.model.execution import Finish, Record
@@ -160,15 +161,25 @@ class Watching:
         if self._events:
             self._out = sys.stdout if self._events == "-" else Path(self._events).open("w", encoding="utf-8")
         self._before = signal.signal(signal.SIGINT, self._pressed)
+        if watch := current():
+            watch.waiting, watch.time_is_up = True, self._stop
         return self
 
     def __exit__(self, *error: object) -> None:
         import signal
 
         signal.signal(signal.SIGINT, self._before)
+        if watch := current():
+            watch.waiting = False
         if self._out is not None and self._events != "-":
             self._out.close()
         self.channel.__exit__(None, None, None)
+
+    def _stop(self) -> None:
+        from engine.model.execution import Order
+        from engine.pipelines.execution import Given
+
+        self.channel.give(Given(Order.STOP, "", "time limit"))
 
     def _pressed(self, *_: object) -> None:
         """The first Ctrl-C interrupts, the second stops."""

@@ -12,9 +12,9 @@ from kb.diagnostics import Diagnostic, InvalidInput, Source, nearest
 from kb.files import File, read_file
 
 NEEDED = ("name", "x", "y", "z", "nx", "ny", "nz")
-OPTIONAL = ("kind", "tolerance", "bore", "feature")
-NUMBERS = (*NEEDED[1:], "tolerance", "bore")
-LENGTHS = ("x", "y", "z", "tolerance", "bore")
+OPTIONAL = ("kind", "nominal", "tolerance", "bore", "feature")
+NUMBERS = (*NEEDED[1:], "nominal", "tolerance", "bore")
+LENGTHS = ("x", "y", "z", "nominal", "tolerance", "bore")
 UNITS_M = {"mm": 1e-3, "cm": 1e-2, "m": 1.0, "in": 0.0254}
 NAME = re.compile(r"[a-z][A-Za-z0-9_]*")
 FARTHEST_M = 2_147.0  # the language has whole numbers of 32 bits, and positions are in micrometres
@@ -112,6 +112,7 @@ def _row(
         (values["nx"] / length, values["ny"] / length, values["nz"] / length),
         values.get("tolerance"),
         values.get("bore"),
+        nominal_m=values.get("nominal"),
     )
     return point, where
 
