@@ -22,20 +22,20 @@ demo: $(VENV)/ready
 
 test: $(VENV)/ready
 	$(BIN)/python -m compileall -q kb engine
-	$(BIN)/python -m pytest -n auto
+	$(BIN)/python -m pytest -n auto --dist worksteal
 
 slow: $(VENV)/ready
 	$(BIN)/python -m pytest -m slow
 
 long: $(VENV)/ready
-	$(BIN)/python -m pytest -n auto -m long
+	$(BIN)/python -m pytest -n auto --dist worksteal -m long
 
 check: $(VENV)/ready
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
-	$(BIN)/python -m pytest -n auto
+	$(BIN)/python -m pytest -n auto --dist worksteal
 
 golden: $(VENV)/ready
 	$(BIN)/python -m pytest --update-golden --update-plans
