@@ -66,6 +66,7 @@ CODES = {
     "K417": "a MACROP that the library does not have",
     "K418": "a problem file that cannot be edited",
     "K419": "not enough memory",
+    "K421": "a controller that does not answer",
     "K501": "the plan does not execute",
     "K502": "the plan misses a goal",
     "K503": "unordered steps interfere",

@@ -47,4 +47,4 @@ REFUSALS = {
     "K906": ["diagnose bulkhead --exception no_echo --step tidy"],
 }
 
-ENVIRONMENT = ("K414", "K419")  # what the machine lacks: a package, memory
+ENVIRONMENT = ("K414", "K419", "K421")  # what is missing around us: a package, memory, a controller

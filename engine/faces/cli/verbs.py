@@ -24,6 +24,7 @@ VERBS = {
     "continue": "monitor:go_on",
     "correct": "monitor:correct",
     "diagnose": "diagnose:diagnose",
+    "driver": "driver:app",
     "explain": "explain:explain",
     "export": "export:export",
     "import": "import_:app",
