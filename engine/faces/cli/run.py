@@ -2,7 +2,7 @@
 
 import sys
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -13,8 +13,7 @@ from engine.faces.cli.exits import FINDINGS, STOPPED, exit_code
 from engine.faces.cli.options import Command, Expansions, Format, Goals, Seed, Target, number
 
 if TYPE_CHECKING:
-    from engine.model.execution import Record
-    from engine.pipelines.execution import Ending, Wanted
+    from engine.model.execution import Finish, Record
     from engine.pipelines.execution.recorder import Watcher
 
 DriverName = Annotated[str, typer.Option("--driver", help="who carries out the commands: sim, or a plug-in")]
@@ -105,8 +104,7 @@ def default_store() -> str:
 
 
 def _run(asked: Asked, faults: Sequence[str], options: Sequence[str], events: str) -> Answer:
-    from engine.pipelines.execution import Wanted, begin
-    from engine.pipelines.execution.begin import named
+    from engine.pipelines.execution import Wanted, begin, named
     from engine.pipelines.planning import problem_of
     from engine.stages.planning import Limits
 
@@ -117,12 +115,12 @@ def _run(asked: Asked, faults: Sequence[str], options: Sequence[str], events: st
         asked.target, asked.goals, asked.command, asked.driver, store, asked.name, asked.seed, asked.factor, given,
         asked.approve,
     )  # fmt: skip
-    wanted = replace(wanted, run=named(wanted, problem))
+    wanted = named(wanted, problem)
     with Watching(wanted.run, events, asked.approve) as watch:
         ending = begin(
             wanted, problem, watch.channel, watch.watchers, Limits(asked.expansions, seed=asked.seed)
         )
-    return answer_of(ending, wanted, events == "-")
+    return answer_of(ending, wanted.store, events == "-")
 
 
 def options_of(given: Sequence[str]) -> dict[str, str]:
@@ -217,17 +215,17 @@ class Watching:
         self.channel.give(Given(Order.APPROVE if said in ("y", "yes") else Order.ABORT, "", "terminal"))
 
 
-def answer_of(ending: "Ending | Any", wanted: "Wanted", quiet: bool) -> Answer:
+def answer_of(ending: "Finish | Any", store: str, quiet: bool) -> Answer:
     """What is printed at the end of a run."""
     from engine.formats.report import execution as report
     from engine.formats.report.json import status
-    from engine.pipelines.execution import Ending
+    from engine.pipelines.execution import Finish
 
-    if not isinstance(ending, Ending):
+    if not isinstance(ending, Finish):
         from rich.text import Text
 
         said = Text(f"No plan: {ending.reason}.")
         return Answer(status(ending), {"reason": ending.reason}, lambda: said, exit_code(ending))
     code = {"reached": 0, "partly": FINDINGS}.get(ending.outcome, STOPPED)
-    text = None if quiet else lambda: report.text(ending, wanted.store)
+    text = None if quiet else lambda: report.text(ending, store)
     return Answer(ending.outcome, report.entry(ending), text, code)

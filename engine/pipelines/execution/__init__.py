@@ -4,8 +4,9 @@ The core is `engine.stages.execution`, a table without a clock. Here are the loo
 person can do at a pause.
 """
 
-from engine.pipelines.execution.begin import Wanted, begin
+from engine.model.execution import Finish
+from engine.pipelines.execution.begin import Wanted, begin, named, resume
 from engine.pipelines.execution.orders import Given, Orders, Timed
-from engine.pipelines.execution.running import Ending, Execution
+from engine.pipelines.execution.running import Execution
 
-__all__ = ["Ending", "Execution", "Given", "Orders", "Timed", "Wanted", "begin"]
+__all__ = ["Execution", "Finish", "Given", "Orders", "Timed", "Wanted", "begin", "named", "resume"]
