@@ -37,6 +37,7 @@ VERBS = {
     "prepare": "prepare:prepare",
     "resume": "resume:resume",
     "retry": "monitor:retry",
+    "results": "results:results",
     "revise": "revise:revise",
     "run": "run:run",
     "schedule": "schedule:schedule",

@@ -29,6 +29,7 @@ from engine.pipelines.controllers.link import (
     Nonsense,
     Patience,
     Place,
+    Silence,
 )
 from engine.pipelines.controllers.protocol import (
     Garbage,
@@ -44,6 +45,9 @@ from kb.diagnostics import Diagnostic, InvalidInput, Source
 
 HINT = "give --option command='PROGRAM ...' or --option address=HOST:PORT"
 SETTINGS = ("command", "address", "begin", "answer", "heartbeat", "reconnect")
+
+
+ATTEMPTS = 3  # for one question, each over another connection
 
 
 class Lost(Exception):
@@ -270,42 +274,48 @@ class ControllerDriver:
             self._trouble(TroubleKind.LOST, self._lost)
 
     def _ask(self, type_: str, **content: Any) -> dict[str, Any] | None:
-        """Ask the controller; over a connection made again if need be. None, and the loss is told, if that fails, too."""
-        if self._lost:
-            return None
-        try:
-            return self.link.ask(type_, **content)
-        except NoAnswer as error:
-            why = str(error)
-        self.link.broken_off()
-        try:
-            self._reconnected(why)
-            return self.link.ask(type_, **content)
-        except (NoAnswer, Lost) as error:
-            self._lose(f"{why}; {error}")
+        """Ask the controller, over a connection made again if need be. None, and the loss is told, if that fails, too."""
+        why = ""
+        for _ in range(ATTEMPTS):
+            if self._lost:
+                return None
+            try:
+                return self.link.ask(type_, **content)
+            except NoAnswer as error:
+                why = str(error)
+                self._come_back(error)
+        self._lose(why)
         return None
 
-    def _reconnected(self, why: str) -> None:
-        """Wait until the controller is there again, and take up what is open. Raises `Lost`, `NoAnswer`."""
+    def _come_back(self, error: NoAnswer) -> None:
+        """Wait until the controller is there again, and take up what is open; else it is lost."""
         end = time.monotonic() + self._patience.reconnect_s + self._patience.answer_s
-        while True:
+        self._hang_up_on(error)
+        while not self._lost:
             try:
                 event = self.link.inbox.get(timeout=max(0.0, end - time.monotonic()))
             except queue.Empty:
-                raise Lost("it did not come back") from None
-            if isinstance(event, Broken):
-                raise Lost(event.why if event.why != why else "it did not come back")
-            if isinstance(event, Connected):
-                self._take_up()
-                return
-            self._hear(event)
+                return self._lose(f"{error}; it did not come back")
+            if not isinstance(event, Connected):
+                self._hear(event)
+                continue
+            try:
+                return self._take_up()
+            except NoAnswer as again:
+                self._hang_up_on(again)
+        return None
+
+    def _hang_up_on(self, error: NoAnswer) -> None:
+        """Break a connection that stands but carries no answers."""
+        if isinstance(error, Silence):
+            self.link.broken_off()
 
     def _resume(self) -> None:
         """Take up what is open after the connection was made again."""
         try:
             self._take_up()
         except NoAnswer as error:
-            self._lose(str(error))
+            self._come_back(error)
 
     def _take_up(self) -> None:
         try:
@@ -313,7 +323,7 @@ class ControllerDriver:
             numbers = sorted(self._open)
             found = read_reports(self.link.ask("report", numbers=numbers), self.now_ms()) if numbers else []
         except Garbage as error:
-            raise NoAnswer(str(error)) from None
+            raise Silence(str(error)) from None
         again = [
             self._open[each.number]
             for each in found

@@ -75,6 +75,10 @@ class NoAnswer(Exception):
     """A question got no answer. The text says why."""
 
 
+class Silence(NoAnswer):
+    """The connection stands, but no answer came in time."""
+
+
 class Link:
     """A line to one controller."""
 
@@ -102,7 +106,7 @@ class Link:
         try:
             return answer.result(patience)
         except futures.TimeoutError:
-            raise NoAnswer(f"no answer to `{type_}` within {patience:g} s") from None
+            raise Silence(f"no answer to `{type_}` within {patience:g} s") from None
         finally:
             self._asked.pop(number, None)
 
