@@ -74,13 +74,14 @@ class Course:
 
     def go(self) -> Turn:
         """Execute until something needs more than the table, or the program is done."""
-        self.turn = None
-        self._take(executive.Began() if self.standing.phase is Phase.READY else executive.Passed())
+        if self.turn is None:
+            self._take(executive.Began() if self.standing.phase is Phase.READY else executive.Passed())
         self.flush()
         while self.turn is None:
             self.wait()
             self.flush()
-        return self.turn
+        turn, self.turn = self.turn, None
+        return turn
 
     def wait(self) -> None:
         """Wait for what comes next, and take it in."""
@@ -165,8 +166,8 @@ class Course:
                 self._quiesce()
             case executive.Handle(failures):
                 self.turn = Turn(Phase.HANDLING, failures)
-            case executive.Threatened(dwell, late_ms):
-                self._threatened(dwell, late_ms)
+            case executive.Threatened():
+                self._threatened(effect)
             case _:
                 self._came_to_rest(effect)
 
@@ -268,15 +269,17 @@ class Course:
         for message in came:
             self.hear(message)
 
-    def _threatened(self, dwell: executive.Dwell, late_ms: int) -> None:
-        target = self.compiled.program.activities[dwell.target]
+    def _threatened(self, threat: executive.Threatened) -> None:
+        target = self.compiled.program.activities[threat.dwell.target]
+        said = "it stays too long" if threat.over else "as things stand, it will stay too long"
         self.recorder.note(
             RecordKind.EXCEPTION,
             exception="stays_too_long",
-            step=dwell.target,
+            known=True,
+            step=threat.dwell.target,
             action=target.action,
             command=None,
-            reply=f"as things stand, {round(late_ms / 1000, 3)} s longer than it may",
+            reply=f"{said}: by {round(threat.late_ms / 1000, 3)} s at least",
         )
 
     def state(self) -> RunState:
