@@ -9,6 +9,8 @@ from engine.faces.cli.options import Format, Seed, Target
 from engine.faces.cli.run import Factor, Faults, Options, options_of
 
 if TYPE_CHECKING:
+    from rich.console import RenderableType
+
     from engine.model.execution import Command
     from engine.pipelines.controllers.conformance import Checked
     from kb.model.problem import Problem
@@ -77,7 +79,7 @@ def _commands(problem: "Problem") -> "list[Command]":
     ]
 
 
-def _shown(found: "list[Checked]") -> "object":
+def _shown(found: "list[Checked]") -> "RenderableType":
     from rich.text import Text
 
     lines = [

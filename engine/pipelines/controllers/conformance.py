@@ -5,7 +5,8 @@ It carries out the first steps of a plan, so it belongs in a cell where nothing 
 
 import time
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 from engine.model.execution import Command, Fate, Reply
@@ -77,7 +78,7 @@ def _none(_: object) -> None:
 def _carried_out(driver: ControllerDriver, commands: Sequence[Command]) -> Iterator[Checked]:
     """Each command is answered once, as the domain expects, and is not carried out again."""
     for each in commands:
-        yield _point(f"carries out {each.action} and replies once", lambda each=each: _replies(driver, each))
+        yield _point(f"carries out {each.action} and replies once", partial(_replies, driver, each))
     yield _point("does not carry out a command twice", lambda: _once(driver, commands))
 
 
@@ -160,8 +161,3 @@ def _again(place: Place, patience: Patience, run: str, commands: Sequence[Comman
                 raise Wrong(f"command {each.number} had ended, and now it is {each.fate.value}")
     finally:
         driver.close()
-
-
-def renumbered(commands: Sequence[Command]) -> list[Command]:
-    """The commands with numbers from 1."""
-    return [replace(each, number=number) for number, each in enumerate(commands, 1)]

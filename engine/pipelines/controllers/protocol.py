@@ -91,7 +91,7 @@ def read_reports(found: Mapping[str, Any], now_ms: int) -> list[Report]:
 
 def _report(each: Mapping[str, Any], now_ms: int) -> Report:
     try:
-        fate = Fate(each.get("fate"))
+        fate = Fate(str(each.get("fate")))
     except ValueError:
         raise Garbage(f"no fate of a command: {each.get('fate')}") from None
     number = _whole(each, "number")
