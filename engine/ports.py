@@ -60,6 +60,33 @@ class MotionGround(CollisionChecker, Protocol):
         """What proves that nothing comes within `margin_m` anywhere on a path, by stretches of motions down to `finest_m`."""
         ...
 
+    def covered(self, wrist: Sequence[int], start: Floats, goal: Floats) -> "MotionGround":
+        """The ground where one box stands for all that the joints `wrist` carry.
+
+        It covers them at all their values between two configurations (k,). It moves with what the first of them stands on.
+        """
+        ...
+
+    def travel(self, first: Floats, second: Floats) -> float:
+        """A bound on the way (m) of every point of everything that moves, on the straight line between configurations (k,)."""
+        ...
+
+
+class Hand(Protocol):
+    """The hand of the arm that moves, for planners that think in the room. Configurations are those of the ground (n, k)."""
+
+    def poses(self, q: Floats) -> Floats:
+        """The poses of the tool, or of the tip of what is in hand, in the world (n, 4, 4)."""
+        ...
+
+    def reaching(self, poses: Floats, near: Floats) -> list[Floats]:
+        """For each pose (n, 4, 4) the configurations (m, k) within the limits that reach it, those nearest to `near` (k,) first."""
+        ...
+
+    def boxes(self) -> tuple[Floats, Floats]:
+        """The boxes around what stands in the cell: their poses in the world (n, 4, 4), and half their edges (n, 3) in m."""
+        ...
+
 
 class GeometryBackend(Protocol):
     """A library that computes distances and collisions."""

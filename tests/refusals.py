@@ -47,4 +47,4 @@ REFUSALS = {
     "K906": ["diagnose bulkhead --exception no_echo --step tidy"],
 }
 
-ENVIRONMENT = ("K414", "K419", "K421")  # what is missing around us: a package, memory, a controller
+ENVIRONMENT = ("K414", "K419", "K420", "K425")  # what is missing: a package, memory, time, a controller

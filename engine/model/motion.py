@@ -1,9 +1,22 @@
 """Values of motion planning: what is asked, and what is answered. Radians, metres; configurations are (k,)."""
 
 from dataclasses import dataclass
+from enum import StrEnum
 from typing import TypeAlias
 
 from engine.model.geometry import Contact, Floats
+
+
+class Strategy(StrEnum):
+    """How a path is looked for.
+
+    `connect` grows two trees through all joints. `visibility` goes along lines of sight with the hand, and then has the links
+    follow. `reduced` plans for the first three joints, with a box around everything beyond them.
+    """
+
+    CONNECT = "connect"
+    VISIBILITY = "visibility"
+    REDUCED = "reduced"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -12,7 +25,7 @@ class Query:
 
     Lines are looked at every `step` (rad, m); nothing may come within `margin_m`. `seed` decides the samples. The work is
     bounded by `budget`, the configurations looked at, and by `bridges`, the short cuts that are tried. `moving` numbers the
-    joints that may move; all may if none is given.
+    joints that may move; all may if none is given. `strategy` says how the path is looked for.
     """
 
     start: Floats
@@ -24,6 +37,7 @@ class Query:
     bridges: int = 60
     proved: bool = True
     moving: tuple[int, ...] = ()
+    strategy: Strategy = Strategy.CONNECT
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -79,7 +93,7 @@ class Blocked:
 
     The trees from start and goals came nearest at `ends` (2, k), `apart` (rad, m) from each other, after `looked`
     configurations; they had `grown` nodes each. `contacts` is what touches where the straight line between the ends is
-    blocked worst, at configuration `at` (k,).
+    blocked worst, at configuration `at` (k,). `why` is a sentence about the strategy, if it has more to say.
     """
 
     ends: Floats
@@ -88,6 +102,7 @@ class Blocked:
     grown: tuple[int, int]
     at: Floats
     contacts: tuple[Contact, ...]
+    why: str = ""
 
 
 Answer: TypeAlias = Moved | Refused | Blocked

@@ -10,9 +10,11 @@ from collections.abc import Iterable, Iterator, Mapping
 
 import clingo
 
+from kb.asp.bounded import run_bounded
 from kb.asp.suspicion import suspicion
 from kb.asp.tables import Table, table
-from kb.terms import Function, Number, Term, Text
+from kb.plain_terms import plain_terms
+from kb.terms import Function, Number, Term, Text, is_ground
 
 
 class AspError(Exception):
@@ -54,12 +56,15 @@ class Grounder:
         self._known: dict[clingo.Symbol, Term] = {}
 
     def ground(self, text: str) -> None:
-        """Adds statements, and everything that follows from them. Raises `AspError`."""
+        """Adds statements, and everything that follows from them.
+
+        Raises `AspError`, and what `kb.asp.bounded` raises where that takes too long.
+        """
         self._parts += 1
         part = f"part_{self._parts}"
         try:
             self._control.add(part, [], text)
-            self._control.ground([(part, [])])
+            run_bounded(lambda: self._control.ground([(part, [])]))
         except RuntimeError as error:
             raise AspError(self._messages.heard or [(0, 0, str(error))]) from None
 
@@ -144,6 +149,9 @@ def symbol(ground: Term) -> clingo.Symbol:
 
 def ground_term(text: str) -> Term:
     """A ground term from its text, read in a fast way. Arithmetic in it is evaluated. Raises `AspError`."""
+    plain = plain_terms(text)
+    if plain is not None and len(plain) == 1 and is_ground(plain[0]):
+        return plain[0]
     if (found := suspicion(text)) is not None:
         raise AspError([(1, found.offset + 1, found.message)])
     messages = Messages()

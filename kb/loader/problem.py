@@ -1,10 +1,9 @@
 """The `Problem` in a problem file, with its domain."""
 
 import dataclasses
-import re
 from collections.abc import Iterator
 
-from kb.asp import AspError, ground_term
+from kb.diagnostics import unknown_name
 from kb.loader.command import commanded
 from kb.loader.declarations import read_objects
 from kb.loader.inference import Typing, has_arithmetic, scoped
@@ -16,8 +15,6 @@ from kb.loader.workflow import read_chains
 from kb.model.conditions import TRUE, And, Condition, free_variables
 from kb.model.domain import Domain, Kind
 from kb.model.problem import Problem
-from kb.syntax import Parsed
-from kb.syntax.checks import MAX_LENGTH, MAX_NESTING
 from kb.terms import Atom, Function, is_ground, variables
 
 
@@ -34,6 +31,7 @@ def read_problem(reader: Reader, domain: Domain, domain_names: Names, findings: 
         initial=tuple(_facts(reader, names, "initial", (Kind.FLUENT,))),
         goal=_goal(reader, names),
         chains=tuple(read_chains(reader, names)),
+        durations=_durations(reader, domain, names),
         complete=reader.text("complete") == "true",
         path=reader.root.file.path,
         where=reader.root.where,
@@ -47,7 +45,7 @@ def read_problem(reader: Reader, domain: Domain, domain_names: Names, findings: 
 def _facts(reader: Reader, names: Names, section: str, kinds: tuple[Kind, ...]) -> Iterator[Atom]:
     seen: set[Atom] = set()
     for node in reader.items(section):
-        expression = _fact(node) or reader.parse("atoms", node)
+        expression = reader.parse("atoms", node)
         if expression is None:
             continue
         for atom in expression.value:
@@ -68,24 +66,25 @@ def _facts(reader: Reader, names: Names, section: str, kinds: tuple[Kind, ...]) 
                 yield atom
 
 
-_SIMPLE = re.compile(r"[a-z][A-Za-z0-9_]*(?:\([A-Za-z0-9_(), ]*\))?")
-_NOT_SIMPLE = re.compile(
-    r"(?<![A-Za-z0-9])_|[0-9]{10}|(?<![A-Za-z0-9_])not(?![A-Za-z0-9_])|[0-9] *[a-z]|\( *\(|, *\("
-)
-
-
-def _fact(node: Node) -> Expression | None:
-    """A simple ground atom. Clingo reads it, because that is fast and problems hold thousands of facts."""
-    text = node.value
-    if not isinstance(text, str) or not _SIMPLE.fullmatch(text) or _NOT_SIMPLE.search(text):
-        return None
-    if len(text) > MAX_LENGTH or text.count("(") > MAX_NESTING:
-        return None
-    try:
-        atom = ground_term(text)
-    except AspError:
-        return None
-    return Expression((atom,), Parsed((atom,)), node) if isinstance(atom, Function) else None
+def _durations(reader: Reader, domain: Domain, names: Names) -> dict[Function, int]:
+    """How long some steps last. Steps of no operator, and lengths below 0, are reported."""
+    found: dict[Function, int] = {}
+    arity = {each.name: len(each.parameters) for each in domain.operators}
+    for _, key, node in reader.entries("durations"):
+        parsed = reader.parse("atom", key)
+        if parsed is None:
+            continue
+        step = parsed.value
+        if step.name not in arity:
+            names.findings.note(unknown_name("operator", step.name, arity, key.where))
+        elif len(step.arguments) != arity[step.name] or not is_ground(step):
+            hint = f"{step.name} has {arity[step.name]} arguments, and all are names or numbers"
+            names.findings.add(key.where, "K102", f"{step} is no step of {step.name}", hint)
+        elif int(node.value) < 0:
+            names.findings.add(node.where, "K113", "a duration is less than 0", "write a number of 0 or more")
+        else:
+            found[step] = int(node.value)
+    return found
 
 
 def _goal(reader: Reader, names: Names) -> Condition:

@@ -15,11 +15,14 @@ from kb.model.shapes import (
     Edge,
     Face,
     HeightField,
+    Hole,
     Mesh,
     PlacedShape,
+    Plate,
     PointSet,
     Polyhedron,
     Pose,
+    Ring,
     Shape,
     Sphere,
     Tube,
@@ -139,6 +142,30 @@ def _box(read: Quantities, node: Node) -> Shape:
     return Box((x, y, z))
 
 
+def _ring(read: Quantities, node: Node) -> Shape:
+    radius, inner = (read.positive(required(node, key)) for key in ("radius", "inner"))
+    if inner >= radius > 0:
+        read.findings.add(node.where, "K702", "the bore is as wide as the ring", "give it a smaller `inner`")
+    return Ring(radius, inner, read.positive(required(node, "length")))
+
+
+def _plate(read: Quantities, node: Node) -> Shape:
+    x, y, z = (read.positive(item) for item in required(node, "size").value)
+    listed, holes = child(node, "holes"), []
+    for item in listed.value if listed else []:
+        u, v = (read.number(each) for each in required(item, "at").value)
+        hole = Hole((u, v), read.positive(required(item, "radius")))
+        apart = all(
+            max(abs(u - one.at_m[0]), abs(v - one.at_m[1])) > hole.radius_m + one.radius_m for one in holes
+        )
+        if abs(u) + hole.radius_m >= x / 2 or abs(v) + hole.radius_m >= y / 2 or not apart:
+            hint = "the square around a hole lies within the plate, and meets no other"
+            read.findings.add(item.where, "K702", "a hole leaves no plate around it", hint)
+        else:
+            holes.append(hole)
+    return Plate((x, y, z), tuple(holes))
+
+
 def _polyhedron(read: Quantities, node: Node) -> Shape:
     vertices = {key: read.vector(value) for key, _, value in members(required(node, "vertices"))}
     faces = [Face(key, _known(read, value, vertices)) for key, _, value in members(child(node, "faces"))]
@@ -214,6 +241,8 @@ _SHAPES: dict[str, Callable[[Quantities, Node], Shape]] = {
     "tube": _tube,
     "box": _box,
     "cylinder": _cylinder,
+    "ring": _ring,
+    "plate": _plate,
     "polyhedron": _polyhedron,
     "mesh": _mesh,
     "height_field": _height_field,

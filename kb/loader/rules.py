@@ -1,5 +1,6 @@
 """The ASP files of a domain: static rules stay text for clingo; rules that read fluents are parsed."""
 
+import functools
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -12,7 +13,7 @@ from kb.files import File, is_file, read_file
 from kb.graphs import components
 from kb.loader.names import Names, count_of
 from kb.loader.reader import Reader
-from kb.loader.tree import Node
+from kb.loader.tree import SHORT, Node
 from kb.model.domain import BUILT_IN_TYPES, NUMERIC_TYPES, OBJECT, Kind, Rule
 from kb.model.statement import Sign, Signature, Statement
 
@@ -56,7 +57,7 @@ def _included(reader: Reader, name: str, node: Node, folder: Path) -> Path | Non
 def _statements(file: File, names: Names) -> Read:
     found: Read = []
     try:
-        for each in statements(file.text, file.line):
+        for each in (_remembered if len(file.text) <= SHORT else _read)(file):
             if isinstance(each, RefusedStatement):
                 names.findings.add(each.where, each.code, each.message, each.hint)
             else:
@@ -66,6 +67,13 @@ def _statements(file: File, names: Names) -> Read:
             hint = "each statement ends with '.', and variables begin with a capital letter"
             names.findings.add(file.line(line, column), "K201", message, hint)
     return found
+
+
+def _read(file: File) -> list[ParsedStatement | RefusedStatement]:
+    return list(statements(file.text, file.line))
+
+
+_remembered = functools.lru_cache(16)(_read)
 
 
 def _depending_on_fluents(read: Read, names: Names) -> set[Signature]:

@@ -151,6 +151,18 @@ class Conventions:
     before: str = _static(
         "before", "measurement, measurement", TOURS, "the first measurement is made before the second"
     )
+    serves: str = _static(
+        "serves",
+        "station, measurement",
+        TOURS,
+        "from where the arm reaches a measurement; from everywhere if none is given",
+    )
+    shift: str = _static(
+        "shift",
+        "station, station, int",
+        TOURS,
+        "what going to another station costs, as a way in micrometres",
+    )
     change: str = _static(
         "change", "tool, tool, int", TOURS, "what a change of tools costs, as a way in micrometres"
     )

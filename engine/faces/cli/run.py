@@ -11,6 +11,7 @@ import typer
 from engine.faces.cli.answers import Answer, Form, give
 from engine.faces.cli.exits import FINDINGS, STOPPED, exit_code
 from engine.faces.cli.options import Command, Expansions, Format, Goals, Seed, Target, number
+from engine.faces.cli.watch import current
 
 if TYPE_CHECKING:
     from engine.model.execution import Finish, Record
@@ -53,6 +54,13 @@ Approve = Annotated[bool, typer.Option("--approve", help="show the plan and ask 
 Events = Annotated[
     str, typer.Option("--events", help="write each event as a line of JSON to this file; - is the output")
 ]
+Watch = Annotated[
+    bool,
+    typer.Option(
+        "--watch",
+        help="show how the run goes: on a terminal with --factor a live display with keys, else plain lines",
+    ),
+]
 
 
 def run(
@@ -67,6 +75,7 @@ def run(
     option: Options = None,
     approve: Approve = False,
     events: Events = "",
+    watch: Watch = False,
     expansions: Expansions = 1_000_000,
     seed: Seed = 0,
     format: Format = Form.TEXT,
@@ -75,7 +84,7 @@ def run(
     asked = Asked(target, goals, command, driver, store, name, factor, seed, approve, expansions)
     if events == "-" and format is Form.JSON:
         raise typer.BadParameter("--events - writes lines of JSON to the output: leave out --format json")
-    give(lambda: _run(asked, fault or [], option or [], events), format)
+    give(lambda: _run(asked, fault or [], option or [], events, watch), format)
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,7 +112,7 @@ def default_store() -> str:
     return str(folder / "runs.db")
 
 
-def _run(asked: Asked, faults: Sequence[str], options: Sequence[str], events: str) -> Answer:
+def _run(asked: Asked, faults: Sequence[str], options: Sequence[str], events: str, shown: bool) -> Answer:
     from engine.pipelines.execution import Wanted, begin, named
     from engine.pipelines.planning import problem_of
     from engine.stages.planning import Limits
@@ -116,7 +125,7 @@ def _run(asked: Asked, faults: Sequence[str], options: Sequence[str], events: st
         asked.approve,
     )  # fmt: skip
     wanted = named(wanted, problem)
-    with Watching(wanted.run, events, asked.approve) as watch:
+    with Watching(wanted.run, events, asked.approve, shown, asked.factor > 0) as watch:
         ending = begin(
             wanted, problem, watch.channel, watch.watchers, Limits(asked.expansions, seed=asked.seed)
         )
@@ -137,7 +146,9 @@ def options_of(given: Sequence[str]) -> dict[str, str]:
 class Watching:
     """What watches a run from this process: its events, and the orders of the terminal (Ctrl-C) and of the socket."""
 
-    def __init__(self, run: str, events: str, approve: bool) -> None:
+    def __init__(
+        self, run: str, events: str, approve: bool, shown: bool = False, slowed: bool = False
+    ) -> None:
         from engine.pipelines.execution.channel import Channel
 
         self.channel: Channel = Channel(run)
@@ -146,11 +157,14 @@ class Watching:
         self._out: Any = None
         self._before: Any = None
         self._presses = 0
+        self._shown, self._slowed = shown, slowed
+        self._display = ExitStack()
+        self._look: list[Watcher] = []
 
     @property
     def watchers(self) -> "Sequence[Watcher]":
         """What is shown each record once it is on the disk."""
-        return [self._follow]
+        return [self._follow, *self._look]
 
     def __enter__(self) -> "Watching":
         import signal
@@ -160,15 +174,25 @@ class Watching:
         if self._events:
             self._out = sys.stdout if self._events == "-" else Path(self._events).open("w", encoding="utf-8")
         self._before = signal.signal(signal.SIGINT, self._pressed)
+        if watch := current():
+            watch.waiting, watch.time_is_up = True, self._stop
         return self
 
     def __exit__(self, *error: object) -> None:
         import signal
 
         signal.signal(signal.SIGINT, self._before)
+        if watch := current():
+            watch.waiting = False
         if self._out is not None and self._events != "-":
             self._out.close()
         self.channel.__exit__(None, None, None)
+
+    def _stop(self) -> None:
+        from engine.model.execution import Order
+        from engine.pipelines.execution import Given
+
+        self.channel.give(Given(Order.STOP, "", "time limit"))
 
     def _pressed(self, *_: object) -> None:
         """The first Ctrl-C interrupts, the second stops."""

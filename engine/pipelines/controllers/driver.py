@@ -80,7 +80,7 @@ class ControllerDriver:
         except (Lost, NoAnswer, Garbage) as error:
             self.close()
             said = f"the controller does not answer: {error}"
-            raise InvalidInput([Diagnostic(Source("--driver"), "K421", said, HINT)]) from None
+            raise InvalidInput([Diagnostic(Source("--driver"), "K425", said, HINT)]) from None
 
     def _introduce(self) -> None:
         answer = self.link.ask("hello", **hello(self._run))

@@ -9,7 +9,8 @@ from engine.stages.grounding.closure import Deduction, deduction
 from engine.stages.grounding.program import Vocabulary, deduction_rules, reachable, rule
 from engine.stages.grounding.universe import Universe
 from kb.asp import Grounder
-from kb.asp.vocabulary import guard, static_program
+from kb.asp.statics import evaluated
+from kb.asp.vocabulary import guard
 from kb.diagnostics import Diagnostic
 from kb.model.domain import BUILT_IN_TYPES
 from kb.model.problem import Problem
@@ -25,8 +26,7 @@ def initial_state(problem: Problem, vocabulary: Vocabulary) -> tuple[tuple[Atom,
     """
     if problem.complete:
         return tuple(dict.fromkeys(problem.initial)), []
-    grounder = Grounder()
-    grounder.ground("\n".join(_program(problem)))
+    grounder = evaluated(problem, _program(problem))
     universe = Universe(grounder, vocabulary, {})
     state = _State(deduction(problem.domain, vocabulary, universe))
     state.give(bitset([universe.index[fact] for fact in problem.initial]))
@@ -45,8 +45,7 @@ def default_instances(problem: Problem) -> tuple[Atom, ...]:
     """Every instance of every default, also those that other facts exclude."""
     if problem.complete:
         return ()
-    grounder = Grounder()
-    grounder.ground("\n".join(_program(problem)))
+    grounder = evaluated(problem, _program(problem))
     return tuple(
         Function(default.atom.name, arguments)
         for number, default in enumerate(problem.domain.defaults)
@@ -79,7 +78,6 @@ def _contradiction(problem: Problem, denied: tuple[Atom, ...]) -> list[Diagnosti
 
 def _program(problem: Problem) -> list[str]:
     text = [
-        static_program(problem),
         *(f"{reachable(fact)}." for fact in problem.initial),
         f"#defined {STRANGE}/2.",
     ]

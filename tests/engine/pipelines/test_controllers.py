@@ -274,5 +274,5 @@ def test_options_that_name_no_controller_are_refused(problem: Problem, options: 
 
 
 def test_a_controller_that_is_not_there_is_told() -> None:
-    with pytest.raises(InvalidInput, match="K421"):
+    with pytest.raises(InvalidInput, match="K425"):
         ControllerDriver(Place("this-program-does-not-exist"), HURRY, "none")

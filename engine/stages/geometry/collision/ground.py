@@ -1,6 +1,8 @@
 """What motions are planned on: any checker, with lines checked whole and proofs for paths."""
 
 import math
+from collections.abc import Collection, Sequence
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -11,6 +13,7 @@ from engine.kernels.geometry.proof import Proof
 from engine.model.geometry import Contact, Floats, Joints, Scene, Truths
 from engine.ports import CollisionChecker
 from engine.stages.geometry.collision.builtin import BuiltinChecker
+from engine.stages.geometry.collision.covering import covered
 from engine.stages.geometry.shapes.packing import bounded, grouped
 
 
@@ -66,6 +69,22 @@ class Ground:
     def proof(self, margin_m: float, finest_m: float) -> Proof:
         """A proof by the built-in kernels, whatever the checker is."""
         return Proof(self._mechanism, *self._packed(margin_m), self._reach, margin_m, finest_m)
+
+    def covered(self, wrist: Sequence[int], start: Floats, goal: Floats) -> "Ground":
+        """The ground where one box stands for all that the joints `wrist` carry between two configurations (k,)."""
+        return Ground(BuiltinChecker(covered(self.scene, wrist, start, goal)))
+
+    def travel(self, first: Floats, second: Floats) -> float:
+        """A bound on the way (m) of every point that moves on the straight line between two configurations (k,)."""
+        return float((np.abs(second - first) @ self._reach).max(initial=0.0))
+
+    def only(self, pairs: Collection[frozenset[str]]) -> "Ground":
+        """The ground on which nothing is checked but some pairs of bodies."""
+        scene = self.scene
+        names = [piece.body for piece in scene.pieces]
+        kept = [frozenset((names[i], names[j])) in pairs for i, j in scene.pairs.reshape(-1, 2)]
+        left = np.ascontiguousarray(scene.pairs.reshape(-1, 2)[np.array(kept, dtype=bool)])
+        return Ground(BuiltinChecker(replace(scene, pairs=left)))
 
     def _packed(self, margin_m: float) -> tuple[Pieces, Pairs]:
         """The scene as kernels read it, packed once for each margin."""

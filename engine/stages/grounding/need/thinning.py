@@ -11,8 +11,8 @@ from engine.stages.grounding.initial import initial_state
 from engine.stages.grounding.need.likeness import alike, free_objects, most_at_once, names
 from engine.stages.grounding.need.relevance import relevance
 from engine.stages.grounding.program import Vocabulary
-from kb.asp import Grounder
-from kb.asp.vocabulary import VIOLATED, static_program
+from kb.asp.statics import evaluated
+from kb.asp.vocabulary import VIOLATED
 from kb.model.domain import BUILT_IN_TYPES, NUMERIC_TYPES, Domain
 from kb.model.problem import Problem
 from kb.terms import Atom, Function
@@ -53,8 +53,7 @@ def thinned(problem: Problem, statics: Named | None = None) -> Thinned:
 
 
 def _evaluated(problem: Problem) -> Named:
-    grounder = Grounder()
-    grounder.ground(static_program(problem))
+    grounder = evaluated(problem)
     return lambda name, arity: (Function(name, each) for each in grounder.atoms(name, arity))
 
 
