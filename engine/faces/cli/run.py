@@ -2,6 +2,7 @@
 
 import sys
 from collections.abc import Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -176,11 +177,22 @@ class Watching:
         self._before = signal.signal(signal.SIGINT, self._pressed)
         if watch := current():
             watch.waiting, watch.time_is_up = True, self._stop
+        if self._shown:
+            from engine.faces.cli.watching import watched
+
+            self._look.append(self._display.enter_context(watched(self._run, self._tell, self._slowed)))
         return self
+
+    def _tell(self, order: str) -> None:
+        from engine.model.execution import Order
+        from engine.pipelines.execution import Given
+
+        self.channel.give(Given(Order(order), "", "terminal"))
 
     def __exit__(self, *error: object) -> None:
         import signal
 
+        self._display.close()
         signal.signal(signal.SIGINT, self._before)
         if watch := current():
             watch.waiting = False
