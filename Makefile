@@ -20,6 +20,7 @@ and store them in the drawer again
 demo: $(VENV)/ready
 	$(BIN)/cellwright plan themse --command "$(SENTENCE)"
 	$(BIN)/cellwright plan bulkhead/twelve_points --stats
+	$(BIN)/cellwright run themse --command "$(SENTENCE)" --fault "pick#3=not_gripped" --watch --store .venv/demo.db
 
 test: $(VENV)/ready
 	$(BIN)/python -m pytest -n auto

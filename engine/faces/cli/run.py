@@ -126,7 +126,11 @@ def _run(asked: Asked, faults: Sequence[str], options: Sequence[str], events: st
         asked.approve,
     )  # fmt: skip
     wanted = named(wanted, problem)
-    with Watching(wanted.run, events, asked.approve, shown, asked.factor > 0) as watch:
+    if shown:
+        from engine.formats.report.narration import understood
+
+        sys.stderr.write("\n".join(understood(problem)) + "\n")
+    with Watching(wanted.run, events, asked.approve, shown, asked.factor) as watch:
         ending = begin(
             wanted, problem, watch.channel, watch.watchers, Limits(asked.expansions, seed=asked.seed)
         )
@@ -148,7 +152,7 @@ class Watching:
     """What watches a run from this process: its events, and the orders of the terminal (Ctrl-C) and of the socket."""
 
     def __init__(
-        self, run: str, events: str, approve: bool, shown: bool = False, slowed: bool = False
+        self, run: str, events: str, approve: bool, shown: bool = False, factor: float = 0.0
     ) -> None:
         from engine.pipelines.execution.channel import Channel
 
@@ -158,7 +162,7 @@ class Watching:
         self._out: Any = None
         self._before: Any = None
         self._presses = 0
-        self._shown, self._slowed = shown, slowed
+        self._shown, self._factor = shown, factor
         self._display = ExitStack()
         self._look: list[Watcher] = []
 
@@ -180,7 +184,7 @@ class Watching:
         if self._shown:
             from engine.faces.cli.watching import watched
 
-            self._look.append(self._display.enter_context(watched(self._run, self._tell, self._slowed)))
+            self._look.append(self._display.enter_context(watched(self._run, self._tell, self._factor)))
         return self
 
     def _tell(self, order: str) -> None:

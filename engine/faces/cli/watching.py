@@ -3,6 +3,7 @@
 import contextlib
 import sys
 import threading
+import time
 from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Any
 
@@ -23,12 +24,12 @@ def plain(record: "Record") -> None:
 
 
 @contextlib.contextmanager
-def watched(run: str, give: Give, slowed: bool) -> "Iterator[Callable[[Record], None]]":
+def watched(run: str, give: Give, factor: float) -> "Iterator[Callable[[Record], None]]":
     """A watcher for the records of a run: a live display on a terminal if its clock is slowed down, else plain lines.
 
     At full speed there is nothing to watch: a display would be gone before it is read.
     """
-    if not (slowed and sys.stderr.isatty() and sys.stdin.isatty()):
+    if not (factor and sys.stderr.isatty() and sys.stdin.isatty()):
         yield plain
         return
     from rich.console import Console
@@ -36,11 +37,13 @@ def watched(run: str, give: Give, slowed: bool) -> "Iterator[Callable[[Record], 
 
     from engine.formats.report.live import Display
 
-    display = Display(run)
+    came = [time.monotonic()]
+    display = Display(run, lambda: (time.monotonic() - came[0]) * 1000 / factor)
     live = Live(display, console=Console(stderr=True), refresh_per_second=FRAMES)
     keys = Keys(lambda key: _pressed(key, display, live, give))
 
     def follow(record: "Record") -> None:
+        came[0] = time.monotonic()
         display.take(record)
         if not live.is_started:
             plain(record)

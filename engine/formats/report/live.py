@@ -1,11 +1,12 @@
 """The live display of a run: devices and their current steps, a chart with a line at now, the world's last changes, and a log.
 
-`Display` takes in one record after another. What is shown follows from these alone.
+`Display` takes in one record after another. What is shown follows from these, and from the time that has passed since the last.
 """
 
 from collections import deque
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
+from itertools import groupby
 from typing import Any
 
 from rich.console import Console, ConsoleOptions, Group, RenderableType
@@ -16,6 +17,7 @@ from rich.text import Text
 from engine.formats.report.execution import duration
 from engine.formats.report.narration import narrated
 from engine.model.execution import Record, RecordKind
+from engine.model.wording import counted
 
 LOG, FACTS = 8, 6  # lines of the log, last changes of the world
 NAME = 16  # columns for the name of a device
@@ -39,6 +41,7 @@ class Display:
     """How a run stands, as its records tell."""
 
     run: str
+    passed_ms: Callable[[], float] = lambda: 0.0  # on the run's clock since the last record
     phase: str = "ready"
     now_ms: int = 0
     end_ms: int = 0
@@ -105,9 +108,10 @@ class Display:
             bar.start_ms = bar.start_ms if start_ms is None else start_ms
 
     def __rich_console__(self, console: Console, options: ConsoleOptions) -> Iterator[RenderableType]:
-        title = f"{self.run}: {self.phase}, {duration(self.now_ms)} of about {duration(max(self.end_ms, self.now_ms))}"
+        now = self._shown_ms()
+        title = f"{self.run}: {self.phase}, {duration(now)} of about {duration(max(self.end_ms, now))}"
         done = sum(each.standing == "done" for each in (*self.past, *self.bars.values()))
-        head = Text(f"{done} steps done, {len(self.bars)} in the plan")
+        head = Text(f"{counted(done, 'step')} done, {len(self.bars)} in the plan")
         chart = Group(*self._chart(max(10, options.max_width - NAME - 6)))
         world = Group(*(Text(each) for each in self.facts))
         log = Group(*(Text(each, no_wrap=True, overflow="ellipsis") for each in self.log))
@@ -118,6 +122,11 @@ class Display:
             title=title,
             subtitle=KEYS,
         )
+
+    def _shown_ms(self) -> int:
+        """The time now, in whole seconds: while something is under way, the clock goes on without records."""
+        passed = self.passed_ms() if self.under_way else 0.0
+        return self.now_ms if not passed else round((self.now_ms + passed) / 1000) * 1000
 
     def _current(self) -> Table:
         """What each device does now."""
@@ -135,13 +144,13 @@ class Display:
             line = Text(f"{stream[: NAME - 1]:<{NAME}}")
             line.append_text(_lane([each for each in bars if each.stream == stream], scale, width))
             yield line
-        now = min(width - 1, int(self.now_ms * scale))
-        yield Text(" " * (NAME + now) + "| now", "bold")
+        now = min(width - 1, int(self._shown_ms() * scale))
+        mark = "| now" if now < width - 6 else "now |"
+        yield Text(" " * (NAME + now - (0 if mark[0] == "|" else len(mark) - 1)) + mark, "bold")
 
 
 def _lane(bars: list[Bar], scale: float, width: int) -> Text:
-    cells = [" "] * width
-    styles = [""] * width
+    cells, styles = [" "] * width, [""] * width
     for each in sorted(bars, key=lambda bar: bar.standing != "planned"):
         first = min(width - 1, int(each.start_ms * scale))
         last = min(width - 1, max(first, int((each.start_ms + each.lasts_ms) * scale) - 1))
@@ -149,6 +158,6 @@ def _lane(bars: list[Bar], scale: float, width: int) -> Text:
             cells[place] = "." if each.standing == "planned" else "X" if each.standing == "failed" else "="
             styles[place] = STYLES[each.standing]
     text = Text()
-    for cell, style in zip(cells, styles, strict=True):
-        text.append(cell, style)
+    for style, places in groupby(range(width), styles.__getitem__):
+        text.append("".join(cells[place] for place in places), style)
     return text

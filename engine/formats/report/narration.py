@@ -6,6 +6,8 @@ from typing import Any
 from engine.formats.report.execution import SAID, duration
 from engine.model.execution import Record, RecordKind
 from engine.model.wording import counted
+from kb.model.conditions import goal_parts
+from kb.model.problem import Problem
 
 WANTED = 8  # goals that are listed
 Content = Mapping[str, Any]
@@ -17,17 +19,20 @@ def narrated(record: Record) -> list[str]:
     return [] if tell is None else list(tell(record.content, duration(record.at_ms)))
 
 
+def understood(problem: Problem) -> list[str]:
+    """What a problem wants, in plain lines: its chains of stages, and its goals."""
+    wanted = [", then ".join(map(str, chain.stages)) for chain in problem.chains]
+    wanted += [str(each) for each in goal_parts(problem.goal)]
+    more = [f"  and {len(wanted) - WANTED} more"] if len(wanted) > WANTED else []
+    return ["Wanted:", *(f"  {each}" for each in wanted[:WANTED]), *more]
+
+
 def _plan(content: Content, now: str) -> Iterator[str]:
     devices = {each["stream"] for each in content["steps"]}
     many = f"{counted(len(content['steps']), 'step')} on {counted(len(devices), 'device')}"
     if content["why"] != "first":
         yield f"{now}: goes on with another plan ({content['why']}): {many}, forecast to end at {duration(content['forecast_ms'])}"
         return
-    goals = [each for each in content["goals"] if each]
-    yield "Wanted:"
-    yield from (f"  {each}" for each in goals[:WANTED])
-    if len(goals) > WANTED:
-        yield f"  and {len(goals) - WANTED} more"
     yield f"Planned and scheduled: {many}, forecast to take {duration(content['forecast_ms'])}"
     yield "Carried out:"
 
