@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from engine.model.execution import RecordKind
 from engine.pipelines.measuring import Measuring
 from engine.pipelines.planning import problem_of
-from kb.asp import AspError, ground_term
+from kb.asp import ground_term
 from kb.diagnostics import Diagnostic, InvalidInput, Source, nearest
 from kb.model.problem import Problem
 from kb.model.results import Measured, Results, Treated
@@ -72,10 +72,7 @@ class _Reader:
             self.history.append(Treated(each, str(step), content["started_ms"], line.at_ms, own))
 
     def _measure(self, step: Function, reply: str, at_ms: int) -> None:
-        try:
-            found = self.measuring.measured(step, ground_term(reply), at_ms) if reply else None
-        except AspError:
-            return
+        found = self.measuring.heard(step, reply, at_ms) if reply else None
         if found is not None:
             self.measured.append(found)
 

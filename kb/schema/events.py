@@ -101,12 +101,21 @@ class DoneEvent(_Event):
 
 
 class ResultEvent(_Event):
-    """A reply gave a fact."""
+    """A reply gave a fact, or a measured value."""
 
     kind: Literal["result"] = Field(description="what happened")
     command: int = Field(description="the command that was answered")
     action: str = Field(description="the operator instance")
-    result: str = Field(description="the fact")
+    result: str = Field(description="the fact; empty if it gave none")
+    of: str | None = Field(None, description="what was measured, if something was")
+    quantity: str | None = Field(None, description="which quantity of it")
+    value: float | None = Field(None, description="the measured value")
+    unit: str | None = Field(None, description="what the numbers count")
+    nominal: float | None = Field(None, description="what the value should be, if that is known")
+    lower: float | None = Field(None, description="the least value that passes")
+    upper: float | None = Field(None, description="the greatest value that passes")
+    passed: bool | None = Field(None, description="the verdict; null if nobody said what passes")
+    tool: str | None = Field(None, description="the tool that measured")
 
 
 class ExceptionEvent(_Event):

@@ -66,6 +66,9 @@ def test_it_runs_to_the_end_and_what_it_measures_is_in_the_journal() -> None:
     replies = [each.content["text"] for each in records if each.kind is RecordKind.REPLY]
     assert sum(each.startswith("torque(") for each in replies) == 3
     assert sum(each.startswith("mass(") for each in replies) == 3
+    results = [each.content for each in records if each.kind is RecordKind.RESULT]
+    assert [each["quantity"] for each in results].count("excess") == 3
+    assert all(each["passed"] is (each["lower"] <= each["value"] <= each["upper"]) for each in results)
 
 
 @pytest.mark.parametrize(("exception", "cause"), CASES)
