@@ -21,7 +21,7 @@ class Visit:
 
     `position` serves for pictures and for first tours. `tool` is the tool that the visit needs. The visit
     begins within `window` (earliest, latest; both count from the start of the tour) and lasts `duration`.
-    Times are in the unit of the costs. All visits of a lower `phase` come first.
+    Times are in the unit of the costs. All visits of a lower `phase` come first. It is made from `station`, if one is given.
     """
 
     name: str
@@ -30,6 +30,7 @@ class Visit:
     duration: int = 0
     window: Window | None = None
     phase: int = 0
+    station: str = ""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -37,7 +38,7 @@ class TourProblem:
     """Which order of the visits costs least?
 
     `travel` (n, n) is the cost from visit i to visit j, not negative; for many visits it may be a metric. `changes` is the additional cost of
-    going on with another tool. With windows, costs are times. An open tour ends at its last visit; a closed
+    going on with another tool, `shifts` that of going on from another station. With windows, costs are times. An open tour ends at its last visit; a closed
     one goes back to its first. `start` and `end` are the first and the last visit, if given. The visits of
     each pair in `precedence` come in that order.
     """
@@ -51,12 +52,13 @@ class TourProblem:
     changes: Mapping[tuple[str, str], int] = field(default_factory=dict)
     precedence: tuple[tuple[int, int], ...] = ()
     unit: str = ""
+    shifts: Mapping[tuple[str, str], int] = field(default_factory=dict)
 
     @property
     def arcs(self) -> Longs:
         """The cost from visit to visit (n, n): travel and change of tool together."""
         travel = self.travel.matrix() if isinstance(self.travel, Metric) else self.travel
-        if not self.changes or not self.visits:
+        if not (self.changes or self.shifts) or not self.visits:
             return travel
         kind, extra = self.kinds
         found: Longs = travel + extra[kind[:, None], kind[None, :]]
@@ -64,17 +66,20 @@ class TourProblem:
 
     @property
     def kinds(self) -> tuple[Ints, Longs]:
-        """The number of each visit's tool (n,), and the cost of a change from tool to tool."""
-        tools = [visit.tool for visit in self.visits]
-        names = {name: number for number, name in enumerate(sorted(set(tools)))}
-        extra = np.array([[self.changes.get((a, b), 0) for b in names] for a in names], np.int64)
-        return np.array([names[tool] for tool in tools], np.int32), extra
+        """The number of each visit's tool and station (n,), and the cost of a change from one such pair to another."""
+        pairs = [(visit.tool, visit.station) for visit in self.visits]
+        names = {name: number for number, name in enumerate(sorted(set(pairs)))}
+        extra = np.array([[self._change(a, b) for b in names] for a in names], np.int64)
+        return np.array([names[each] for each in pairs], np.int32), extra
+
+    def _change(self, one: tuple[str, str], other: tuple[str, str]) -> int:
+        return self.changes.get((one[0], other[0]), 0) + self.shifts.get((one[1], other[1]), 0)
 
     def lengths(self, order: tuple[int, ...]) -> list[int]:
         """The costs from each visit of an order to the next, travel and change of tool together."""
         a, b = np.array(order[:-1], np.int32), np.array(order[1:], np.int32)
         found = self.travel.between(a, b) if isinstance(self.travel, Metric) else self.travel[a, b]
-        if self.changes and len(order):
+        if (self.changes or self.shifts) and len(order):
             kind, extra = self.kinds
             found = found + extra[kind[a], kind[b]]
         return [int(each) for each in found]

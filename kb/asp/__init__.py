@@ -10,6 +10,7 @@ from collections.abc import Iterable, Iterator, Mapping
 
 import clingo
 
+from kb.asp.bounded import run_bounded
 from kb.asp.suspicion import suspicion
 from kb.asp.tables import Table, table
 from kb.plain_terms import plain_terms
@@ -54,12 +55,15 @@ class Grounder:
         self._tables = 0
 
     def ground(self, text: str) -> None:
-        """Adds statements, and everything that follows from them. Raises `AspError`."""
+        """Adds statements, and everything that follows from them.
+
+        Raises `AspError`, and what `kb.asp.bounded` raises where that takes too long.
+        """
         self._parts += 1
         part = f"part_{self._parts}"
         try:
             self._control.add(part, [], text)
-            self._control.ground([(part, [])])
+            run_bounded(lambda: self._control.ground([(part, [])]))
         except RuntimeError as error:
             raise AspError(self._messages.heard or [(0, 0, str(error))]) from None
 

@@ -7,12 +7,28 @@ from pathlib import Path
 from kb.diagnostics import unknown_name
 from kb.files import is_file
 from kb.loader.arm import bundled_arms, pairs, quantities_of, read_arm
+from kb.loader.cell_guides import read_guide, read_plain
 from kb.loader.cell_locations import Known, read_locations
+from kb.loader.cell_measuring import read_measuring
+from kb.loader.cell_operations import read_operations
 from kb.loader.quantities import ANGLE, Quantities, child, members
 from kb.loader.reader import Findings, Reader, require, validate_shape
 from kb.loader.tree import Node, read_file
 from kb.loader.urdf import read_urdf
-from kb.model.cell import WORLD, Arm, Body, BodyKind, Cell, MountedArm, Place, Placement, Region
+from kb.model.cell import (
+    TOUCH_M,
+    WORLD,
+    ZONE_SPEED_M_S,
+    Arm,
+    Body,
+    BodyKind,
+    Cell,
+    MountedArm,
+    Place,
+    Placement,
+    Region,
+    Zone,
+)
 from kb.model.shapes import Sphere
 from kb.terms import Function
 
@@ -52,6 +68,7 @@ class _CellReader:
             for section, kind in _BODIES.items()
             for name, node in self._section(section)
         }
+        self._check_followers(bodies)
         self._frames(arms, frames, bodies)
         regions = {name: self._region(name, node) for name, node in self._section("regions")}
         self._check_parents(regions)
@@ -62,9 +79,29 @@ class _CellReader:
             place = self._place(key, node, arms, bodies)
             places[place.name] = place
         known = Known(bodies, places, self._known())
-        locations = read_locations(self.reader, self.read.findings, known)
+        locations = read_locations(self.reader, self.read, known)
+        zones = {name: self._zone(name, node) for name, node in self._section("zones")}
+        operations = read_operations(self.reader, self.read.findings, known)
         name = self.reader.text("cell")
-        return Cell(name, arms, frames, bodies, regions, allowed, places, locations, path)
+        measuring = {
+            key: read_measuring(node, self.read, bodies)
+            for key, key_node, node in self.reader.entries("measuring")
+            if self._is_tool(key, key_node, bodies)
+        }
+        return Cell(
+            name,
+            arms,
+            frames,
+            bodies,
+            regions,
+            allowed,
+            places,
+            locations,
+            zones,
+            operations,
+            measuring,
+            path,
+        )
 
     def _section(self, section: str) -> list[tuple[str, Node]]:
         """The named entries of a section. A name that another section uses already is reported."""
@@ -101,18 +138,38 @@ class _CellReader:
                 node.where, "K005", "an arm needs one description", "give `model` or `urdf`"
             )
         if urdf is not None:
-            return read_urdf(urdf, node, self.read.folder, self.read.findings)
+            return read_urdf(urdf, node, self.read)
         if model is None:
             return Arm("", ())
-        beside, known = self.read.folder / model.value, bundled_arms()
-        if model.value in known or is_file(beside):
-            return read_arm(known.get(model.value, beside), self.read.findings)
+        known = bundled_arms()
+        path = known[model.value] if model.value in known else self.read.file(model)
+        if path is None:
+            return Arm("", ())
+        if is_file(path):
+            return read_arm(path, self.read.findings)
         self.read.findings.note(unknown_name("arm", model.value, known, model.where))
         return Arm("", ())
 
     def _body(self, name: str, kind: BodyKind, node: Node) -> Body:
         features = {key: self.read.pose(value) for key, _, value in members(child(node, "features"))}
-        return Body(name, kind, self._placement(node), self.read.shapes(child(node, "shapes")), features)
+        return Body(
+            name,
+            kind,
+            self._placement(node),
+            self.read.shapes(child(node, "shapes")),
+            features,
+            read_guide(child(node, "joint"), self.read),
+            read_plain(child(node, "mass")),
+            read_plain(child(node, "friction")),
+        )
+
+    def _check_followers(self, bodies: Mapping[str, Body]) -> None:
+        """A body follows one that has a joint, and follows none itself."""
+        leaders = {name for name, body in bodies.items() if body.guide and not body.guide.follows}
+        for name, body in bodies.items():
+            if body.guide and body.guide.follows and body.guide.follows not in leaders:
+                where = self.nodes[name].where
+                self.read.findings.note(unknown_name("body with a joint", body.guide.follows, leaders, where))
 
     def _frames(
         self, arms: Mapping[str, MountedArm], frames: Mapping[str, Placement], bodies: Mapping[str, Body]
@@ -165,6 +222,15 @@ class _CellReader:
             self.nodes[name].where,
         )
 
+    def _zone(self, name: str, node: Node) -> Zone:
+        placement, speed = self._placement(node), child(node, "speed")
+        self._is_known(placement, self._known())
+        allowed = self.read.number(speed) if speed else ZONE_SPEED_M_S
+        if speed is not None and allowed <= 0.0:
+            hint = "give a speed above 0, or an obstacle in `fixtures` where no arm may go"
+            self.read.findings.add(speed.where, "K005", f"the speed of zone '{name}' is not above 0", hint)
+        return Zone(name, self.read.shape(node) or Sphere(1.0), placement, allowed)
+
     def _check_parents(self, regions: Mapping[str, Region]) -> None:
         for _, _, node in self.reader.entries("regions"):
             parents = child(node, "parents")
@@ -199,6 +265,7 @@ class _CellReader:
             self.read.number(approach) if approach else 0.0,
             turns is not None and turns.value == "true",
             tuple(item.value for item in touched),
+            self.read.number(depth) if (depth := child(node, "depth")) else TOUCH_M,
         )
 
     def _which_arm(self, key: Node, node: Node, arms: Mapping[str, MountedArm]) -> str:
@@ -211,6 +278,13 @@ class _CellReader:
             self.read.findings.add(key.where, "K005", "the arm for this place is not given", "give `arm`")
             return ""
         return next(iter(arms))
+
+    def _is_tool(self, name: str, key: Node, bodies: Mapping[str, Body]) -> bool:
+        """Whether a body is a tool with a tip; another one is reported."""
+        tools = {each for each, body in bodies.items() if "tip" in body.features}
+        if name not in tools:
+            self.read.findings.note(unknown_name("tool with a `tip`", name, tools, key.where))
+        return name in tools
 
     def _which_tool(self, node: Node, bodies: Mapping[str, Body]) -> str:
         given = child(node, "tool")

@@ -1,13 +1,13 @@
 """The `locations` of a `cell.yaml`: how facts of the domain place bodies."""
 
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
 from kb.diagnostics import unknown_name
-from kb.loader.quantities import child, required
+from kb.loader.quantities import ANGLE, LENGTH, Quantities, child, required
 from kb.loader.reader import Findings, Reader
 from kb.loader.tree import Node
-from kb.model.cell import Location
+from kb.model.cell import Body, JointKind, Location
 from kb.terms import Function, Term, Variable, is_ground, variables
 
 
@@ -15,18 +15,18 @@ from kb.terms import Function, Term, Variable, is_ground, variables
 class Known:
     """The names that an entry may use."""
 
-    bodies: Collection[str]
+    bodies: Mapping[str, Body]
     places: Collection[str]
     frames: Collection[str]
 
 
-def read_locations(reader: Reader, findings: Findings, known: Known) -> tuple[Location, ...]:
-    """The entries in their order. Errors are added to `findings`."""
+def read_locations(reader: Reader, read: Quantities, known: Known) -> tuple[Location, ...]:
+    """The entries in their order. Errors are added to the findings of `read`."""
     found = []
     for _, key, node in reader.entries("locations"):
         fact = reader.parse("atom", key)
         if fact is not None:
-            entry = _Entry(reader, findings, known, fact.value)
+            entry = _Entry(reader, read, known, fact.value)
             location = entry.location(key, node)
             found += [location] if location else []
     return tuple(found)
@@ -37,19 +37,23 @@ class _Entry:
     """Reads one entry."""
 
     reader: Reader
-    findings: Findings
+    read: Quantities
     known: Known
     fact: Function
 
+    @property
+    def findings(self) -> Findings:
+        """Where errors are added."""
+        return self.read.findings
+
     def location(self, key: Node, node: Node) -> Location | None:
-        place, frame = child(node, "place"), child(node, "in")
-        if (place is None) == (frame is None):
-            self.findings.add(
-                node.where,
-                "K005",
+        place, frame, joint = (child(node, each) for each in ("place", "in", "joint"))
+        if sum(each is not None for each in (place, frame, joint)) != 1:
+            message, hint = (
                 "this entry gives the body no place, or two",
-                "give either `place` or `in`",
+                "give one of `place`, `in` and `joint`",
             )
+            self.findings.add(node.where, "K005", message, hint)
             return None
         body = self._term(required(node, "body"), "body", self.known.bodies)
         where = self._term(place, "place", self.known.places) if place else None
@@ -57,7 +61,22 @@ class _Entry:
             self._check_frame(frame)
         if body is None or (place is not None and where is None):
             return None
-        return Location(self.fact, body, where, frame.value if frame else "", key.where)
+        value = self._value(str(body), joint) if joint is not None else None
+        return Location(self.fact, body, where, frame.value if frame else "", key.where, value)
+
+    def _value(self, body: str, joint: Node) -> float:
+        """How far the body goes along its joint, in m or rad."""
+        known = self.known.bodies.get(body)
+        guide = known.guide if known is not None else None
+        if guide is None:
+            message = f"'{body}' has no joint that it could move along"
+            self.findings.add(joint.where, "K707", message, "give the body a `joint`, or name one that has")
+            return 0.0
+        value = self.read.number(joint, ANGLE if guide.kind is JointKind.REVOLUTE else LENGTH)
+        if not guide.lower - 1e-9 <= value <= guide.upper + 1e-9:
+            hint = "change the value, or the `range` of the joint"
+            self.findings.add(joint.where, "K707", f"this is beyond the range of the joint of '{body}'", hint)
+        return value
 
     def _term(self, node: Node, kind: str, known: Collection[str]) -> Term | None:
         """A term whose variables occur in the fact. A term without variables must be known."""

@@ -3,6 +3,7 @@
 import dataclasses
 from collections.abc import Iterator
 
+from kb.diagnostics import unknown_name
 from kb.loader.command import commanded
 from kb.loader.declarations import read_objects
 from kb.loader.inference import Typing, has_arithmetic, scoped
@@ -14,7 +15,7 @@ from kb.loader.workflow import read_chains
 from kb.model.conditions import TRUE, And, Condition, free_variables
 from kb.model.domain import Domain, Kind
 from kb.model.problem import Problem
-from kb.terms import Atom, is_ground, variables
+from kb.terms import Atom, Function, is_ground, variables
 
 
 def read_problem(reader: Reader, domain: Domain, domain_names: Names, findings: Findings) -> Problem:
@@ -30,6 +31,7 @@ def read_problem(reader: Reader, domain: Domain, domain_names: Names, findings: 
         initial=tuple(_facts(reader, names, "initial", (Kind.FLUENT,))),
         goal=_goal(reader, names),
         chains=tuple(read_chains(reader, names)),
+        durations=_durations(reader, domain, names),
         complete=reader.text("complete") == "true",
         path=reader.root.file.path,
         where=reader.root.where,
@@ -62,6 +64,27 @@ def _facts(reader: Reader, names: Names, section: str, kinds: tuple[Kind, ...]) 
             else:
                 seen.add(atom)
                 yield atom
+
+
+def _durations(reader: Reader, domain: Domain, names: Names) -> dict[Function, int]:
+    """How long some steps last. Steps of no operator, and lengths below 0, are reported."""
+    found: dict[Function, int] = {}
+    arity = {each.name: len(each.parameters) for each in domain.operators}
+    for _, key, node in reader.entries("durations"):
+        parsed = reader.parse("atom", key)
+        if parsed is None:
+            continue
+        step = parsed.value
+        if step.name not in arity:
+            names.findings.note(unknown_name("operator", step.name, arity, key.where))
+        elif len(step.arguments) != arity[step.name] or not is_ground(step):
+            hint = f"{step.name} has {arity[step.name]} arguments, and all are names or numbers"
+            names.findings.add(key.where, "K102", f"{step} is no step of {step.name}", hint)
+        elif int(node.value) < 0:
+            names.findings.add(node.where, "K113", "a duration is less than 0", "write a number of 0 or more")
+        else:
+            found[step] = int(node.value)
+    return found
 
 
 def _goal(reader: Reader, names: Names) -> Condition:

@@ -5,6 +5,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
+from kb.files import is_file, within
 from kb.loader.reader import Findings
 from kb.loader.tree import Node
 from kb.model.shapes import (
@@ -15,11 +16,14 @@ from kb.model.shapes import (
     Edge,
     Face,
     HeightField,
+    Hole,
     Mesh,
     PlacedShape,
+    Plate,
     PointSet,
     Polyhedron,
     Pose,
+    Ring,
     Shape,
     Sphere,
     Tube,
@@ -41,6 +45,14 @@ class Quantities:
     folder: Path
     length: str = "m"
     angle: str = "deg"
+
+    def file(self, node: Node) -> Path | None:
+        """The path of a file that a node names. A name that leads out of the folder is reported."""
+        found = within(self.folder, str(node.value))
+        if found is None:
+            message = f"'{str(node.value)[:60]}' leads outside the domain's folder"
+            self.findings.add(node.where, "K203", message, "copy the file into the folder")
+        return found
 
     def number(self, node: Node, kind: str = LENGTH) -> float:
         """The quantity of a scalar node in metres or radians (a factor unchanged). Anything else is reported and becomes 0."""
@@ -139,6 +151,31 @@ def _box(read: Quantities, node: Node) -> Shape:
     return Box((x, y, z))
 
 
+def _ring(read: Quantities, node: Node) -> Shape:
+    radius, inner = (read.positive(required(node, key)) for key in ("radius", "inner"))
+    if inner >= radius > 0:
+        read.findings.add(node.where, "K702", "the bore is as wide as the ring", "give it a smaller `inner`")
+    return Ring(radius, inner, read.positive(required(node, "length")))
+
+
+def _plate(read: Quantities, node: Node) -> Shape:
+    x, y, z = (read.positive(item) for item in required(node, "size").value)
+    listed = child(node, "holes")
+    holes: list[Hole] = []
+    for item in listed.value if listed else []:
+        u, v = (read.number(each) for each in required(item, "at").value)
+        hole = Hole((u, v), read.positive(required(item, "radius")))
+        apart = all(
+            max(abs(u - one.at_m[0]), abs(v - one.at_m[1])) > hole.radius_m + one.radius_m for one in holes
+        )
+        if abs(u) + hole.radius_m >= x / 2 or abs(v) + hole.radius_m >= y / 2 or not apart:
+            hint = "the square around a hole lies within the plate, and meets no other"
+            read.findings.add(item.where, "K702", "a hole leaves no plate around it", hint)
+        else:
+            holes.append(hole)
+    return Plate((x, y, z), tuple(holes))
+
+
 def _polyhedron(read: Quantities, node: Node) -> Shape:
     vertices = {key: read.vector(value) for key, _, value in members(required(node, "vertices"))}
     faces = [Face(key, _known(read, value, vertices)) for key, _, value in members(child(node, "faces"))]
@@ -167,8 +204,10 @@ def _known(read: Quantities, node: Node, vertices: dict[str, Vector]) -> tuple[s
 
 def _mesh(read: Quantities, node: Node) -> Shape:
     file, scale = required(node, "file"), child(node, "scale")
-    path = read.folder / file.value
-    if not path.is_file():
+    path = read.file(file)
+    if path is None:
+        path = read.folder
+    elif not is_file(path):
         read.findings.add(
             file.where, "K706", f"there is no file '{file.value}'", "name a file beside this one"
         )
@@ -214,6 +253,8 @@ _SHAPES: dict[str, Callable[[Quantities, Node], Shape]] = {
     "tube": _tube,
     "box": _box,
     "cylinder": _cylinder,
+    "ring": _ring,
+    "plate": _plate,
     "polyhedron": _polyhedron,
     "mesh": _mesh,
     "height_field": _height_field,

@@ -4,6 +4,7 @@ Scalars are never interpreted: `on`, `12:30` and `0755` stay as they are written
 documents are refused. Depth and size are limited. Duplicate keys, and comments that swallow ASP, are reported.
 """
 
+import functools
 import re
 from collections.abc import Iterator
 from typing import Any
@@ -17,11 +18,20 @@ from kb.loader.node import MAX_DEPTH, MAX_NODES, Node, too_many
 
 __all__ = ["File", "Node", "read_file", "read_tree"]
 
+SHORT = 2**16  # characters
 MAX_FOUND = 100  # a file with more YAML errors than this is not read further
 
 
 def read_tree(file: File, most: int = MAX_NODES) -> tuple[Node, list[Diagnostic]]:
-    """The tree of a file with at most so many values, and its errors. Raises `InvalidInput` if there is no tree."""
+    """The tree of a file with at most so many values, and its errors. Raises `InvalidInput` if there is no tree.
+
+    The trees of the last short files are remembered: the domain is read anew with each of its problems.
+    """
+    root, found = (_remembered if len(file.text) <= SHORT else _read)(file, most)
+    return root, [*found]
+
+
+def _read(file: File, most: int) -> tuple[Node, list[Diagnostic]]:
     if (quick := json_tree(file, most)) is not None:
         return quick, []
     found: list[Diagnostic] = []
@@ -30,6 +40,9 @@ def read_tree(file: File, most: int = MAX_NODES) -> tuple[Node, list[Diagnostic]
     except yaml.YAMLError as error:
         raise InvalidInput([*found, _yaml_error(file, error)]) from None
     return root, found
+
+
+_remembered = functools.lru_cache(16)(_read)
 
 
 class _Composer:

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 
 from kb.arithmetic import amount
-from kb.model.domain import NUMERIC_TYPES, Domain, Kind, Predicate
+from kb.model.domain import NUMERIC_TYPES, Domain, Kind, Operator, Predicate
 from kb.model.motion import DISTANCE, Motion, Point, distance
 from kb.terms import Function, Number, Operation, Substitution, Term, substitute
 
@@ -27,16 +27,22 @@ class NoAmount(Exception):
         self.hint = hint
 
 
+class NotTold(NoAmount):
+    """No fact tells the number."""
+
+
 @dataclass
 class Amounts:
     """Durations and costs of one problem. Facts are read when they are first needed, once for each predicate.
 
-    `facts` gives the static facts of the problem, and `standing` the points of the cell's places.
+    `facts` gives the static facts of the problem, and `standing` the points of the cell's places. `measured` says how long
+    some steps last, in place of what their operators say.
     """
 
     domain: Domain
     facts: Facts
     standing: Standing
+    measured: Mapping[Function, int] = field(default_factory=dict)
     _tables: dict[tuple[str, int], dict[Arguments, list[Term]]] = field(default_factory=dict)
     _points: dict[Term, Point] = field(default_factory=dict)
 
@@ -48,6 +54,14 @@ class Amounts:
         if term is None or isinstance(term, Number):
             return amount(term, {}, default)
         return amount(self._known(substitute(term, bindings)), {}, default)
+
+    def lasting(self, operator: Operator, bindings: Substitution) -> int | None:
+        """How long an instance of an operator lasts. None and `NoAmount` are as for `of`."""
+        if self.measured:
+            instance = Function(operator.name, tuple(bindings[each] for each in operator.variables))
+            if instance in self.measured:
+                return self.measured[instance]
+        return self.of(operator.duration, bindings, 0)
 
     def travel_time(self, here: Term, there: Term) -> int:
         """The declared travel time between two places, in the domain's unit. Raises `NoAmount`."""
@@ -122,7 +136,7 @@ class Amounts:
         given = self._table(asked.name, len(asked.arguments)).get(asked.arguments, [])
         fact = f"{asked.name}({', '.join(map(str, asked.arguments))}, N)"
         if not given:
-            raise NoAmount(f"{asked} is not known", f"add the fact {fact}")
+            raise NotTold(f"{asked} is not known", f"add the fact {fact}")
         if len(given) > 1:
             said = " and ".join(sorted(map(str, given))[:2])
             raise NoAmount(f"{asked} has {len(given)} values, such as {said}", f"keep one fact {fact}")

@@ -10,9 +10,11 @@ from enum import Enum
 
 from kb.diagnostics import NOWHERE, Source
 from kb.model.shapes import HERE, Offsets, PlacedShape, Pose, Shape, Vector
-from kb.terms import Atom, Term
+from kb.terms import Atom, Function, Term
 
 WORLD = "world"
+TOUCH_M = 0.005  # how deep things may overlap that touch by intention, unless the place says otherwise
+ZONE_SPEED_M_S = 0.25  # near people, unless the zone says otherwise (ISO 10218: reduced speed)
 
 
 class JointKind(Enum):
@@ -119,9 +121,23 @@ class BodyKind(Enum):
 
 
 @dataclass(frozen=True, slots=True)
+class Guide:
+    """How a body moves on what it stands on: along or about `axis`, in its own frame, from `lower` to `upper` (m or rad).
+
+    At 0 it is where the file places it. With `follows` it always goes as far as that body.
+    """
+
+    kind: JointKind
+    axis: Vector
+    lower: float
+    upper: float
+    follows: str = ""
+
+
+@dataclass(frozen=True, slots=True)
 class Body:
     """A solid thing: its shapes, where it is at the start, and named poses on it (such as where to grip it,
-    or its tip).
+    or its tip). With a `guide` it slides or swings on what it stands on.
     """
 
     name: str
@@ -129,6 +145,9 @@ class Body:
     placement: Placement = Placement()
     shapes: tuple[PlacedShape, ...] = ()
     features: Mapping[str, Pose] = field(default_factory=dict)
+    guide: Guide | None = None
+    mass_kg: float | None = None
+    friction: float | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -147,12 +166,22 @@ class Region:
 
 
 @dataclass(frozen=True, slots=True)
+class Zone:
+    """A space in which people may be: while an arm is in it, no point of the arm moves faster than `speed_m_s`."""
+
+    name: str
+    shape: Shape
+    placement: Placement
+    speed_m_s: float
+
+
+@dataclass(frozen=True, slots=True)
 class Place:
     """The meaning of a place in an atom: the pose that an arm's tool point takes there.
 
     With `tool`, a body in the hand, the feature `tip` of that body takes the pose instead. `approach_m` backs
     off along the tool's z. `turns` lets the tool turn about its own z. `touches` are the bodies that may be
-    in contact there.
+    in contact there, overlapping by at most `depth_m`.
     """
 
     name: str
@@ -162,14 +191,15 @@ class Place:
     approach_m: float = 0.0
     turns: bool = False
     touches: tuple[str, ...] = ()
+    depth_m: float = TOUCH_M
 
 
 @dataclass(frozen=True, slots=True)
 class Location:
     """Where a fact puts a body: its feature `grip` (else its own frame) takes the pose of a place, or that of a frame.
 
-    `body` and `place` are terms, and `frame` is the name of a frame. All three may contain variables of the
-    fact.
+    With `value` (m or rad) the body goes that far along its guide instead. `body` and `place` are terms, and `frame` is the
+    name of a frame. All three may contain variables of the fact.
     """
 
     fact: Atom
@@ -177,6 +207,56 @@ class Location:
     place: Term | None = None
     frame: str = ""
     where: Source = field(default=NOWHERE, compare=False)
+    value: float | None = None
+
+
+class Ends(Enum):
+    """Where the arm is after a step: back before the place, in it, or before it without having been in it."""
+
+    OUTSIDE = "outside"
+    INSIDE = "inside"
+    BEFORE = "before"
+
+
+@dataclass(frozen=True, slots=True)
+class Operation:
+    """What an arm does in a step of an operator: `operator` is its name with variables.
+
+    The arm goes to the place `at`; there it takes or leaves what the facts after the step say, and moves the body `drags` along
+    its guide. `drives` is a body that moves the arm, at rest, along its guide. `takes_s` is spent at the place.
+    """
+
+    operator: Function
+    at: Term | None = None
+    ends: Ends = Ends.OUTSIDE
+    drags: str = ""
+    drives: str = ""
+    takes_s: float = 0.0
+    where: Source = field(default=NOWHERE, compare=False)
+
+
+@dataclass(frozen=True, slots=True)
+class Patch:
+    """A rectangle in the picture of a scanner: where its middle is and how large it is, across the field of view (m)."""
+
+    at_m: tuple[float, float]
+    size_m: tuple[float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class Measuring:
+    """How a tool takes a measurement that has a position, but no place of its own.
+
+    `approach_m` is how far it backs off along its z, `touches` are the bodies that it may touch. `tilts_rad` are the angles to
+    the normal that are allowed, those that are preferred first. `field_m` is the width of what a scanner sees, `patch_m` the
+    least and the greatest side of a patch.
+    """
+
+    approach_m: float = 0.0
+    touches: tuple[str, ...] = ()
+    tilts_rad: tuple[float, ...] = (0.0,)
+    field_m: float = 0.0
+    patch_m: tuple[float, float] = (0.0, 0.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -191,4 +271,7 @@ class Cell:
     allowed: frozenset[frozenset[str]] = frozenset()
     places: Mapping[str, Place] = field(default_factory=dict)
     locations: tuple[Location, ...] = ()
+    zones: Mapping[str, Zone] = field(default_factory=dict)
+    operations: tuple[Operation, ...] = ()
+    measuring: Mapping[str, Measuring] = field(default_factory=dict)
     path: str = ""

@@ -121,6 +121,9 @@ class Conventions:
         WRITTEN,
         "how wide the tolerance zone of a measurement is, in micrometres",
     )
+    nominal: str = _static(
+        "nominal", "measurement, int", WRITTEN, "what a measurement should give, in micrometres"
+    )
     bore: str = _static(
         "bore", "measurement, int", WRITTEN, "how wide the hole is that a measurement lies in, in micrometres"
     )
@@ -147,6 +150,18 @@ class Conventions:
     lasts: str = _static("lasts", "measurement, time", TOURS, "how long a measurement takes in a tour")
     before: str = _static(
         "before", "measurement, measurement", TOURS, "the first measurement is made before the second"
+    )
+    serves: str = _static(
+        "serves",
+        "station, measurement",
+        TOURS,
+        "from where the arm reaches a measurement; from everywhere if none is given",
+    )
+    shift: str = _static(
+        "shift",
+        "station, station, int",
+        TOURS,
+        "what going to another station costs, as a way in micrometres",
     )
     change: str = _static(
         "change", "tool, tool, int", TOURS, "what a change of tools costs, as a way in micrometres"

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from kb.diagnostics import NOWHERE, Source
 from kb.model.conditions import TRUE, Condition
 from kb.model.domain import Domain
-from kb.terms import Atom, Term
+from kb.terms import Atom, Function, Term
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,7 +30,8 @@ class Chain:
 class Problem:
     """Objects, statics, initial facts, goals and workflow of one task.
 
-    `path` is empty for a problem that is not from a file.
+    `path` is empty for a problem that is not from a file. `durations` says how long some steps last, in the domain's unit of
+    time, in place of what their operators say.
     """
 
     name: str
@@ -45,6 +46,7 @@ class Problem:
     )
     path: str = ""
     where: Source = field(default=NOWHERE, compare=False)
+    durations: Mapping[Function, int] = field(default_factory=dict)
 
     def replace(self, initial: tuple[Atom, ...]) -> "Problem":
         """The same problem from an observed state, which is taken as complete."""

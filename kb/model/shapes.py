@@ -60,6 +60,31 @@ class Cylinder:
 
 
 @dataclass(frozen=True, slots=True)
+class Ring:
+    """A flat-ended cylinder along z about the origin, with a round bore of radius `inner_m` all the way through."""
+
+    radius_m: float
+    inner_m: float
+    length_m: float
+
+
+@dataclass(frozen=True, slots=True)
+class Hole:
+    """A round hole in a plate, along its z: where its middle is, and its radius."""
+
+    at_m: tuple[float, float]
+    radius_m: float
+
+
+@dataclass(frozen=True, slots=True)
+class Plate:
+    """A rectangular block about the origin with round holes along z, each in a square of its own."""
+
+    size_m: Vector
+    holes: tuple[Hole, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
 class Face:
     """A named planar face: its vertices in order, counter-clockwise seen from outside."""
 
@@ -116,7 +141,7 @@ class PointSet:
     radius_m: float
 
 
-Shape = Sphere | Tube | Box | Cylinder | Polyhedron | Mesh | HeightField | PointSet
+Shape = Sphere | Tube | Box | Cylinder | Ring | Plate | Polyhedron | Mesh | HeightField | PointSet
 
 
 @dataclass(frozen=True, slots=True)

@@ -26,7 +26,7 @@ def traits(operator: Operator, instance: Function, amounts: Amounts) -> Traits |
     bindings = dict(zip(operator.variables, instance.arguments, strict=True))
     resources = [evaluate(substitute(resource, bindings)) for resource in operator.resources]
     held = tuple([each for each in resources if each is not None])
-    duration, cost = amounts.of(operator.duration, bindings, 0), amounts.of(operator.cost, bindings, 1)
+    duration, cost = amounts.lasting(operator, bindings), amounts.of(operator.cost, bindings, 1)
     if duration is None or cost is None or len(held) < len(resources):
         return None
     return Traits(held, duration, cost)

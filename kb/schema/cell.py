@@ -96,6 +96,28 @@ class PointsEntry(Strict):
     radius: Quantity = Field(description="the radius of the ball around each point")
 
 
+class RingEntry(Strict):
+    """A cylinder with a bore, along z."""
+
+    radius: Quantity = Field(description="its outer radius")
+    inner: Quantity = Field(description="the radius of its bore")
+    length: Quantity = Field(description="its length along z")
+
+
+class HoleEntry(Strict):
+    """A round hole in a plate."""
+
+    at: Annotated[list[Quantity], Field(min_length=2, max_length=2)] = Field(description="x, y of its middle")
+    radius: Quantity = Field(description="its radius")
+
+
+class PlateEntry(Strict):
+    """A block with round holes along z."""
+
+    size: Triple = Field(description="its size along x, y and z, about its middle")
+    holes: list[HoleEntry] = Field(default_factory=list, description="round holes, apart from each other")
+
+
 class ShapeEntry(PoseEntry):
     """One shape: give exactly one of the keys beside `at` and `rpy`."""
 
@@ -105,6 +127,10 @@ class ShapeEntry(PoseEntry):
     cylinder: TubeEntry | None = Field(
         None, description="a cylinder with flat ends, along z, about its middle"
     )
+    ring: RingEntry | None = Field(
+        None, description="a cylinder with a round bore, along z, about its middle"
+    )
+    plate: PlateEntry | None = Field(None, description="a block with round holes along z, about its middle")
     polyhedron: PolyhedronEntry | None = Field(None, description="vertices, faces and edges with names")
     mesh: MeshEntry | None = Field(None, description="a file of triangles")
     height_field: HeightFieldEntry | None = Field(None, description="heights over a grid")
@@ -165,8 +191,29 @@ class MountedArmEntry(PlacedEntry):
     home: list[Quantity] = Field(default_factory=list, description="the configuration in which it rests")
 
 
+class GuideEntry(Strict):
+    """How a body moves on what it stands on: give `slides` or `swings`."""
+
+    slides: Triple | None = Field(None, description="the direction, in its own frame")
+    swings: Triple | None = Field(None, description="the axis through the origin of its own frame")
+    range: Annotated[list[Quantity], Field(min_length=2, max_length=2)] = Field(
+        description="the least and the greatest value; at 0 it is where the file places it"
+    )
+    follows: str | None = Field(None, description="the body with a joint that it always goes as far as")
+
+
 class BodyEntry(PlacedEntry):
     """Something solid."""
+
+    joint: GuideEntry | None = Field(
+        None, description="how it moves on what it stands on; it stands still if left out"
+    )
+    mass: str | None = Field(
+        None, pattern=r"^[0-9]+(\.[0-9]+)? *(kg|g)?$", description="its mass, in kg if no unit is given"
+    )
+    friction: str | None = Field(
+        None, pattern=r"^[0-9]+(\.[0-9]+)?$", description="its coefficient of sliding friction"
+    )
 
     shapes: list[ShapeEntry] = Field(default_factory=list, description="the shapes that can collide")
     features: dict[str, PoseEntry] = Field(
@@ -183,6 +230,14 @@ class RegionEntry(PlacedEntry, ShapeEntry):
     solid: Truth = Field(False, description="a real thing, not only a part of space")
 
 
+class ZoneEntry(PlacedEntry, ShapeEntry):
+    """A space in which people may be, or come near."""
+
+    speed: Quantity = Field(
+        "0.25 m", description="the greatest speed of any point of an arm in it, per second"
+    )
+
+
 class PlaceEntry(PlacedEntry):
     """The pose of an arm's tool point for a place of the domain."""
 
@@ -193,15 +248,49 @@ class PlaceEntry(PlacedEntry):
     )
     turns: Truth = Field(False, description="the tool may turn about its own z")
     touches: list[str] = Field(default_factory=list, description="bodies that may be in contact there")
+    depth: Quantity = Field("5 mm", description="how deep the bodies in `touches` may be entered or pressed")
 
 
 class LocationEntry(Strict):
-    """The place that a fact of the domain gives to a body: give `place` or `in`."""
+    """The place that a fact of the domain gives to a body: give `place`, `in` or `joint`."""
 
     body: str = Field(description="the body, or a variable of the fact")
     place: Expression | None = Field(None, description="the place whose pose its feature `grip` takes")
     in_: str | None = Field(
         None, alias="in", description="the frame that its feature `grip` coincides with, such as Arm.tool"
+    )
+    joint: Quantity | None = Field(None, description="how far the body is along its joint")
+
+
+class OperationEntry(Strict):
+    """What the arm does in a step of an operator."""
+
+    at: Expression | None = Field(None, description="the place that the arm goes to")
+    ends: Literal["outside", "inside", "before"] = Field(
+        "outside",
+        description="where the arm is then: back before the place, in it, or before it without having been in it",
+    )
+    drags: str | None = Field(None, description="the body that the arm moves along its joint there")
+    drives: str | None = Field(None, description="the body that moves the arm along its joint")
+    takes: str | None = Field(
+        None,
+        pattern=r"^[0-9]+(\.[0-9]+)? *(s|ms|min)?$",
+        description="the time that is spent at the place, in s",
+    )
+
+
+class MeasuringEntry(Strict):
+    """How a tool takes a measurement that has a position, but no place of its own."""
+
+    approach: Quantity = Field("0", description="how far the tool backs off along its z")
+    touches: list[str] = Field(default_factory=list, description="bodies that it may be in contact with")
+    tilts: list[Quantity] = Field(
+        default_factory=lambda: ["0"],
+        description="the angles to the normal that are allowed, the preferred ones first",
+    )
+    field: Quantity = Field("0", description="the width of what a scanner sees at its working distance")
+    patch: Annotated[list[Quantity], Field(min_length=2, max_length=2)] | None = Field(
+        None, description="the least and the greatest side of a patch in the picture of a scanner"
     )
 
 
@@ -220,6 +309,10 @@ class CellFile(Strict):
     tools: dict[str, BodyEntry] = Field(
         default_factory=dict, description="bodies that an arm holds or carries as a tool"
     )
+    zones: dict[str, ZoneEntry] = Field(
+        default_factory=dict,
+        description="name: a space in which arms move slowly, because people may be there",
+    )
     regions: dict[str, RegionEntry] = Field(default_factory=dict, description="the region tree")
     allowed_contacts: list[Pair] = Field(
         default_factory=list, description="pairs of bodies or links (arm/link) that may touch"
@@ -231,4 +324,12 @@ class CellFile(Strict):
     locations: dict[Expression, LocationEntry] = Field(
         default_factory=dict,
         description="a fact, such as at(Item, Place), and the place that it gives to a body",
+    )
+    operations: dict[Expression, OperationEntry] = Field(
+        default_factory=dict,
+        description="an operator, such as pick(Item, Place), and what the arm does in its steps",
+    )
+    measuring: dict[str, MeasuringEntry] = Field(
+        default_factory=dict,
+        description="a tool, and how it takes the measurements whose position a problem gives",
     )

@@ -2,7 +2,7 @@
 
 from pydantic import Field
 
-from kb.schema.shapes import Expression, Facts, Names, Strict, Truth
+from kb.schema.shapes import Expression, Facts, Names, Strict, Truth, WholeNumber
 
 
 class WorkflowEntry(Strict):
@@ -32,6 +32,10 @@ class ProblemFile(Strict):
         default_factory=dict, description="type: objects in addition to those of the domain"
     )
     statics: Facts = Field(default_factory=list, description="static facts of this problem")
+    durations: dict[Expression, WholeNumber] = Field(
+        default_factory=dict,
+        description="how long a step lasts, such as pick(bolt, table): 7, in place of what its operator says",
+    )
     initial: Facts = Field(
         default_factory=list,
         description="fluents that are true at the start; deduction and defaults add more",

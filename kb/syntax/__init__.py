@@ -40,6 +40,7 @@ __all__ = ["SECONDS", "STARTS", "ExpressionError", "Parsed", "ReadAggregate", "p
 
 GRAMMAR = Path(__file__).with_name("expressions.lark")
 STARTS = ["header", "trigger", "conditions", "body", "clauses", "atoms", "atom", "term", "terms", "signature"]
+SHORT = 1000  # characters
 LARGEST = 2**31 - 1  # clingo counts in 32 bits, and overflows silently
 SECONDS = {"ms": Fraction(1, 1000), "s": Fraction(1), "min": Fraction(60), "h": Fraction(3600)}
 
@@ -195,8 +196,14 @@ def _grammar() -> Lark:
 def parse(start: str, text: str, time_unit: str = "s", read_aggregate: ReadAggregate | None = None) -> Parsed:
     """Read `text` as one of `STARTS`; durations become numbers in `time_unit`. Raises `ExpressionError`.
 
-    What stands inside an aggregate is ASP; it is unknown where nobody reads it.
+    What stands inside an aggregate is ASP; it is unknown where nobody reads it. A short text is remembered: the domain
+    is read anew with each of its problems.
     """
+    read = _remembered if len(text) <= SHORT else _read
+    return read(start, text, time_unit, read_aggregate)
+
+
+def _read(start: str, text: str, time_unit: str, read_aggregate: ReadAggregate | None) -> Parsed:
     plain = _plain(start, text)
     if plain is not None:
         return Parsed(plain, _Places(start, text))
@@ -259,6 +266,9 @@ def _parsed(start: str, text: str, time_unit: str, read_aggregate: ReadAggregate
     except UnexpectedInput as error:
         raise _explained(error, text, start) from None
     return Parsed(value, reader.places)
+
+
+_remembered = functools.lru_cache(4096)(_read)
 
 
 _READABLE = {

@@ -15,7 +15,6 @@ from engine.faces.cli.options import (
     Expansions,
     Goals,
     Library,
-    MemoryLimit,
     Pddl,
     Race,
     Seed,
@@ -27,12 +26,13 @@ from engine.faces.cli.options import (
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Callable, Mapping
 
     from rich.console import RenderableType
 
     from engine.formats.interop.pddl import PddlProblem
     from engine.model.outcome import Outcome
+    from engine.pipelines.moves.planning import Moving
     from engine.pipelines.objective import Run
     from kb.model.problem import Problem
 
@@ -62,6 +62,11 @@ class Ordering(StrEnum):
     SEQUENCE = "sequence"
     FREE = "free"
 
+
+Motion = Annotated[
+    bool,
+    typer.Option("--motion", help="with the motion of the arm in every step, and the time that it takes"),
+]
 
 Order = Annotated[
     Ordering | None,
@@ -96,16 +101,16 @@ def plan(
     strategy: Strategy = "auto",
     race: Race = False,
     anytime: Anytime = False,
-    memory_limit: MemoryLimit = None,
     seed: Seed = 0,
     objective: Objective = None,
     order: Order = None,
     store: Library = "",
     folded: Folded = False,
+    motion: Motion = False,
 ) -> None:
     """Print a plan for TARGET, or, with --pddl, for the PDDL domain TARGET and the PDDL problem TASK."""
     wanted = PlanRequest(target, goals, command, task)
-    _refuse_misfits(wanted, pddl, strategy if race else "auto")
+    _refuse_misfits(wanted, pddl, strategy if race else "auto", motion)
     _refuse_unseen(format, stats, folded, store)
     searching = {"--objective": objective, "--race": race, "--anytime": anytime, "--pddl": pddl}
     searching["--strategy"] = strategy != "auto"
@@ -113,7 +118,6 @@ def plan(
         refuse_idle(searching, "with --order sequence: the planner seeks no order then")
     work = SearchOptions(
         time_limit,
-        memory_limit,
         expansions,
         seed,
         "race" if race else strategy,
@@ -122,12 +126,15 @@ def plan(
         folded,
         objective or (Wish.COST if strategy == "shortest" else None),
         order or (Ordering.FREE if any(searching.values()) else Ordering.SEQUENCE),
+        motion,
     )
     give(lambda: _plan(wanted, format, stats, work), Form.JSON if format is PlanForm.JSON else Form.TEXT)
 
 
-def _refuse_misfits(wanted: "PlanRequest", pddl: bool, raced: str) -> None:
+def _refuse_misfits(wanted: "PlanRequest", pddl: bool, raced: str, motion: bool) -> None:
     """Refuse options that do not go together; `raced` is the strategy that is asked for beside a race of all."""
+    if pddl and motion:
+        raise typer.BadParameter("--motion needs a cell: a PDDL problem has none")
     if pddl != (wanted.pddl is not None):
         raise typer.BadParameter("--pddl takes a domain and a problem; without it there is one target")
     if pddl:
@@ -159,10 +166,9 @@ class PlanRequest:
 
 @dataclass(frozen=True, slots=True)
 class SearchOptions:
-    """The limits of the search (seconds, megabytes, expansions), and how it searches."""
+    """The limits of the search (seconds, expansions), and how it searches."""
 
     seconds: float | None
-    megabytes: int | None
     expansions: int
     seed: int
     strategy: str
@@ -171,6 +177,7 @@ class SearchOptions:
     folded: bool = False
     objective: "Wish | None" = None
     order: Ordering = Ordering.SEQUENCE
+    motion: bool = False
 
 
 def _read_task(wanted: "PlanRequest") -> "PddlProblem | None":
@@ -182,7 +189,7 @@ def _read_task(wanted: "PlanRequest") -> "PddlProblem | None":
 
 
 def _plan(wanted: PlanRequest, form: PlanForm, stats: bool, work: SearchOptions) -> Answer:
-    from engine.faces.cli.interruption import Interruption, limit_memory
+    from engine.faces.cli.interruption import Interruption
     from engine.faces.cli.origin import planned
     from engine.formats.report import json
     from engine.pipelines import objective as objectives
@@ -190,7 +197,6 @@ def _plan(wanted: PlanRequest, form: PlanForm, stats: bool, work: SearchOptions)
     from engine.stages.planning import LITTLE, RESTARTS, ROOM, Limits
 
     _require_strategy(work.strategy)
-    limit_memory(work.megabytes)
     with Interruption(work.seconds) as interrupted:
         task = _read_task(wanted)
         problem = task.problem if task else planning.problem_of(wanted.target, wanted.goals, wanted.command)
@@ -206,15 +212,44 @@ def _plan(wanted: PlanRequest, form: PlanForm, stats: bool, work: SearchOptions)
         )
         wish = objectives.Objective(work.objective.value) if work.objective else None
         order = objectives.Order(work.order.value)
-        run, origin = planned(problem, limits, wish, order, work.store, work.folded)
+        moving: Moving | None = None
+        origin: dict[str, Any] = {}
+        if work.motion:
+            moving = _moving(
+                wanted.target, problem, work, lambda each: objectives.plan(each, limits, wish, order)
+            )
+            run, problem = moving.run, moving.problem
+        else:
+            run, origin = planned(problem, limits, wish, order, work.store, work.folded)
     outcome = run.outcome
     return Answer(
         json.status(outcome),
-        _document(run, problem, origin, stats) if form is PlanForm.JSON else {},
-        text=lambda: _text(run, problem, stats, origin, work.folded),
+        {**_document(run, problem, origin, stats), **_motions(moving)} if form is PlanForm.JSON else {},
+        text=lambda: _text(run, problem, stats, origin, work.folded, moving),
         code=INTERRUPTED if interrupted.heard else exit_code(outcome),
         raw=_ipc(outcome, task) if form is PlanForm.IPC else _picture(outcome, problem, form),
     )
+
+
+def _moving(
+    target: str, problem: "Problem", work: SearchOptions, planned: "Callable[[Problem], Run]"
+) -> "Moving":
+    """The plan in which every step moves."""
+    from engine.pipelines.poses.planning import plan_with_poses
+    from engine.plugins import geometry_backend
+    from engine.stages.geometry.pictures.view import cell_of
+
+    found = plan_with_poses(problem, cell_of(target), geometry_backend(), planned, work.seed, work.store)
+    return found.moving
+
+
+def _motions(moving: "Moving | None") -> dict[str, Any]:
+    """The motions as data."""
+    if moving is None:
+        return {}
+    from engine.formats.report import moves
+
+    return moves.entry(moving)
 
 
 def _document(run: "Run", problem: "Problem", origin: "Mapping[str, Any]", stats: bool) -> dict[str, Any]:
@@ -255,7 +290,12 @@ def _ipc(outcome: "Outcome", task: "PddlProblem | None") -> str | None:
 
 
 def _text(
-    run: "Run", problem: "Problem", stats: bool, origin: "Mapping[str, Any]", folded: bool
+    run: "Run",
+    problem: "Problem",
+    stats: bool,
+    origin: "Mapping[str, Any]",
+    folded: bool,
+    moving: "Moving | None" = None,
 ) -> "RenderableType":
     from rich.console import Group
 
@@ -269,6 +309,10 @@ def _text(
         from engine.formats.report import itinerary
 
         parts.append(itinerary.text(run, problem.domain.time_unit))
+    if moving is not None:
+        from engine.formats.report import moves
+
+        parts += moves.text(moving)
     return Group(*parts, *([text.statistics(run.outcome.statistics)] if stats else []))
 
 

@@ -137,6 +137,7 @@ def problem_entry(problem: Problem, domain: str) -> dict[str, Any]:
         "domain": domain,
         "objects": objects,
         "statics": list(map(str, problem.statics)),
+        "durations": {str(step): lasts for step, lasts in problem.durations.items()},
         "initial": list(map(str, problem.initial)),
         "complete": problem.complete,
         "goals": list(map(str, problem.goal.parts if isinstance(problem.goal, And) else (problem.goal,))),

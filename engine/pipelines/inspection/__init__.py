@@ -6,14 +6,15 @@ distance in micrometres.
 """
 
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from engine.model.measurements import chooses_tools, measurements_of
 from engine.model.tour import TourProblem, Visit
 from engine.pipelines.inspection.demands import Demands, of_facts, with_demands
+from engine.pipelines.inspection.stations import stations_of
 from engine.pipelines.inspection.ways import has_table, ordered
 from kb.asp import Grounder
-from kb.asp.vocabulary import static_program
+from kb.asp.statics import evaluated
 from kb.diagnostics import Diagnostic, InvalidInput, Source
 from kb.model.conventions import CONVENTIONS, Conventions
 from kb.model.problem import Problem
@@ -69,9 +70,7 @@ def _require_choice(problem: Problem) -> None:
 
 
 def _grounded(problem: Problem) -> Grounder:
-    grounder = Grounder()
-    grounder.ground(static_program(problem))
-    return grounder
+    return evaluated(problem)
 
 
 def _reasons(grounder: Grounder, words: Conventions) -> dict[str, list[str]]:
@@ -101,8 +100,9 @@ def tour_problem(
     where = _positions(grounder, words)
     changes = {(str(a), str(b)): int(_number(way)) for a, b, way in grounder.atoms(words.change, 3)}
     phases = _phases(grounder, words)
+    stations, shifts = stations_of(grounder.atoms, words)
     visits = (
-        Visit(name, where.get(name), tool, phase=phases.get(name, 0))
+        Visit(name, where.get(name), tool, phase=phases.get(name, 0), station=stations.get(name, ""))
         for tool, names in parts.groups.items()
         for name in names
     )
@@ -111,7 +111,7 @@ def tour_problem(
     tours = ordered(
         problem, problem.name, tuple(visits), changes, facts=grounder.atoms, in_time=demands.need_times
     )
-    return with_demands(tours, demands)
+    return with_demands(replace(tours, shifts=shifts), demands)
 
 
 def _phases(grounder: Grounder, words: Conventions) -> dict[str, int]:

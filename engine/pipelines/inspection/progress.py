@@ -13,6 +13,7 @@ from engine.model.measurements import measurements_of
 from engine.model.tour import Longs, Tour, TourProblem, Visit, cost_of, violations
 from engine.pipelines.inspection import Partition, positions, tour_problem
 from engine.pipelines.inspection.losses import parted
+from engine.pipelines.inspection.stations import stations_of
 from engine.pipelines.inspection.ways import ordered
 from engine.stages.sequencing import Limits, sequence
 from kb.diagnostics import Diagnostic, InvalidInput, Source, unknown_name
@@ -189,17 +190,22 @@ def _tours(
     """The tour problem of the rest, and 1 if it starts with the last visit done, else 0. What is done was in time."""
     before = plan.done[-1:]
     first = min(phases.values(), default=0)
-    visits = (
-        *(Visit(each.name, each.position or None, each.tool, phase=first) for each in before),
-        *(
-            Visit(each.name, each.position or None, each.tool, phase=phases.get(each.name, 0))
-            for each in rest
-        ),
+    facts = amounts_of(inspection).facts
+    stations, shifts = stations_of(facts, inspection.domain.conventions)
+    visits = tuple(
+        Visit(
+            each.name,
+            each.position or None,
+            each.tool,
+            phase=first if number < len(before) else phases.get(each.name, 0),
+            station=stations.get(each.name, ""),
+        )
+        for number, each in enumerate((*before, *rest))
     )
     changes = {(a, b): cost for a, b, cost in plan.changes}
     start = 0 if before else None
-    facts = amounts_of(inspection).facts
-    return ordered(inspection, plan.problem, visits, changes, start, facts=facts), len(before)
+    made = ordered(inspection, plan.problem, visits, changes, start, facts=facts)
+    return replace(made, shifts=shifts), len(before)
 
 
 def _inserted(problem: TourProblem, wanted: Visits, old: Visits, first: int) -> tuple[int, ...]:

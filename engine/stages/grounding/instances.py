@@ -260,7 +260,8 @@ class _Shared:
             *(each for each in (operator.duration, operator.cost) if each is not None),
         ]
         named = {variable for term in terms for variable in variables(term)}
-        self.places = [place for place, each in enumerate(operator.variables) if each in named]
+        alone = any(each.name == operator.name for each in amounts.measured)
+        self.places = [place for place, each in enumerate(operator.variables) if alone or each in named]
         self.known: dict[tuple[int, ...], Traits | None] = {}
 
     def of(self, row: list[int], instance: Function) -> Traits | None:

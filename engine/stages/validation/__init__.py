@@ -145,7 +145,7 @@ class _Check:
         amounts = self.semantics.amounts
         try:
             numbers = {
-                "duration": (amounts.of(operator.duration, bindings, 0), step.duration),
+                "duration": (amounts.lasting(operator, bindings), step.duration),
                 "cost": (amounts.of(operator.cost, bindings, 1), step.cost),
             }
         except NoAmount as error:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from engine.model.geometry import Contact, Floats
-from engine.ports import GeometryBackend
+from engine.ports import CollisionChecker, GeometryBackend
 from engine.stages.geometry import transforms
 from engine.stages.geometry.kinematics.arms import carrier_poses
 from engine.stages.geometry.pictures import gltf, svg
@@ -75,26 +75,31 @@ def view_of(
         arm, values = read_configuration(text, cell)
         world = world.moved(arm, np.array(values))
         passed.append(world.configuration)
+    checker = backend.checker(scene_of(world))
     if place:
-        world = _at(world, backend, place)
+        world, checker = _at(world, backend, place)
         passed.append(world.configuration)
-    contacts = backend.checker(scene_of(world)).contacts(world.configuration)
+    contacts = checker.contacts(world.configuration)
     return View(world, contacts, np.stack(passed))
 
 
-def _at(world: World, backend: GeometryBackend, name: str) -> World:
-    """The world with an arm at a place. The tool that it needs there is in its hand."""
+def _at(world: World, backend: GeometryBackend, name: str) -> tuple[World, CollisionChecker]:
+    """The world with an arm at a place, and a checker that knows what may touch there.
+
+    The tool that it needs there is in its hand.
+    """
     places = world.cell.places
     if name not in places:
         raise InvalidInput([unknown_name("place", name, places, Source("--place"))])
-    answer = Reachability(world, backend).at(places[name])
+    reach = Reachability(world, backend)
+    answer = reach.at(places[name])
     if isinstance(answer, Unreached):
         message = f"no configuration reaches {name}: {answer.reason}"
         raise InvalidInput([Diagnostic(Source("--place"), "K705", message, answer.hint)])
     arm, tool = places[name].arm, places[name].tool
     away = np.abs(answer.q - world.configurations[arm]).max(axis=1)
     moved = world.moved(arm, answer.q[int(np.argmin(away))])
-    return moved.held(tool, arm) if tool else moved
+    return moved.held(tool, arm) if tool else moved, reach.checker(places[name])
 
 
 def as_png(view: View, azimuth_rad: float, elevation_rad: float) -> bytes:

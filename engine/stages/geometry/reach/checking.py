@@ -43,6 +43,7 @@ def check_cell(
     found += [
         *_strangers(cell, domain),
         *_strange_facts(cell, domain),
+        *_strange_operations(cell, domain),
         *_placeless(cell, atoms, located),
         *(wrong for each in _shapes(cell) for wrong in _shape_problems(each)),
     ]
@@ -54,8 +55,9 @@ def check_cell(
 
 
 def _strangers(cell: Cell, domain: Domain) -> Iterator[Diagnostic]:
-    """Places whose name is not a possible term of the domain."""
+    """Places whose name is neither a possible term of the domain, nor one that an operation of the cell goes to."""
     known = {*domain.functions, *domain.objects}
+    known |= {str(each.at).partition("(")[0] for each in cell.operations}
     for name, place in cell.places.items():
         functor = name.partition("(")[0]
         if functor not in known:
@@ -73,6 +75,18 @@ def _strange_facts(cell: Cell, domain: Domain) -> Iterator[Diagnostic]:
         elif len(fact.arguments) != (arity := len(signatures[fact.name].arguments)):
             message = f"{fact.name} has {arity} arguments, not {len(fact.arguments)}"
             yield Diagnostic(location.where, "K102", message, "write it as the domain declares it")
+
+
+def _strange_operations(cell: Cell, domain: Domain) -> Iterator[Diagnostic]:
+    """Operations of operators that the domain has not."""
+    signatures = {each.name: len(each.parameters) for each in domain.operators}
+    for operation in cell.operations:
+        name, given = operation.operator.name, len(operation.operator.arguments)
+        if name not in signatures:
+            yield unknown_name("operator", name, signatures, operation.where)
+        elif given != signatures[name]:
+            message = f"{name} has {signatures[name]} arguments, not {given}"
+            yield Diagnostic(operation.where, "K102", message, "write it as the domain declares it")
 
 
 def _placeless(cell: Cell, atoms: Collection[Atom], located: Collection[str]) -> Iterator[Diagnostic]:

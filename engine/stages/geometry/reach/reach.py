@@ -75,10 +75,10 @@ class Reachability:
         angles = np.arange(TURNS if place.turns else 1) * 2 * math.pi / TURNS
         around = transforms.transform(transforms.rotation((0, 0, 1), angles), np.zeros(3))
         ends = T_base_goal @ around @ transforms.translation(0.0, 0.0, -back_m)
-        poses: Floats = ends @ transforms.inverse(self._flange_to_end(place))
+        poses: Floats = ends @ transforms.inverse(self.flange_to_end(place))
         return poses
 
-    def _flange_to_end(self, place: Place) -> Floats:
+    def flange_to_end(self, place: Place) -> Floats:
         """T_flange_end (4, 4): the tool point, or the tip of the tool held there."""
         T = transforms.of_pose(self._world.cell.arms[place.arm].tool)
         if place.tool:
@@ -126,21 +126,24 @@ class Reachability:
         """
         key = (place.arm, place.tool, place.touches)
         if key not in self._checkers:
-            world = self._world
-            if place.tool:
-                world = world.held(place.tool, place.arm)
-            carried = [body for body in world.cell.bodies if f"{place.arm}.base" in world.supports(body)[1:]]
-            ends = [
-                *carried,
-                *(f"{place.arm}.{link.name}" for link in world.cell.arms[place.arm].arm.links[-2:]),
-            ]
-            allowed = frozenset(frozenset((end, other)) for end in ends for other in place.touches)
-            self._checkers[key] = self._backend.checker(scene_of(world, allowed=allowed))
+            scene = scene_of(self._holding(place), allowed=self.intended(place))
+            self._checkers[key] = self._backend.checker(scene)
         return self._checkers[key]
+
+    def _holding(self, place: Place) -> World:
+        return self._world.held(place.tool, place.arm) if place.tool else self._world
+
+    def intended(self, place: Place) -> frozenset[frozenset[str]]:
+        """The pairs that touch by intention at a place: its `touches`, with the last two links and what the arm carries."""
+        world = self._holding(place)
+        carried = [body for body in world.cell.bodies if f"{place.arm}.base" in world.supports(body)[1:]]
+        links = [f"{place.arm}.{link.name}" for link in world.cell.arms[place.arm].arm.links[-2:]]
+        ends = [*carried, *links]
+        return frozenset(frozenset((end, other)) for end in ends for other in place.touches)
 
     def _why_too_far(self, place: Place, poses: Floats) -> Unreached:
         """Whether the position alone can be reached, in some orientation."""
-        T_flange_end, rng = self._flange_to_end(place), np.random.default_rng(0)
+        T_flange_end, rng = self.flange_to_end(place), np.random.default_rng(0)
         position = (poses[0] @ T_flange_end)[:3, 3]
         axes = rng.normal(size=(ORIENTATIONS, 3))
         axes /= np.linalg.norm(axes, axis=1, keepdims=True)

@@ -13,6 +13,7 @@ import numpy as np
 
 from engine.model.geometry import Floats
 from engine.stages.geometry import transforms
+from engine.stages.geometry.shapes.bored import plate_pieces, ring_pieces
 from engine.stages.geometry.shapes.hull import FlatError, hull_triangles, planes
 from engine.stages.geometry.shapes.meshes import convex_pieces
 from kb.diagnostics import Diagnostic, InvalidInput
@@ -23,8 +24,10 @@ from kb.model.shapes import (
     HeightField,
     Mesh,
     PlacedShape,
+    Plate,
     PointSet,
     Polyhedron,
+    Ring,
     Shape,
     Sphere,
     Tube,
@@ -81,8 +84,12 @@ def cores(shape: Shape) -> list[Core]:
             return _several(shape)
 
 
-def _several(shape: Polyhedron | Mesh | HeightField | PointSet) -> list[Core]:
+def _several(shape: Ring | Plate | Polyhedron | Mesh | HeightField | PointSet) -> list[Core]:
     match shape:
+        case Ring():
+            return [Core(piece) for piece in ring_pieces(shape)]
+        case Plate():
+            return [Core(piece) for piece in plate_pieces(shape)]
         case Polyhedron():
             return _polyhedron(shape)
         case Mesh():

@@ -14,8 +14,8 @@ from kb.terms import Atom, Substitution, Variable, match, substitute
 def following(world: World, facts: Iterable[Atom]) -> World:
     """The world with every body where the facts put it.
 
-    Other bodies, and those at places without a pose, stay where they are. If several locations fit a fact,
-    the first one in the file counts.
+    Other bodies, and those at places without a pose, stay where they are. If several locations put one body somewhere for a
+    fact, the first one in the file counts.
     """
     for fact in sorted(facts, key=str):
         world = _after(world, fact)
@@ -23,17 +23,26 @@ def following(world: World, facts: Iterable[Atom]) -> World:
 
 
 def _after(world: World, fact: Atom) -> World:
+    done: set[str] = set()
     for location in world.cell.locations:
         bindings = match(location.fact, fact, {})
         if bindings is None:
             continue
         body = str(substitute(location.body, bindings))
-        at = _grip_at(world, location, bindings)
-        if body not in world.cell.bodies or at is None:
-            return world
-        frame, T_frame_grip = at
-        return world.put(body, frame, T_frame_grip @ transforms.inverse(world.grip(body)))
+        if body in world.cell.bodies and body not in done:
+            world = _put(world, body, location, bindings)
+        done.add(body)
     return world
+
+
+def _put(world: World, body: str, location: Location, bindings: Substitution) -> World:
+    if location.value is not None:
+        return world.guided(body, location.value) if world.cell.bodies[body].guide else world
+    at = _grip_at(world, location, bindings)
+    if at is None:
+        return world
+    frame, T_frame_grip = at
+    return world.put(body, frame, T_frame_grip @ transforms.inverse(world.grip(body)))
 
 
 def _grip_at(world: World, location: Location, bindings: Substitution) -> tuple[str, Floats] | None:

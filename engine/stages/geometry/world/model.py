@@ -13,7 +13,7 @@ import numpy as np
 from engine.model.geometry import Floats, Joints
 from engine.stages.geometry import transforms
 from engine.stages.geometry.kinematics.arms import ArmModel, carrier_poses
-from kb.model.cell import WORLD, Cell, Link, Placement
+from kb.model.cell import WORLD, Cell, JointKind, Link, Placement
 
 NO_JOINTS = Joints(
     np.zeros(0, dtype=np.int64),
@@ -191,6 +191,31 @@ class World:
         if T.shape != (4, 4) or not np.isfinite(T).all():
             raise ValueError(f"the pose of '{body}' must be (4, 4), of finite numbers")
         return replace(self, placed={**self.placed, body: Fixed(on, T)})
+
+    def guided(self, body: str, value: float) -> "World":
+        """The world with a body, and all that follow it, so far along their guides (m or rad).
+
+        Raises `KeyError` for a body that has none.
+        """
+        known = self.cell.bodies.get(body)
+        if known is None or known.guide is None:
+            raise KeyError(f"'{body}' has no joint")
+        world = self._guided(body, value)
+        for name, other in self.cell.bodies.items():
+            if other.guide is not None and other.guide.follows == body:
+                world = world._guided(name, value)
+        return world
+
+    def _guided(self, body: str, value: float) -> "World":
+        known = self.cell.bodies[body]
+        assert known.guide is not None
+        guide, axis = known.guide, np.array(known.guide.axis)
+        if guide.kind is JointKind.PRISMATIC:
+            along = transforms.translation(*(value * axis))
+        else:
+            along = transforms.transform(transforms.rotation(guide.axis, value), np.zeros(3))
+        placement = known.placement
+        return self.put(body, placement.parent, transforms.of_pose(placement.pose) @ along)
 
     def grip(self, body: str) -> Floats:
         """T_body_grip (4, 4): where a hand takes a body.

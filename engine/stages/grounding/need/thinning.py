@@ -12,7 +12,8 @@ from engine.stages.grounding.need.likeness import alike, free_objects, most_at_o
 from engine.stages.grounding.need.relevance import relevance
 from engine.stages.grounding.program import Vocabulary
 from kb.asp import Grounder
-from kb.asp.vocabulary import VIOLATED, static_program
+from kb.asp.statics import evaluate
+from kb.asp.vocabulary import VIOLATED
 from kb.model.domain import BUILT_IN_TYPES, NUMERIC_TYPES, Domain
 from kb.model.problem import Problem
 from kb.terms import Atom, Function
@@ -57,7 +58,7 @@ def _started(problem: Problem, statics: Named | None) -> tuple[Named, tuple[Atom
     grounder = Grounder()
     state, contradicted = evaluated_state(problem, Vocabulary(problem.domain), grounder)
     if problem.complete and statics is None:
-        grounder.ground(static_program(problem))
+        evaluate(grounder, problem)
 
     def named(name: str, arity: int) -> Iterable[Atom]:
         return (Function(name, each) for each in grounder.atoms(name, arity))

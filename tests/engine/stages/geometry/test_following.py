@@ -42,13 +42,36 @@ def close(world: World, other: World, body: str) -> bool:
     return bool(np.abs(world.pose("world", body) - other.pose("world", body)).max() < 1e-9)
 
 
-def test_at_the_start_everything_is_where_the_file_has_it_but_the_lid(laboratory: World) -> None:
+def test_at_the_start_drawer_flap_and_lid_are_closed(laboratory: World) -> None:
+    """The file shows them open."""
     state = Semantics(load_problem("themse/four")).initial()
     world = following(laboratory, state)
-    assert all(close(world, laboratory, f"probe_{n}") for n in (1, 2, 3, 4))
-    on_rim = world.pose("freezer", "lid")
-    assert np.abs(on_rim - transforms.translation(0, 0, 0.15)).max() < 1e-9
+    slid = transforms.inverse(laboratory.pose("world", "drawer")) @ world.pose("world", "drawer")
+    assert np.abs(slid - transforms.translation(0.26, 0, 0)).max() < 1e-9
+    for n in (1, 2, 3, 4):
+        assert (
+            np.abs(world.pose("drawer", f"probe_{n}") - laboratory.pose("drawer", f"probe_{n}")).max() < 1e-9
+        )
+    assert abs(float(world.pose("furnace", "flap")[0, 2]) + 1.0) < 1e-9  # it lies flat over the shaft
+    assert np.abs(world.pose("bayonet", "lid")[:3, 3] - [0, 0, 0]).max() < 1e-9
     assert close(following(world, [fact("at", "lid", "stand")]), laboratory, "lid")
+
+
+def test_the_lid_turns_with_its_bayonet_and_both_fingers_close_on_what_they_hold(laboratory: World) -> None:
+    lid = fact("at", "lid", "rim")
+    turned, loose = (
+        following(laboratory, [lid, fact("position", "bayonet", each)]).pose("world", "lid")
+        for each in ("locked", "unlocked")
+    )
+    between = transforms.inverse(loose) @ turned
+    assert abs(np.degrees(np.arctan2(between[1, 0], between[0, 0])) - 40) < 1e-9
+    held = following(laboratory, [fact("at", "probe_2", "mars_gripper")])
+    apart = held.pose("finger_left", "finger_right")[1, 3]
+    assert abs(apart + 0.07 - 2 * 0.007) < 1e-9
+    assert (
+        abs(following(held, [fact("free", "mars_gripper")]).pose("finger_left", "finger_right")[1, 3] + 0.07)
+        < 1e-9
+    )
 
 
 def test_what_is_gripped_moves_with_the_arm_until_it_is_put_down(laboratory: World) -> None:

@@ -26,7 +26,7 @@ def scattered(n: int, seed: int, dimensions: int = 2) -> np.ndarray:
     return np.random.default_rng(seed).integers(-40, 40, (n, dimensions)) / 2.0
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=20, deadline=None)
 @given(st.sampled_from(KERNELS), seeds, st.integers(2, 3))
 def test_kernels_compute_the_costs_that_the_metric_says(kind: str, seed: int, dimensions: int) -> None:
     points = scattered(12, seed, 2 if kind == "pseudo_euclidean" else dimensions)
@@ -63,7 +63,7 @@ def test_some_costs_are_those_of_the_matrix(kind: str) -> None:
     assert (metric.between(a, b) == metric.matrix()[a, b]).all()
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=15, deadline=None)
 @given(st.integers(1, 60), seeds, st.integers(2, 3))
 def test_the_curve_visits_every_point_once(n: int, seed: int, dimensions: int) -> None:
     assert sorted(along_hilbert(scattered(n, seed, dimensions))) == list(range(n))
@@ -77,7 +77,7 @@ def test_the_curve_goes_from_neighbour_to_neighbour_on_a_grid() -> None:
     assert (steps == 4096).all()
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=20, deadline=None)
 @given(st.integers(8, 60), seeds, st.integers(1, 5), st.booleans())
 def test_a_merged_tour_costs_no_more_than_the_first_and_keeps_what_all_have(
     n: int, seed: int, others: int, ended: bool
@@ -102,7 +102,7 @@ def edges_of(tour: np.ndarray) -> set[frozenset[int]]:
     return {frozenset(pair) for pair in zip(tour.tolist(), np.roll(tour, 1).tolist(), strict=True)}
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=15, deadline=None)
 @given(st.integers(8, 40), seeds)
 def test_trees_of_few_edges_and_without_a_matrix_weigh_what_trees_of_all_edges_do(n: int, seed: int) -> None:
     rng = np.random.default_rng(seed)

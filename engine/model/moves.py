@@ -1,0 +1,80 @@
+"""Values of plans that move: what an arm does in each step, leg by leg, and why a step has no motion. Metres, radians, seconds."""
+
+from dataclasses import dataclass
+from enum import Enum
+
+from engine.model.geometry import Floats
+from kb.model.plan import StepId
+from kb.terms import Atom, Function
+
+
+class LegKind(Enum):
+    """What a part of a step's motion is for."""
+
+    WAY = "way"  # free, to the front of the place
+    IN = "in"  # straight, into the place
+    DRAG = "drag"  # with a body along its joint
+    OUT = "out"  # straight, back to the front of the place
+    DRIVE = "drive"  # the arm rests, and the body that carries it moves along its joint
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Leg:
+    """A part of the motion of a step: configurations (m, k) of the arm, reached at `corners_s` (m,) from the leg's start.
+
+    `proved` says whether it is free everywhere. `holding` names the bodies that move with the arm, but for its own tools.
+    """
+
+    kind: LegKind
+    arm: str
+    path: Floats
+    corners_s: Floats
+    proved: bool
+    holding: tuple[str, ...] = ()
+
+    @property
+    def seconds(self) -> float:
+        """How long it lasts."""
+        return float(self.corners_s[-1]) if len(self.corners_s) else 0.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MovedStep:
+    """The motion of one step; `takes_s` is spent at the place, beside the legs."""
+
+    step: StepId
+    operator: Function
+    place: str
+    legs: tuple[Leg, ...]
+    takes_s: float = 0.0
+
+    @property
+    def seconds(self) -> float:
+        """How long the step lasts."""
+        return sum(leg.seconds for leg in self.legs) + self.takes_s
+
+    @property
+    def proved(self) -> bool:
+        """Whether every leg is free everywhere."""
+        return all(leg.proved for leg in self.legs)
+
+
+@dataclass(frozen=True, slots=True)
+class Unmoved:
+    """A step for which no motion is found: at which place, and why. `culprits` are the bodies in the way.
+
+    If it is `sure`, every configuration was looked at, and each touches something, or cannot be followed.
+    It holds at least while the facts `while_true` are true, which put those bodies, and what the arm holds, where they are.
+
+    `level` tells what refuses it: `reach` (no configuration at all), `contact` (every configuration touches something),
+    `approach` (there is no straight way in or out), or `way` (no way leads there).
+    """
+
+    step: StepId
+    operator: Function
+    place: str
+    level: str
+    reason: str
+    culprits: tuple[str, ...] = ()
+    while_true: tuple[Atom, ...] = ()
+    sure: bool = False

@@ -1,0 +1,78 @@
+"""The places that steps need: those of the cell, and those of measurements whose position and normal a problem gives."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from engine.model.geometry import Floats
+from engine.stages.geometry import transforms
+from kb.model.cell import Cell, Measuring, Place, Placement
+from kb.model.conventions import Conventions
+from kb.model.motion import Motion
+from kb.model.problem import Problem
+from kb.terms import Function, Number
+
+MICRO = 1e-6
+
+
+def with_measured_places(cell: Cell, problem: Problem, tools: Mapping[str, str]) -> Cell:
+    """The cell with a place for each measurement that has a position, but no place of its own.
+
+    `tools` names the tool of each measurement. How the tool stands there is what the cell says under `measuring`.
+    """
+    words, motion = problem.domain.conventions, problem.domain.motion
+    points, normals = _triples(problem, words.position), _triples(problem, words.normal)
+    found = {}
+    for name, point in points.items():
+        at, tool = words.place(name), tools.get(name, "")
+        if at in cell.places or tool not in cell.measuring or not cell.arms:
+            continue
+        normal = normals.get(name, np.array([0.0, 0.0, -1000.0]))
+        found[at] = _place(at, point * MICRO, normal, cell.measuring[tool], _frame(motion), tool, cell)
+    return replace(cell, places={**cell.places, **found}) if found else cell
+
+
+def _frame(motion: Motion | None) -> str:
+    return motion.frame if motion is not None else "world"
+
+
+def _triples(problem: Problem, predicate: str) -> dict[str, Floats]:
+    """The three numbers that a static fact gives to each name."""
+    found = {}
+    for fact in problem.statics:
+        if fact.name == predicate and len(fact.arguments) == 4:
+            numbers = [each.value for each in fact.arguments[1:] if isinstance(each, Number)]
+            if len(numbers) == 3:
+                found[str(fact.arguments[0])] = np.array(numbers, dtype=float)
+    return found
+
+
+def _place(
+    name: str, point: Floats, normal: Floats, how: Measuring, frame: str, tool: str, cell: Cell
+) -> Place:
+    """The tool's z goes against the normal; about it the tool may turn."""
+    away = normal / max(float(np.linalg.norm(normal)), 1e-9)
+    T = transforms.transform(_against(away), point)
+    placement = Placement(frame, transforms.to_pose(T))
+    return Place(name, placement, next(iter(cell.arms)), tool, how.approach_m, True, how.touches)
+
+
+def _against(normal: Floats) -> Floats:
+    """A rotation (3, 3) whose z looks against a unit normal (3,)."""
+    z = -normal
+    beside = np.eye(3)[int(np.argmin(np.abs(z)))]
+    x = np.cross(beside, z)
+    x /= np.linalg.norm(x)
+    return np.column_stack([x, np.cross(z, x), z])
+
+
+def measured_at(words: Conventions, place: str) -> str:
+    """The measurement that a place belongs to; empty if it is another place."""
+    head, _, rest = place.partition("(")
+    return rest.removesuffix(")") if head == words.meas else ""
+
+
+def constant(name: str) -> Function:
+    """A name as a term."""
+    return Function(name)

@@ -1,0 +1,201 @@
+"""An arm goes through the steps of a plan: each step's motion starts where the one before it has ended."""
+
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from engine.model.geometry import Floats
+from engine.model.moves import Leg, LegKind, MovedStep, Unmoved
+from engine.pipelines.moves.hands import Front, Hands, held
+from engine.pipelines.moves.places import with_measured_places
+from engine.pipelines.moves.rooms import Room
+from engine.pipelines.moves.states import states_of
+from engine.pipelines.moves.steps import StepMotion
+from engine.ports import GeometryBackend
+from engine.stages.geometry.kinematics.inverse import InverseKinematics
+from engine.stages.geometry.world.following import following
+from engine.stages.geometry.world.model import World
+from engine.stages.validation.changes import State
+from engine.stages.validation.semantics import Semantics
+from kb.model.cell import Cell, Location, Operation, Place
+from kb.model.plan import Plan, Step
+from kb.syntax import SECONDS
+from kb.terms import Atom, Function, Term, match, substitute
+
+DRIVE_LOOKS = 17  # how often it is looked while a body carries the arm along
+
+_Situation = tuple[Function, frozenset[Atom], frozenset[Atom], bytes, str, bool]
+_Outcome = tuple[MovedStep | Unmoved, Floats, Front | None]
+
+
+Ways = Mapping[tuple[str, str], Sequence[Floats]]  # straight ways (m, k) into a place, from a station
+
+
+@dataclass(eq=False)
+class Walk:
+    """What an arm does through plans for one problem. What was found for a step in a situation is kept for the next plan."""
+
+    semantics: Semantics
+    cell: Cell
+    backend: GeometryBackend
+    seed: int = 0
+    bridges: int = 30
+    ways: Ways = field(default_factory=dict)
+    _rooms: dict[frozenset[Atom], Room] = field(default_factory=dict)
+    _known: dict[_Situation, _Outcome] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        problem = self.semantics.problem
+        chosen = self.semantics.statics.named(problem.domain.conventions.chosen)
+        tools = {
+            str(each.arguments[1]): str(each.arguments[0]) for each in chosen if len(each.arguments) == 2
+        }
+        self.cell = with_measured_places(self.cell, problem, tools)
+        world = World.of(self.cell)
+        self._kinematics = {name: InverseKinematics(model) for name, model in world.models.items()}
+        self.hands = Hands(self.cell, self.seed, self.bridges)
+        self._moving = {each.fact.name for each in self.cell.locations}
+
+    def steps(self, plan: Plan) -> Iterator[MovedStep | Unmoved]:
+        """The motion of each step that has one, in the order of the earliest starts; the first without one is the last."""
+        self.hands.go_home()
+        for step, before, after in states_of(self.semantics, plan):
+            operation = operation_of(self.cell, step.operator)
+            if operation is None:
+                continue
+            found = self.step(step, operation, before, after)
+            yield found
+            if isinstance(found, Unmoved):
+                return
+
+    def step(self, step: Step, operation: Operation, before: State, after: State) -> MovedStep | Unmoved:
+        """The motion of one step from where the arm is now; the arm is at its end then."""
+        if operation.drives:
+            return self._driven(step, operation, before, after)
+        place = self.cell.places.get(str(operation.at))
+        if place is None:
+            said = f"{operation.at} has no place in the cell"
+            return Unmoved(step.id, step.operator, str(operation.at), "reach", said, sure=True)
+        key = self._situation(step, place.arm, before, after)
+        if key not in self._known:
+            found = self._refined(step, operation, place, before, after)
+            self._known[key] = found, self.hands.now(place.arm), self.hands.standing(place.arm)
+        found, q, front = self._known[key]
+        self.hands.arrive(place.arm, q, front)
+        return replace(found, step=step.id)
+
+    def _situation(self, step: Step, arm: str, before: State, after: State) -> _Situation:
+        front = self.hands.standing(arm)
+        there, inside = (front.place, front.inside) if front else ("", False)
+        facts = self._located(before), self._located(after)
+        return (step.operator, *facts, self.hands.now(arm).tobytes(), there, inside)
+
+    def _refined(
+        self, step: Step, operation: Operation, place: Place, before: State, after: State
+    ) -> MovedStep | Unmoved:
+        rooms = self.room(before), self.room(after)
+        found = StepMotion(
+            self.hands, step, operation, place, *rooms, self._known_ways(place, before)
+        ).moved()
+        if isinstance(found, MovedStep):
+            return found
+        standing = {*found.culprits, *held(rooms[0].world, place.arm)}
+        return replace(found, while_true=_placing(self.cell, before, standing))
+
+    def room(self, state: State) -> Room:
+        """The cell in a state, with the arms where they are."""
+        facts = self._located(state)
+        if facts not in self._rooms:
+            world = following(World.of(self.cell), facts)
+            self._rooms[facts] = Room(world, self.backend, self._kinematics)
+        return self._rooms[facts]
+
+    def _located(self, state: State) -> frozenset[Atom]:
+        """The facts of a state that put a body somewhere."""
+        near = (fact for fact in state if fact.name in self._moving)
+        return frozenset(fact for fact in near if any(_fits(each, fact) for each in self.cell.locations))
+
+    def _driven(self, step: Step, operation: Operation, before: State, after: State) -> MovedStep | Unmoved:
+        """The arm rests while the body that carries it goes along its joint; it goes home first if it would touch something."""
+        arm = next(
+            name
+            for name in self.cell.arms
+            if operation.drives in World.of(self.cell).supports(f"{name}.base")
+        )
+        rooms = self.room(before), self.room(after)
+        legs: list[Leg] = []
+        touched = self._touched(rooms, operation.drives, arm)
+        if touched:
+            home = rooms[0].world.configurations[arm]
+            found = self.hands.way(rooms[0], arm, home[None])
+            if isinstance(found, Leg):
+                legs.append(found)
+                self.hands.arrive(arm, home, None)
+                touched = self._touched(rooms, operation.drives, arm)
+        if touched:
+            said = f"{arm} touches {', '.join(touched)} on the way of {operation.drives}"
+            return Unmoved(step.id, step.operator, operation.drives, "way", said, touched)
+        self.hands.arrive(arm, self.hands.now(arm), None)
+        q = self.hands.now(arm)[None]
+        legs.append(Leg(LegKind.DRIVE, arm, q, np.zeros(1), True, held(rooms[0].world, arm)))
+        takes = max(operation.takes_s, step.duration * self._unit_s)
+        return MovedStep(step.id, step.operator, operation.drives, tuple(legs), takes)
+
+    def _known_ways(self, place: Place, state: State) -> Sequence[Floats]:
+        """The straight ways into a place that are known for where the arm stands."""
+        if not self.ways:
+            return ()
+        stations = [str(fact.arguments[-1]) for fact in self._located(state) if fact.arguments]
+        found = (self.ways.get((place.name, each)) for each in (*sorted(stations), ""))
+        return next((each for each in found if each is not None), ())
+
+    @property
+    def _unit_s(self) -> float:
+        return float(SECONDS[self.semantics.problem.domain.time_unit])
+
+    def _touched(self, rooms: tuple[Room, Room], body: str, arm: str) -> tuple[str, ...]:
+        """What something touches while a body goes from where it is in one room to where it is in the other."""
+        ends = [room.world.placed[body].T_parent_frame for room in rooms]
+        for share in np.linspace(0.0, 1.0, DRIVE_LOOKS):
+            T = ends[0].copy()
+            T[:3, 3] += share * (ends[1][:3, 3] - ends[0][:3, 3])
+            world = rooms[0].world.put(body, rooms[0].world.placed[body].parent, T)
+            room = Room(world, self.backend, self._kinematics)
+            contacts = room.free(arm).contacts(room.whole(arm, self.hands.now(arm)[None])[0])
+            if contacts:
+                return tuple(sorted({name for each in contacts for name in (each.first, each.second)}))
+        return ()
+
+
+def walked(
+    semantics: Semantics, cell: Cell, backend: GeometryBackend, plan: Plan, seed: int = 0
+) -> list[MovedStep | Unmoved]:
+    """The motion of each step of a plan that has one; the last is the first that has none, if there is such a step."""
+    return list(Walk(semantics, cell, backend, seed).steps(plan))
+
+
+def operation_of(cell: Cell, step: Function) -> Operation | None:
+    """What an arm does in a step, its place without variables; None if the cell declares nothing for it."""
+    for operation in cell.operations:
+        bindings = match(operation.operator, step, {})
+        if bindings is not None:
+            at: Term | None = None if operation.at is None else substitute(operation.at, bindings)
+            return replace(operation, operator=step, at=at)
+    return None
+
+
+def _placing(cell: Cell, state: State, bodies: Collection[str]) -> tuple[Atom, ...]:
+    """The facts of a state that put some bodies where they are."""
+    found = []
+    for fact in sorted(state, key=str):
+        for location in cell.locations:
+            bindings = match(location.fact, fact, {})
+            if bindings is not None and str(substitute(location.body, bindings)) in bodies:
+                found.append(fact)
+                break
+    return tuple(found)
+
+
+def _fits(location: Location, fact: Atom) -> bool:
+    return match(location.fact, fact, {}) is not None

@@ -1,0 +1,75 @@
+"""The `operations` of a `cell.yaml`: what an arm does in the steps of the domain's operators."""
+
+from fractions import Fraction
+
+from kb.diagnostics import unknown_name
+from kb.loader.cell_locations import Known
+from kb.loader.quantities import child
+from kb.loader.reader import Findings, Reader
+from kb.loader.tree import Node
+from kb.model.cell import Ends, Operation
+from kb.syntax import SECONDS
+from kb.terms import Function, Term, Variable, is_ground, variables
+
+
+def read_operations(reader: Reader, findings: Findings, known: Known) -> tuple[Operation, ...]:
+    """The entries in their order. Errors are added to `findings`."""
+    found = []
+    for _, key, node in reader.entries("operations"):
+        operator = reader.parse("atom", key)
+        if operator is not None:
+            found.append(_operation(reader, findings, known, operator.value, key, node))
+    return tuple(found)
+
+
+def _operation(
+    reader: Reader, findings: Findings, known: Known, operator: Function, key: Node, node: Node
+) -> Operation:
+    at = child(node, "at")
+    place: Term | None = None
+    if at is not None:
+        parsed = reader.parse("term", at)
+        place = parsed.value if parsed else None
+        _check_place(operator, place, at, findings, known)
+    ends = child(node, "ends")
+    drags, drives = (_moving(child(node, each), findings, known) for each in ("drags", "drives"))
+    if at is None and drags:
+        findings.add(
+            node.where, "K005", "nothing is dragged without a place", "give `at`: where it is gripped"
+        )
+    takes = _seconds(child(node, "takes"))
+    stop = Ends(ends.value if ends else "outside")
+    return Operation(operator, place, stop, drags, drives, takes, key.where)
+
+
+def _seconds(node: Node | None) -> float:
+    """A time in s; 0 if none is given."""
+    if node is None:
+        return 0.0
+    number = str(node.value).rstrip("mins ")
+    return float(Fraction(number) * SECONDS[str(node.value)[len(number) :].strip() or "s"])
+
+
+def _check_place(
+    operator: Function, place: Term | None, node: Node, findings: Findings, known: Known
+) -> None:
+    """Report a place that the cell has not, and a variable that the operator has not."""
+    if place is None:
+        return
+    own = set(variables(operator))
+    for variable in variables(place):
+        if Variable(variable.name) not in own:
+            hint = f"use a variable of the operator {operator}"
+            findings.add(node.where, "K105", f"the operator has no variable '{variable.name}'", hint)
+    if is_ground(place) and str(place) not in known.places:
+        findings.note(unknown_name("place", str(place), known.places, node.where))
+
+
+def _moving(node: Node | None, findings: Findings, known: Known) -> str:
+    """The name of a body with a joint; empty if none is given."""
+    if node is None:
+        return ""
+    moving = {name: body for name, body in known.bodies.items() if body.guide is not None}
+    if node.value not in moving:
+        findings.note(unknown_name("body with a joint", node.value, moving, node.where))
+    return str(node.value)

@@ -1,0 +1,84 @@
+"""A third cell, written only in YAML and ASP: it checks, plans, validates and recovers without a line of Python of its own."""
+
+import json
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from engine.faces.cli import app
+from engine.model.execution import RecordKind
+from engine.model.outcome import Found
+from engine.pipelines import checking, planning
+from engine.pipelines.simulator import Injection
+from kb.loader import load
+from kb.loader.faults import load_faults
+from tests.engine.pipelines.execution.cells import executed
+
+CELL = Path(__file__).parents[1] / "domains" / "capping"
+PROBLEMS = sorted(path.stem for path in (CELL / "problems").glob("*.yaml"))
+MODEL, _ = load_faults(CELL / "domain.yaml")
+CASES = [(name, cause) for name, each in MODEL.exceptions.items() for cause in each.counts]
+STEPS = {
+    "no_bottle": "pick(b1, in_1)",
+    "put_refused": "put(b1, filler)",
+    "underfilled": "fill(b1, 250)",
+    "cap_loose": "cap(b1)",
+    "scales_silent": "weigh(b1)",
+}
+
+
+def test_it_has_no_findings() -> None:
+    assert checking.check(str(CELL)).diagnostics == ()
+
+
+@pytest.mark.parametrize("name", PROBLEMS)
+def test_its_problems_have_plans(name: str) -> None:
+    problem = load(CELL / "problems" / f"{name}.yaml").problem
+    assert problem is not None
+    found = planning.plan(problem)
+    assert isinstance(found, Found)
+    assert planning.check_plan(problem, found.plan) == []
+
+
+def test_it_understands_commands() -> None:
+    command = "fill b1 and b2, cap them, weigh them and pack them"
+    target = str(CELL / "problems" / "three.yaml")
+    answer = CliRunner().invoke(app, ["plan", target, "--command", command, "--format", "json"])
+    assert answer.exit_code == 0, answer.output
+
+
+@pytest.mark.parametrize(("exception", "cause"), CASES)
+def test_every_cause_is_found_and_recovered_from(exception: str, cause: str, tmp_path: Path) -> None:
+    target = str(CELL / "problems" / "three.yaml")
+    plan = tmp_path / "plan.json"
+    plan.write_text(CliRunner().invoke(app, ["plan", target, "--format", "json"]).stdout, "utf-8")
+    line = ["diagnose", target, "--exception", exception, "--step", STEPS[exception], "--hidden", cause]
+    answer = CliRunner().invoke(app, [*line, "--recover", "--plan", str(plan), "--format", "json"])
+    assert answer.exit_code == 0, answer.output
+    assert json.loads(answer.stdout)["data"]
+
+
+def test_it_runs_to_the_end_and_what_it_measures_is_in_the_journal() -> None:
+    ending, records, _ = executed(str(CELL / "problems" / "three.yaml"))
+    assert ending.outcome == "reached"
+    assert ending.makespan_ms == ending.forecast_ms
+    replies = [each.content["text"] for each in records if each.kind is RecordKind.REPLY]
+    assert sum(each.startswith("torque(") for each in replies) == 3
+    assert sum(each.startswith("mass(") for each in replies) == 3
+    results = [each.content for each in records if each.kind is RecordKind.RESULT]
+    assert [each["quantity"] for each in results].count("excess") == 3
+    assert all(each["passed"] is (each["lower"] <= each["value"] <= each["upper"]) for each in results)
+
+
+@pytest.mark.parametrize(("exception", "cause"), CASES)
+def test_a_run_with_any_cause_recovers_or_gives_up_what_is_lost(exception: str, cause: str) -> None:
+    step = STEPS[exception]
+    ending, records, _ = executed(
+        str(CELL / "problems" / "three.yaml"), [Injection(step, cause, exception=exception)]
+    )
+    told = [each.content["exception"] for each in records if each.kind is RecordKind.EXCEPTION]
+    assert exception in told
+    lost = cause == "bottle_fallen" or MODEL.causes[cause].stops
+    assert ending.outcome in (("partly", "stopped") if lost else ("reached",))
+    assert all("b1" in goal for goal in ending.open_goals) or MODEL.causes[cause].stops
