@@ -7,7 +7,7 @@ module knows no types and no predicates.
 import functools
 import re
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,8 +41,15 @@ class Variable:
         return self.name
 
 
+class _Hashed:
+    """A place for a hash that is computed once. It is no part of the value."""
+
+    __slots__ = ("_hash",)
+    _hash: int
+
+
 @dataclass(frozen=True, slots=True)
-class Function:
+class Function(_Hashed):
     """A constant (no arguments), a compound term, or an atom.
 
     Its hash is computed once: terms are looked up far more often than they are made.
@@ -50,7 +57,6 @@ class Function:
 
     name: str
     arguments: tuple["Term", ...] = ()
-    _hash: int = field(init=False, repr=False, compare=False)
 
     def __hash__(self) -> int:
         try:

@@ -1,3 +1,7 @@
+import copy
+import dataclasses
+import pickle
+
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -39,3 +43,14 @@ def test_anything_matches_twice_with_different_values() -> None:
     pair = Function("f", (Function("a"), Function("b")))
     assert match(Function("f", (ANYTHING, ANYTHING)), pair, {}) == {}
     assert match(Function("f", (Variable("X"), Variable("X"))), pair, {}) is None
+
+
+@given(ground_terms)
+def test_a_term_that_was_hashed_is_still_the_same_value(term: Term) -> None:
+    fresh = copy.deepcopy(term)
+    assert hash(term) == hash(fresh)
+    again = pickle.loads(pickle.dumps(term))
+    assert again == term == fresh
+    assert hash(again) == hash(term)
+    if isinstance(term, Function):
+        assert [each.name for each in dataclasses.fields(term)] == ["name", "arguments"]

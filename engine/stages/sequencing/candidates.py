@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine.kernels.arrays import Floats, Ints, Longs
+from engine.kernels.cancellation import Interrupted, never
 from engine.stages.sequencing.costs import Costs
 
 if TYPE_CHECKING:
@@ -29,28 +30,32 @@ def nearest(cost: NDArray[np.integer], count: int = COUNT) -> Ints:
     return np.take_along_axis(chosen, order, 1).astype(np.int32)
 
 
-def quadrant(positions: NDArray[np.floating], costs: Costs, count: int = COUNT) -> Ints:
+def quadrant(
+    positions: NDArray[np.floating], costs: Costs, count: int = COUNT, interrupted: Interrupted = never
+) -> Ints:
     """The cheapest city in each quadrant around each city, then the next cheapest: (n, k), cheapest first.
 
     `positions` (m, d) are those of the first m cities; d is 2, or 3 for points near a plane. Without quadrants, all
     neighbours of a city in a cluster would lie in this cluster (Johnson & McGeoch 1997). If there is one more city that
     is no point (n = m + 1), each city is its candidate, and it is the last candidate of each. Only the `FURTHEST` nearest
-    cities are looked at.
+    cities are looked at. What is not found when it is interrupted is city 0.
     """
     from scipy.spatial import cKDTree as KDTree  # slow to import
 
     n, m = len(costs), len(positions)
-    found = np.empty((m, min(count, m - 1)), np.int32)
+    found = np.zeros((m, min(count, m - 1)), np.int32)
     plane, lacking = _plane(positions), np.arange(m)
     tree = KDTree(positions)
     for width in sorted({min(LIKELY, m - 1), min(FURTHEST, m - 1)}):
         again = []
         for part in np.array_split(lacking, len(lacking) * width // CHUNK + 1):
+            if interrupted():
+                break
             near = _sorted(tree, positions, part, width, costs)
             found[part], whole = _picked(plane, part, near, found.shape[1])
             again.append(part[~whole])
-        lacking = np.concatenate(again)
-        if not len(lacking):
+        lacking = np.concatenate(again) if again else lacking[:0]
+        if not len(lacking) or interrupted():
             break
     return found if n == m else _with_the_other(found, costs)
 

@@ -83,6 +83,8 @@ def bound(
     The last city of an `opened` tour is no place: it stands for its ends. `effort` is the number of cities that are looked at. If it is interrupted, it has no time for a bound on many cities: 0.
     """
     n, upper, best = len(costs), costs.of_tour(tour), -np.inf
+    if n > QUICK and interrupted():
+        return 0
     cities = np.repeat(np.arange(n, dtype=np.int64), near.shape[1])
     first = _codes(cities, near.ravel(), n), _codes(tour, np.roll(tour, -1), n)
     edges = _edges(costs, np.concatenate(first))

@@ -9,15 +9,17 @@ from collections.abc import Sequence
 import numpy as np
 
 from engine.kernels.arrays import Ints, Longs, Truths
+from engine.kernels.cancellation import Interrupted, never
 from engine.stages.sequencing.costs import Costs
 
+SLICE = 2000  # kicks, or cities that are looked at, between two questions whether to stop
 LEAST = 8  # with fewer cities left there is nothing to search
 FAR = 2**60
 WARM, COLD = 0.3, 0.03  # times the mean edge
 KICKS = 40  # for each city that is left
 
 
-def merged(costs: Costs, tours: Sequence[Ints], seed: int) -> Ints:
+def merged(costs: Costs, tours: Sequence[Ints], seed: int, interrupted: Interrupted = never) -> Ints:
     """A tour (n,) that costs no more than the first of `tours`, which are permutations of the same n cities."""
     from engine.stages.sequencing.kernels.kicks import Kicker
 
@@ -33,10 +35,16 @@ def merged(costs: Costs, tours: Sequence[Ints], seed: int) -> Ints:
     near, toll = _candidates(part, cities, edges[counts < len(codes)], len(base))
     tour = np.arange(len(cities), dtype=np.int32)
     kicker = Kicker(tour, part.kernel(), near, toll, mate, seed)
-    kicker.settle(0, len(tour))
+    for first in range(0, len(tour), SLICE):
+        if interrupted():
+            break
+        kicker.settle(first, first + SLICE)
     kicks = KICKS * len(tour)
     warmth = WARM * max(1, costs.of_tour(base)) / len(base)
-    kicker.anneal(kicks, warmth, (COLD / WARM) ** (1 / kicks))
+    for done in range(0, kicks, SLICE):
+        if interrupted():
+            break
+        warmth = kicker.anneal(min(SLICE, kicks - done), warmth, (COLD / WARM) ** (1 / kicks))
     return _expanded(base, left, mate, kicker.best())
 
 

@@ -105,7 +105,7 @@ def _plain(problem: TourProblem, limits: Limits, method: str) -> Tour:
     start = _start(problem, costs, method)
     if method == "chain1987":
         return _bounded(problem, _made(problem, start, 0, method), costs, extra, limits)
-    near = symmetric.candidates(costs, _positions(problem) if circle else None)
+    near = symmetric.candidates(costs, _positions(problem) if circle else None, limits.interrupted)
     provable = n <= PROVABLE or method == "exact"
     quick = symmetric.search(costs, start, replace(limits, work=1), near)
     lower = 0 if provable else heldkarp.bound(costs, near, quick.order, limits.interrupted, opened=not circle)

@@ -38,13 +38,15 @@ class Searched:
     work: int
 
 
-def candidates(costs: Costs, positions: NDArray[np.floating] | None = None) -> Ints:
-    """The candidate neighbours of each city (n, k)."""
+def candidates(
+    costs: Costs, positions: NDArray[np.floating] | None = None, interrupted: Interrupted = never
+) -> Ints:
+    """The candidate neighbours of each city (n, k); worth nothing if it is interrupted."""
     where = costs.points if positions is None else positions
     if where is None:
         assert costs.matrix is not None
         return nearest(costs.matrix, COUNT + 1)
-    return quadrant(where, costs, COUNT)
+    return quadrant(where, costs, COUNT, interrupted)
 
 
 def search(
@@ -58,9 +60,9 @@ def search(
     so that neighbours lie near each other in memory.
     """
     n, total = len(costs), limits.work or default_work(len(costs))
+    near = candidates(costs, None, limits.interrupted) if near is None else near
     if limits.interrupted():
         return Searched(start, costs.of_tour(start), 0)
-    near = candidates(costs) if near is None else near
     cities = np.roll(start, n - 1 - int(np.flatnonzero(start == n - 1)[0]))
     number = np.empty(n, np.int32)
     number[cities] = np.arange(n, dtype=np.int32)
@@ -119,7 +121,8 @@ class _Search:
     def _merge(self, found: Ints) -> None:
         self.tours = [*self.tours[1 - TOURS :], found]
         if len(self.tours) > 1 and not self.limits.interrupted():
-            self._offer(merged(self.costs, (self.best, *self.tours), self.limits.seed + self.rounds))
+            seed = self.limits.seed + self.rounds
+            self._offer(merged(self.costs, (self.best, *self.tours), seed, self.limits.interrupted))
 
     def _offer(self, tour: Ints) -> None:
         cost = self.costs.of_tour(tour)
