@@ -92,14 +92,15 @@ class BuiltinChecker:
         if endless.any():
             raise ValueError("a configuration or pose has an entry that is not a finite number")
         distance, pair, witness = self._nearest(where, beyond_m)
-        sides = [
-            [self._scene.pieces[piece].body for piece in self._scene.pairs[number]] if number >= 0 else []
-            for number in pair
-        ]
-        return tuple(
-            Contact(*bodies, float(gap), *(part.copy() for part in np.split(row, 3))) if bodies else None
-            for bodies, gap, row in zip(sides, distance, witness, strict=True)
-        )
+        found: list[Contact | None] = []
+        for gap, number, row in zip(distance, pair, witness, strict=True):
+            if number < 0:
+                found.append(None)
+                continue
+            first, second = (self._scene.pieces[piece].body for piece in self._scene.pairs[number])
+            one, other, normal = (part.copy() for part in np.split(row, 3))
+            found.append(Contact(first, second, float(gap), one, other, normal))
+        return tuple(found)
 
     def _nearest(self, where: Floats, beyond_m: float) -> tuple[Floats, Longs, Floats]:
         """The least signed distance below `beyond_m` (n,), its pair (n,) or -1, and its points and normal (n, 9)."""
