@@ -25,7 +25,8 @@ class Query:
 
     Lines are looked at every `step` (rad, m); nothing may come within `margin_m`. `seed` decides the samples. The work is
     bounded by `budget`, the configurations looked at, and by `bridges`, the short cuts that are tried. `moving` numbers the
-    joints that may move; all may if none is given. `strategy` says how the path is looked for.
+    joints that may move; all may if none is given. `strategy` says how the path is looked for. If `upright_rad`
+    is above 0, what is upright in hand at the start tilts by no more than that.
     """
 
     start: Floats
@@ -38,6 +39,7 @@ class Query:
     proved: bool = True
     moving: tuple[int, ...] = ()
     strategy: Strategy = Strategy.CONNECT
+    upright_rad: float = 0.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -48,6 +48,7 @@ class SchemaKind(StrEnum):
     ARM = "arm"
     FAULTS = "faults"
     CONTACTS = "contacts"
+    SCENE = "scene"
 
 
 def schema(kind: Annotated[SchemaKind, typer.Argument(help="the kind of file")]) -> None:

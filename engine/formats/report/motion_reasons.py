@@ -8,6 +8,7 @@ from engine.model.geometry import Contact, Floats
 from engine.model.motion import Blocked, InCollision, OutsideLimits, Reason, Refused, Severed
 
 SHOWN = 3  # contacts that are named
+MOST = 5  # ends that are told of
 
 
 def content_of(answer: Refused | Blocked, joints: Sequence[str]) -> dict[str, Any]:
@@ -58,7 +59,9 @@ def text_of(answer: Refused | Blocked, joints: Sequence[str], slides: Sequence[b
     """The reason for people: degrees and m."""
     match answer:
         case Refused():
-            return "\n".join(_told(each, joints, slides) for each in answer.reasons)
+            told = [_told(each, joints, slides) for each in answer.reasons]
+            more = [f"and {len(told) - MOST} more: --format json has them all"] if len(told) > MOST else []
+            return "\n".join([*told[:MOST], *more])
         case Blocked():
             told = [_touching(each) for each in answer.contacts[:SHOWN]]
             sure = [_cut_off(answer.severed, joints)] if answer.severed else []

@@ -69,7 +69,7 @@ def _proved(ground: MotionGround, query: Query, hand: Hand | None = None) -> Mov
         if proved or round_ == ROUNDS - 1:
             break
         looked = found.looked
-        wider = query.margin_m + min(WIDER_M * 2**round_, 0.5 * _room_at_ends(ground, query))
+        wider = query.margin_m + min(WIDER_M * 2**round_, 0.5 * room_at_ends(ground, query))
         again = search(ground, replace(query, step=query.step / 2 ** (round_ + 1), margin_m=wider), hand)
         if isinstance(again, Blocked):
             break
@@ -77,7 +77,7 @@ def _proved(ground: MotionGround, query: Query, hand: Hand | None = None) -> Mov
     return found
 
 
-def _room_at_ends(ground: MotionGround, query: Query) -> float:
+def room_at_ends(ground: MotionGround, query: Query) -> float:
     """How much wider than asked the margin can be at start and goals."""
     ends = np.vstack([query.start[None], query.goals])
     return max(0.0, float(ground.clearance(ends, query.margin_m + 1.0).min()) - query.margin_m)
@@ -87,7 +87,7 @@ def search(ground: MotionGround, query: Query, hand: Hand | None = None) -> Move
     """A short path that is free wherever it was looked at, for ends that are allowed."""
     low, high = bounds(ground.scene.joints, query)
     lines = ground.lines(query.step, query.margin_m)
-    if query.strategy is not Strategy.CONNECT:
+    if query.strategy is not Strategy.CONNECT or query.upright_rad > 0.0:
         return _by_strategy(ground, lines, query, (low, high), hand)
     trees = Trees(query.start[None], query.goals, low, high, shifted(query.seed, len(low)), REACH, NODES)
     if not connect(trees, lines, query.budget):
@@ -98,14 +98,17 @@ def search(ground: MotionGround, query: Query, hand: Hand | None = None) -> Move
 def _by_strategy(
     ground: MotionGround, lines: Edges, query: Query, limits: tuple[Floats, Floats], hand: Hand | None
 ) -> Moved | Blocked:
-    """What one of the two planners of the seventies and eighties finds; its path is checked whole before it counts."""
+    """What another planner than the default one finds; its path is checked whole before it counts."""
     from engine.stages.motion.reduced import Failed, reduced
+    from engine.stages.motion.upright import upright
     from engine.stages.motion.visibility import visibility
 
     if query.strategy is Strategy.REDUCED:
         found, _ = reduced(ground, lines, query, *limits)
     elif hand is None:
-        raise ValueError("the strategy 'visibility' needs a hand")
+        raise ValueError("the strategy 'visibility' and upright paths need a hand")
+    elif query.upright_rad > 0.0:
+        found, _ = upright(ground, lines, query, *limits, hand)
     else:
         found, _ = visibility(ground, lines, query, *limits, hand)
     if not isinstance(found, Failed):
@@ -122,7 +125,7 @@ def _by_strategy(
 def _shortened(path: Floats, lines: Edges, query: Query) -> Moved:
     """A free path (m, k), with as many short cuts as the query allows."""
     goal = int(np.argmin(np.abs(query.goals - path[-1]).max(axis=1)))
-    if len(path) > 2 and query.bridges:
+    if len(path) > 2 and query.bridges and not query.upright_rad:
         route = Route(path, query.bridges)
         shorten(route, lines, query.bridges, query.budget)
         path = route.path()
