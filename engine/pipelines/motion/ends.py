@@ -62,7 +62,8 @@ def _reached(place: Place, name: str, option: str, reach: Reachability) -> End:
     if isinstance(answer, Unreached):
         message = f"no configuration reaches {name}: {answer.reason}"
         raise InvalidInput([Diagnostic(Source(option), "K705", message, answer.hint)])
-    return End(name, place.arm, answer.q, place)
+    # Libraries for matrices round as the processor allows: what is left of that is less than this.
+    return End(name, place.arm, np.round(answer.q, 12), place)
 
 
 def _place_at(head: str, text: str, world: World, option: str, tool: str) -> Place:

@@ -200,7 +200,10 @@ def _legs(
 
 
 def nearest_first(configurations: Floats, now: Floats, speed: Floats) -> Floats:
-    """The configurations (n, k), those first that the arm is at soonest, from where it is and at the speeds (k,) of its joints."""
+    """The configurations (n, k), those first that the arm is at soonest, from where it is and at the speeds (k,) of its joints.
+
+    Times that differ by rounding alone count as the same, so that the order does not depend on the processor.
+    """
     times = (np.abs(configurations - now) / speed).max(axis=1)
-    found: Floats = configurations[np.argsort(times, kind="stable")]
+    found: Floats = configurations[np.argsort(np.round(times, 9), kind="stable")]
     return found

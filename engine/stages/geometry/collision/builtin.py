@@ -78,9 +78,34 @@ class BuiltinChecker:
 
     def clearance(self, where: Floats, beyond_m: float = 1.0) -> Floats:
         """The least signed distance (n,), at most `beyond_m`."""
+        where, endless = split(self._scene, where)
+        distance, _, _ = self._nearest(where, beyond_m)
+        distance[endless] = -np.inf
+        return distance
+
+    def nearest(self, where: Floats, beyond_m: float = 1.0) -> tuple[Contact | None, ...]:
+        """The nearest (or deepest) two bodies of each (n,); None where nothing is nearer than `beyond_m`.
+
+        Raises `ValueError` for what is no number.
+        """
+        where, endless = split(self._scene, where)
+        if endless.any():
+            raise ValueError("a configuration or pose has an entry that is not a finite number")
+        distance, pair, witness = self._nearest(where, beyond_m)
+        found: list[Contact | None] = []
+        for gap, number, row in zip(distance, pair, witness, strict=True):
+            if number < 0:
+                found.append(None)
+                continue
+            first, second = (self._scene.pieces[piece].body for piece in self._scene.pairs[number])
+            one, other, normal = (part.copy() for part in np.split(row, 3))
+            found.append(Contact(first, second, float(gap), one, other, normal))
+        return tuple(found)
+
+    def _nearest(self, where: Floats, beyond_m: float) -> tuple[Floats, Longs, Floats]:
+        """The least signed distance below `beyond_m` (n,), its pair (n,) or -1, and its points and normal (n, 9)."""
         from engine.kernels.geometry.checks import nearest_pairs
 
-        where, endless = split(self._scene, where)
         n = len(where)
         distance, pair, witness = np.empty(n), np.empty(n, dtype=np.int64), np.empty((n, 9))
 
@@ -90,8 +115,7 @@ class BuiltinChecker:
             nearest_pairs(poses, self._pieces, self._pairs, float(beyond_m), *out)
 
         in_stretches(n, look)
-        distance[endless] = -np.inf
-        return distance
+        return distance, pair, witness
 
     def contacts(self, where: Floats, within_m: float = 0.0) -> tuple[Contact, ...]:
         """Every pair of bodies nearer than `within_m`, nearest first."""

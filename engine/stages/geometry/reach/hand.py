@@ -32,10 +32,10 @@ class ArmHand:
     def _nearest_first(self, branches: Floats, near: Floats) -> Floats:
         """All turns of some branches (b, own joints) as configurations of the world (m, k)."""
         inside = [turns(self._kinematics.model, q) for q in branches]
-        own = np.concatenate(inside) if inside else np.zeros((0, len(near[self.own])))
+        own = np.round(np.concatenate(inside), 12) if inside else np.zeros((0, len(near[self.own])))
         away = np.abs(own - near[self.own]).max(axis=1)
         whole = np.repeat(near[None], len(own), axis=0)
-        whole[:, self.own] = own[np.argsort(away, kind="stable")]
+        whole[:, self.own] = own[np.argsort(np.round(away, 9), kind="stable")]
         return whole
 
     @property

@@ -12,7 +12,7 @@ from engine.kernels.geometry.proof import proved
 from engine.model.geometry import Floats, Joints, Scene
 from engine.stages.geometry.collision.builtin import BuiltinChecker
 from engine.stages.geometry.collision.ground import Ground
-from tests.engine.kernels.geometry.test_both_ways import any_piece, any_pose
+from tests.engine.kernels.geometry.test_both_ways import PLAIN, any_piece, any_pose
 
 STEP = 0.05
 SEEDS = range(8)
@@ -84,6 +84,29 @@ def test_what_is_proved_is_free_a_thousand_times_finer(seed: int) -> None:
             where = path[0] + proof.where * (path[1] - path[0])
             assert ground.clearance(where[None])[0] < 0.05
     assert found or ground.collides(rng.uniform(-3, 3, (50, ground.scene.joints.count))).mean() > 0.5
+
+
+def test_lines_and_proofs_are_the_same_without_a_compiler() -> None:
+    rng = np.random.default_rng(300)
+    ground = any_ground(rng)
+    narrow = ground._packed(0.0)
+    m, p, q = narrow.mechanism, narrow.pieces, narrow.pairs
+    scene = PLAIN["lanes"].Narrow(
+        PLAIN["mechanism"].Mechanism(m.parents, m.origins, m.axes, m.sliding, m.travels),
+        PLAIN["layout"].Pieces(p.vertices, p.stretch, p.radius, p.carrier, p.bounds),
+        PLAIN["layout"].Pairs(q.pairs, q.groups, q.after, q.order),
+    )
+    a = rng.uniform(-3, 3, (12, m.count))
+    b = a + rng.normal(size=a.shape) * 0.3
+    ours, plain = np.zeros(12, dtype=np.uint8), np.zeros(12, dtype=np.uint8)
+    lines, slow = ground.lines(STEP), PLAIN["edges"].Edges(scene, STEP)
+    free_edges(lines, a, b, ours)
+    PLAIN["edges"].free_edges(slow, a, b, plain)
+    assert ours.tolist() == plain.tolist()
+    proof = PLAIN["proof"].Proof(scene, ground._reach, 0.0, 0.01)
+    for path in np.stack([a, b], axis=1)[ours == 1][:3]:
+        quick = ground.proof(0.0, 0.01)
+        assert proved(quick, path) == PLAIN["proof"].proved(proof, path)
 
 
 @pytest.mark.parametrize("value", [1e7, -1e7, math.nan, math.inf])

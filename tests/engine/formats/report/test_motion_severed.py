@@ -1,0 +1,19 @@
+"""A proof that there is no path is told with its joints and what they cannot pass."""
+
+import numpy as np
+
+from engine.formats.report.motion_reasons import content_of, text_of
+from engine.model.geometry import Contact
+from engine.model.motion import Blocked, Severed
+
+CONTACT = Contact("link 1", "post", -0.04, np.zeros(3), np.zeros(3), np.array([1.0, 0.0, 0.0]))
+
+
+def test_what_cannot_pass_what_is_said_and_written() -> None:
+    proof = Severed((0,), 2048, np.zeros(2), (CONTACT,))
+    answer = Blocked(np.zeros((2, 2)), 1.0, 10, (1, 1), np.zeros(2), (), severed=proof)
+    said = text_of(answer, ["base", "elbow"], [False, False])
+    assert "there is none, that is proved: whatever base does, link 1 cannot pass post" in said
+    written = content_of(answer, ["base", "elbow"])["severed"]
+    assert written["joints"] == ["base"]
+    assert written["contacts"][0]["between"] == ["link 1", "post"]
