@@ -90,12 +90,27 @@ class Refused:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class Severed:
+    """A proof that there is no path: what the `joints` alone move must pass something that leaves no way round.
+
+    The cells of a grid over the values of these joints that are blocked as a whole part the start from every goal. At the
+    configuration `at` (k,), the one of them that lies nearest to a goal, `contacts` is what touches, the deepest first.
+    """
+
+    joints: tuple[int, ...]
+    cells: int
+    at: Floats
+    contacts: tuple[Contact, ...]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Blocked:
     """No path was found within the budget.
 
     The trees from start and goals came nearest at `ends` (2, k), `apart` (rad, m) from each other, after `looked`
     configurations; they had `grown` nodes each. `contacts` is what touches where the straight line between the ends is
-    blocked worst, at configuration `at` (k,). `why` is a sentence about the strategy, if it has more to say.
+    blocked worst, at configuration `at` (k,). `why` is a sentence about the strategy, if it has more to say. With
+    `severed` it is proved that there is none.
     """
 
     ends: Floats
@@ -105,6 +120,7 @@ class Blocked:
     at: Floats
     contacts: tuple[Contact, ...]
     why: str = ""
+    severed: Severed | None = None
 
 
 Answer: TypeAlias = Moved | Refused | Blocked

@@ -22,7 +22,7 @@ def status(answer: Answer) -> str:
         case Refused():
             return "infeasible"
         case Blocked():
-            return "gave up"
+            return "infeasible" if answer.severed else "gave up"
 
 
 def content(motion: Motion) -> dict[str, Any]:
