@@ -51,6 +51,7 @@ PLACEHOLDERS = {
     "INSTANCE": "square.tsp",
     "TABLE": "points.csv",
     "PART": "part.qif",
+    "SET": "set.json",
 }
 ANSWERS = {0, exits.INFEASIBLE}
 
@@ -82,6 +83,7 @@ def furnished(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (folder / "square.tsp").write_text(SQUARE)
     (folder / "points.csv").write_text(POINTS)
     (folder / "part.qif").write_text(PART)
+    (folder / "set.json").write_text('{"problems": [{"from": "home", "to": "meas(m2)"}]}')
     with contextlib.chdir(folder):
         run("cellwright import qif part.qif --output inspection.yaml")
         run(f"cellwright export pddl {PLACEHOLDERS['TARGET']} --output exported")

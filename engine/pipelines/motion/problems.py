@@ -96,7 +96,8 @@ def _summed(problem: Problem, found: Motion) -> Replayed:
     answer = found.answer
     if not isinstance(answer, Moved):
         looked = answer.looked if isinstance(answer, Blocked) else 0
-        status = "gave up" if isinstance(answer, Blocked) else "infeasible"
+        open_ = isinstance(answer, Blocked) and answer.severed is None
+        status = "gave up" if open_ else "infeasible"
         return Replayed(problem, status, 0.0, False, looked, "")
     digest = hashlib.sha256(np.ascontiguousarray(found.path()).tobytes()).hexdigest()[:16]
     return Replayed(problem, "found", found.times.duration_s, found.proved, answer.looked, digest)

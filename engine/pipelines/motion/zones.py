@@ -6,7 +6,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from engine.model.geometry import Floats, Piece
+from engine.model.geometry import Floats, Longs, Piece
 from engine.pipelines.motion.legs import FINEST_M, Leg
 from engine.stages.geometry import transforms
 from engine.stages.geometry.collision.builtin import BuiltinChecker
@@ -76,9 +76,20 @@ def slowed(leg: Leg, limits: Limits, own: slice, zones: Sequence[Zone], level: L
             found = smoothed(path[:, own], limits, np.ones(len(path)), slower)
         factors = np.array([_too_fast(zone, found, path, own) for zone in zones]).max(axis=0)
         if (factors <= 1.0).all():
-            return found
+            break
         slower = slower * factors
-    return found
+    return _told_at(found, _rows(leg.path))
+
+
+def _rows(path: Floats) -> Longs:
+    """Where the configurations of a path (m, k) are in the parted one (m,)."""
+    counts = [len(parted(path[n : n + 2])) - 1 for n in range(len(path) - 1)]
+    return np.append(0, np.cumsum(np.array(counts, dtype=np.int64)))
+
+
+def _told_at(found: Smoothed, rows: Longs) -> Smoothed:
+    """The motion, with the times of some of its corners alone."""
+    return replace(found, even=replace(found.even, corners=found.even.corners[rows]))
 
 
 def _too_fast(zone: Zone, found: Smoothed, path: Floats, own: slice) -> Floats:

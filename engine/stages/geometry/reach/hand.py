@@ -38,6 +38,27 @@ class ArmHand:
         whole[:, self.own] = own[np.argsort(np.round(away, 9), kind="stable")]
         return whole
 
+    def followed(self, poses: Floats, q: Floats) -> Floats:
+        """The configurations (m, k) for poses (n, 4, 4), each the nearest to the one before, the first to `q` (k,).
+
+        It ends before the first pose that has none within the limits.
+        """
+        found = self._kinematics.solve(transforms.inverse(self._base) @ poses @ transforms.inverse(self._end))
+        joints, path = self.model.joints, []
+        whole = np.where(joints.prismatic, 0.0, 2 * np.pi)
+        turn = np.where(joints.prismatic, 1.0, 2 * np.pi)
+        for n in range(len(poses)):
+            own = q[self.own]
+            near = found.of(n)
+            near = near + np.rint((own - near) / turn) * whole
+            near = near[self.model.within_limits(near)]
+            if not len(near):
+                break
+            q = q.copy()
+            q[self.own] = near[int(np.argmin(np.abs(near - own).max(axis=1)))]
+            path.append(q)
+        return np.array(path).reshape(-1, len(q))
+
     @property
     def model(self) -> ArmModel:
         """The arm; `own` are its joints among those of the world."""

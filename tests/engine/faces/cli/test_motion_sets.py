@@ -25,6 +25,7 @@ def test_a_gltf_file_moves_as_long_as_the_motion_lasts(tmp_path: Path) -> None:
     assert len(data) == said["buffers"][0]["byteLength"]
 
 
+@pytest.mark.slow
 def test_a_picture_is_a_png(tmp_path: Path) -> None:
     file = tmp_path / "motion.png"
     assert run(app, [*WAY, "--format", "png", "-o", str(file)]).exit_code == 0

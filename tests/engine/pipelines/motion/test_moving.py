@@ -129,6 +129,9 @@ def test_in_a_zone_no_point_of_the_arm_is_faster_than_it_may_be(themse: Site) ->
     free = move(themse, "slot(drawer, 1)", ["slot(freezer, 1)"])
     slow = move(replace(themse, world=world), "slot(drawer, 1)", ["slot(freezer, 1)"])
     assert slow.times.slow == ("people",)
+    corners = slow.times.corners_s()
+    assert len(corners) == len(slow.whole())
+    assert corners[-1] == pytest.approx(slow.times.duration_s)
     assert slow.times.duration_s > free.times.duration_s
     times = np.linspace(0.0, slow.times.duration_s, 4000)
     whole = np.repeat(slow.whole()[:1], len(times), axis=0)
