@@ -1,7 +1,7 @@
 """The motion of one step at a place: a way to its front, straight in, what is done there, and straight out again."""
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -38,6 +38,7 @@ class StepMotion:
     before: Room
     after: Room
     known: Sequence[Floats] = ()
+    _straight: dict[bytes, Floats | None] = field(default_factory=dict)
 
     @property
     def arm(self) -> str:
@@ -123,12 +124,19 @@ class StepMotion:
         """The straight ways into the place that serve the whole step; of many the first."""
         found: list[Floats] = []
         for q in poses:
-            path = self.before.straight(self.place, q, self.place.approach_m)
+            path = self._straight_to(q)
             if path is not None and self._serves(path):
                 found.append(path)
             if len(found) == most:
                 break
         return found
+
+    def _straight_to(self, q: Floats) -> Floats | None:
+        """The straight way to a configuration in the place; None if the arm cannot follow it."""
+        key = q.tobytes()
+        if key not in self._straight:
+            self._straight[key] = self.before.straight(self.place, q, self.place.approach_m)
+        return self._straight[key]
 
     def _serves(self, path: Floats) -> bool:
         """Whether the whole step can be taken by a straight way into the place."""
@@ -223,7 +231,7 @@ class StepMotion:
         """
         culprits, sure = set[str](), not self.operation.drags
         for q in poses:
-            path = self.before.straight(self.place, q, self.place.approach_m)
+            path = self._straight_to(q)
             touched = set(self._touched_along(path)) if path is not None else set()
             sure = sure and (path is None or bool(touched))
             culprits |= touched
