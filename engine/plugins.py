@@ -7,12 +7,13 @@ from collections.abc import Callable
 from importlib import metadata
 from typing import Any
 
-from engine.ports import ContactFilter, GeometryBackend
+from engine.ports import ContactFilter, Driver, DriverSetup, GeometryBackend
 from kb.diagnostics import Diagnostic, InvalidInput, Source, nearest
 from kb.model.contacts import ContactModel
 
 GEOMETRY = "cellwright.geometry"
 CONTACT_FILTERS = "cellwright.contact_filters"
+DRIVERS = "cellwright.drivers"
 
 
 def known(group: str) -> list[str]:
@@ -32,6 +33,12 @@ def geometry_backend(name: str = "builtin") -> GeometryBackend:
 def contact_filter(name: str, model: ContactModel) -> ContactFilter:
     """The filter of contact states of this name, made for a contact model. Raises `InvalidInput` as `geometry_backend` does."""
     made: ContactFilter = _load(CONTACT_FILTERS, name)(model)
+    return made
+
+
+def driver(name: str, setup: DriverSetup) -> Driver:
+    """The driver of this name, made for a run. Raises `InvalidInput` as `geometry_backend` does."""
+    made: Driver = _load(DRIVERS, name)(setup)
     return made
 
 

@@ -1,12 +1,15 @@
 """The replaceable parts of the engine, as Protocols. `engine.plugins` finds their implementations."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Protocol
 
 from engine.kernels.geometry.edges import Edges
 from engine.kernels.geometry.proof import Proof
+from engine.model.execution import Command, Message, Report
 from engine.model.geometry import Contact, Floats, Scene, Truths
 from kb.model.octuples import Octuple
+from kb.model.problem import Problem
 
 
 class CollisionChecker(Protocol):
@@ -57,6 +60,37 @@ class MotionGround(CollisionChecker, Protocol):
         """What proves that nothing comes within `margin_m` anywhere on a path, by stretches of motions down to `finest_m`."""
         ...
 
+    def covered(self, wrist: Sequence[int], start: Floats, goal: Floats) -> "MotionGround":
+        """The ground where one box stands for all that the joints `wrist` carry.
+
+        It covers them at all their values between two configurations (k,). It moves with what the first of them stands on.
+        """
+        ...
+
+    def proximal(self, joints: Collection[int]) -> "MotionGround":
+        """The ground of what these joints alone move, against what stands still. All else is left out."""
+        ...
+
+    def travel(self, first: Floats, second: Floats) -> float:
+        """A bound on the way (m) of every point of everything that moves, on the straight line between configurations (k,)."""
+        ...
+
+
+class Hand(Protocol):
+    """The hand of the arm that moves, for planners that think in the room. Configurations are those of the ground (n, k)."""
+
+    def poses(self, q: Floats) -> Floats:
+        """The poses of the tool, or of the tip of what is in hand, in the world (n, 4, 4)."""
+        ...
+
+    def reaching(self, poses: Floats, near: Floats) -> list[Floats]:
+        """For each pose (n, 4, 4) the configurations (m, k) within the limits that reach it, those nearest to `near` (k,) first."""
+        ...
+
+    def boxes(self) -> tuple[Floats, Floats]:
+        """The boxes around what stands in the cell: their poses in the world (n, 4, 4), and half their edges (n, 3) in m."""
+        ...
+
 
 class GeometryBackend(Protocol):
     """A library that computes distances and collisions."""
@@ -95,4 +129,86 @@ class ContactFilter(Protocol):
 
         `change` is the contact that is made; None if one is broken, or if nothing changes.
         """
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class DriverSetup:
+    """What a driver is made for. `options` are its own, by name, as given on the command line (`--option name=value`).
+
+    `factor` is the share of real time that a simulated clock takes: 0 as fast as can be, 1 in real time. `run` names the run,
+    and with it whatever the driver keeps so that a run can be resumed.
+    """
+
+    problem: Problem
+    run: str = ""
+    seed: int = 0
+    factor: float = 0.0
+    options: Mapping[str, str] = field(default_factory=dict)
+
+
+class Driver(Protocol):
+    """Carries out commands in a cell, real or simulated. Registered under the entry point `cellwright.drivers`.
+
+    The entry point is a function that takes a `DriverSetup` and gives a driver that is ready to receive commands; it raises
+    `InvalidInput` for a setup that it cannot serve. One thread calls a driver. No method but `receive` and `quiesce` waits.
+
+    A driver that is connected again, or made again for the same `run`, knows all commands of this run by their numbers.
+    """
+
+    @property
+    def tick_ms(self) -> int | None:
+        """The control tick: `receive` returns at least so often, so that a stop is heard. None on a virtual clock.
+
+        On a virtual clock nothing happens between events, and orders are given at times of that clock.
+        """
+        ...
+
+    def now_ms(self) -> int:
+        """The time on the driver's clock since the run began. It never goes back, also not across a reconnection."""
+        ...
+
+    def lookahead(self, stream: str) -> int:
+        """How many commands of a stream may be sent before the first has ended.
+
+        1 for a device without a queue: each command that it gets begins at once, also beside others of its stream. With more,
+        the device carries out its commands one after another in the order of their numbers, and obeys WAIT and CONTINUE.
+        """
+        ...
+
+    def send(self, commands: Sequence[Command]) -> None:
+        """Hand over commands, in the order of their numbers. A command with a number that is known is not carried out again.
+
+        CONTINUE has no reply. WAIT is answered `waiting` when its turn has come. Every other command gets exactly one reply,
+        unless it is dropped.
+        """
+        ...
+
+    def receive(self, until_ms: int | None) -> Sequence[Message]:
+        """What has come since the last call, the oldest first; waits for it until this time of the clock (None: without limit).
+
+        Nothing has come if the result is empty: the time has passed, or a control tick. A virtual clock jumps to the next
+        event or to `until_ms`, whichever is earlier; with neither, the result is empty. A connection that is lost is a
+        `Trouble`, not an exception.
+        """
+        ...
+
+    def quiesce(self, within_ms: int) -> Sequence[Message]:
+        """Begin nothing more, drop what is queued, bring what is under way to its end, and give what came meanwhile.
+
+        Commands of processes that need no hand, such as a furnace that heats, go on: their replies come later. What has not
+        ended `within_ms` is left under way.
+        """
+        ...
+
+    def halt(self) -> None:
+        """Stop every motion at once. What was under way has no reply and counts as dropped or failed; `report` tells which."""
+        ...
+
+    def report(self, numbers: Sequence[int]) -> Sequence[Report]:
+        """What became of these commands, in this order. A resumed run asks so before it sends anything."""
+        ...
+
+    def close(self) -> None:
+        """Leave the cell as it is, and give back what the driver holds. A process of its own may live on."""
         ...

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from kb.diagnostics import Diagnostic, InvalidInput, Source
 
-MAX_BYTES = 16 * 2**20
+MAX_BYTES = 64 * 2**20  # of a file that people write, or that an import writes for them
 EXCERPT = 160  # characters of a line shown in a message
 ASCII = "[^\t\n\r\x20-\x7e]"
 UNICODE = "[^\t\n\r\x20-\x7e\x85\xa0-\ud7ff\ue000-\ufefe\uff00-\ufffd\U00010000-\U0010ffff]"
@@ -48,10 +48,10 @@ def unprintable(text: str) -> re.Match[str] | None:
     return re.search(ASCII if text.isascii() else UNICODE, text)
 
 
-def read_file(path: Path, name: str | None = None) -> File:
-    """The text of `path`. Raises `InvalidInput` if it cannot be read as text."""
+def read_file(path: Path, name: str | None = None, most: int = MAX_BYTES) -> File:
+    """The text of `path`, of at most so many bytes. Raises `InvalidInput` if it cannot be read as text."""
     name = name or str(path)
-    data = _bytes(path, name)
+    data = _bytes(path, name, most)
     try:
         file = File.of(name, data.decode("utf-8-sig"))
     except UnicodeDecodeError as error:
@@ -69,13 +69,13 @@ def read_file(path: Path, name: str | None = None) -> File:
     return file
 
 
-def _bytes(path: Path, name: str) -> bytes:
+def _bytes(path: Path, name: str, most: int) -> bytes:
     try:
         status = path.stat()
-        if stat.S_ISREG(status.st_mode) and status.st_size <= MAX_BYTES:
+        if stat.S_ISREG(status.st_mode) and status.st_size <= most:
             with path.open("rb") as file:
-                data = file.read(MAX_BYTES + 1)  # files under /proc report a size of 0
-            if len(data) <= MAX_BYTES:
+                data = file.read(most + 1)  # files under /proc report a size of 0
+            if len(data) <= most:
                 return data
     except (OSError, ValueError) as error:
         said = getattr(error, "strerror", None) or str(error)
@@ -86,7 +86,7 @@ def _bytes(path: Path, name: str) -> bytes:
         found = Diagnostic(Source(name), "K001", "not a regular file", "pipes and devices are not read")
     else:
         hint = "split the problem, or generate facts with rules"
-        found = Diagnostic(Source(name), "K007", f"larger than {MAX_BYTES // 2**20} MiB", hint)
+        found = Diagnostic(Source(name), "K007", f"larger than {most // 2**20} MiB", hint)
     raise InvalidInput([found])
 
 
@@ -96,6 +96,31 @@ def is_file(path: Path) -> bool:
         return path.is_file()
     except (OSError, ValueError):
         return False
+
+
+def is_there(path: Path) -> bool:
+    """Whether anything has this name: a file, a folder, a device, or a link to nothing."""
+    try:
+        path.lstat()
+    except (OSError, ValueError) as error:
+        return isinstance(error, PermissionError)
+    return True
+
+
+def within(folder: Path, name: str) -> Path | None:
+    """The path of a name below a folder; None if the name leads out of it, also through links.
+
+    The path is the folder's, with the name as it is written.
+    """
+    try:
+        inside = (folder / name).resolve().is_relative_to(folder.resolve())
+    except (
+        OSError,
+        RuntimeError,
+        ValueError,
+    ):  # a name that is too long, links in a circle: there is no such file
+        return folder / name
+    return folder / name if inside and not Path(name).is_absolute() else None
 
 
 def is_folder(path: Path) -> bool:

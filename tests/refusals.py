@@ -47,4 +47,4 @@ REFUSALS = {
     "K906": ["diagnose bulkhead --exception no_echo --step tidy"],
 }
 
-ENVIRONMENT = ("K414", "K419")  # what the machine lacks: a package, memory
+ENVIRONMENT = ("K414", "K419", "K420")  # what the machine lacks: a package, memory, time

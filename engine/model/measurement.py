@@ -35,6 +35,7 @@ class MeasurementPoint:
 
     `kind` is what the tool must measure (thickness, profile). `tolerance_m` is the width of the tolerance
     zone that the measurement must confirm. `step` says in which step of the alignment the point is measured; 0: in none.
+    `nominal_m` is what the measurement should give.
     """
 
     name: str
@@ -45,6 +46,7 @@ class MeasurementPoint:
     tolerance_m: float | None = None
     bore_m: float | None = None
     step: int = 0
+    nominal_m: float | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,7 +13,7 @@ from engine.model.outcome import Found, Outcome, Statistics
 from engine.model.task import Task
 from engine.pipelines.gate import InternalError, PlanGate
 from engine.stages.grounding import ground
-from engine.stages.grounding.limits import require_affordable_statics, size
+from engine.stages.grounding.limits import size
 from engine.stages.grounding.need import Named, faithful, thinned, without_irrelevant
 from engine.stages.planning import NO_MACROS, Limits, Macros
 from engine.stages.planning import plan as plan_task
@@ -147,7 +147,6 @@ def check_plan(
 
     Raises `InvalidInput`.
     """
-    require_affordable_statics(problem)
     return validate(problem, made, name, claims)
 
 

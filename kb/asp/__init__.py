@@ -10,9 +10,11 @@ from collections.abc import Iterable, Iterator, Mapping
 
 import clingo
 
+from kb.asp.bounded import run_bounded
 from kb.asp.suspicion import suspicion
 from kb.asp.tables import Table, table
-from kb.terms import Function, Number, Term, Text
+from kb.plain_terms import plain_terms
+from kb.terms import Function, Number, Term, Text, is_ground
 
 
 class AspError(Exception):
@@ -51,22 +53,24 @@ class Grounder:
         self._control.ground([("base", [])])
         self._parts = 0
         self._tables = 0
-        self._known: dict[clingo.Symbol, Term] = {}
 
     def ground(self, text: str) -> None:
-        """Adds statements, and everything that follows from them. Raises `AspError`."""
+        """Adds statements, and everything that follows from them.
+
+        Raises `AspError`, and what `kb.asp.bounded` raises where that takes too long.
+        """
         self._parts += 1
         part = f"part_{self._parts}"
         try:
             self._control.add(part, [], text)
-            self._control.ground([(part, [])])
+            run_bounded(lambda: self._control.ground([(part, [])]))
         except RuntimeError as error:
             raise AspError(self._messages.heard or [(0, 0, str(error))]) from None
 
     def atoms(self, predicate: str, arity: int) -> list[tuple[Term, ...]]:
         """The argument tuples of every true atom of a predicate, in clingo's order."""
         found = self._control.symbolic_atoms.by_signature(predicate, arity)
-        return [tuple(map(term, atom.symbol.arguments)) for atom in found]
+        return [_fact(atom.symbol).arguments for atom in found]
 
     def column(self, predicate: str, arity: int, number: int) -> list[str]:
         """The texts of one argument of every true atom of a predicate: its other arguments are not read."""
@@ -79,19 +83,12 @@ class Grounder:
             yield from self.named(name)
 
     def named(self, predicate: str) -> Iterator[Function]:
-        """Every true atom of a predicate, of any arity.
-
-        Few arguments are different, so each different one is read only once.
-        """
-        atoms, known = self._control.symbolic_atoms, self._known
+        """Every true atom of a predicate, of any arity."""
+        atoms = self._control.symbolic_atoms
         for name, arity, positive in atoms.signatures:
             if name == predicate:
                 for atom in atoms.by_signature(name, arity, positive):
-                    arguments = atom.symbol.arguments
-                    for each in arguments:
-                        if each not in known:
-                            known[each] = term(each)
-                    yield Function(name, tuple([known[each] for each in arguments]))
+                    yield _fact(atom.symbol)
 
     def holds(self, atom: Function) -> bool:
         """Whether a ground atom is true."""
@@ -114,6 +111,14 @@ class Grounder:
             if number >= 0:
                 found[names[number]] = table(str(atom), columns[names[number]])
         return found
+
+
+def _fact(symbol: clingo.Symbol) -> Function:
+    """An atom. Most are read from their text, which clingo writes in less time than it gives arguments one by one."""
+    plain = plain_terms(str(symbol))
+    found = plain[0] if plain is not None else term(symbol)
+    assert isinstance(found, Function)
+    return found
 
 
 def term(symbol: clingo.Symbol) -> Term:
@@ -144,6 +149,9 @@ def symbol(ground: Term) -> clingo.Symbol:
 
 def ground_term(text: str) -> Term:
     """A ground term from its text, read in a fast way. Arithmetic in it is evaluated. Raises `AspError`."""
+    plain = plain_terms(text)
+    if plain is not None and len(plain) == 1 and is_ground(plain[0]):
+        return plain[0]
     if (found := suspicion(text)) is not None:
         raise AspError([(1, found.offset + 1, found.message)])
     messages = Messages()

@@ -5,6 +5,7 @@ from collections.abc import Iterator
 import clingo
 
 from kb.asp import AspError, Messages, term
+from kb.asp.bounded import run_bounded
 from kb.terms import Function
 
 
@@ -19,7 +20,7 @@ def models(text: str, shown: str, limit: int) -> Iterator[tuple[Function, ...]]:
     control = clingo.Control(options, logger=messages, message_limit=50)
     try:
         control.add("base", [], f"{text}\n#show {shown}/1.\n#project {shown}/1.")
-        control.ground([("base", [])])
+        run_bounded(lambda: control.ground([("base", [])]))
     except RuntimeError as error:
         raise AspError(messages.heard or [(0, 0, str(error))]) from None
     with control.solve(yield_=True) as found:

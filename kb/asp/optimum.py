@@ -5,6 +5,7 @@ from collections.abc import Callable, Iterator
 import clingo
 
 from kb.asp import AspError, Messages, term
+from kb.asp.bounded import run_bounded
 from kb.terms import Function
 
 PAUSE = 0.05  # seconds between two checks whether to stop
@@ -28,7 +29,7 @@ def best_models(
     control = clingo.Control(["--warn=none", *options], logger=messages, message_limit=50)
     try:
         control.add("base", [], f"{text}\n#show {shown}/1.")
-        control.ground([("base", [])])
+        run_bounded(lambda: control.ground([("base", [])]))
     except RuntimeError as error:
         raise AspError(messages.heard or [(0, 0, str(error))]) from None
     for number in range(limit):

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from clingo import Control, ast
 
 from kb.asp import AspError, Messages
+from kb.asp.bounded import run_bounded
 from kb.asp.suspicion import suspicion
 from kb.asp.tree import ALONE, Reading, signature, strange
 from kb.diagnostics import Source
@@ -155,7 +156,7 @@ def unsafe(rules: Sequence[Statement]) -> Iterator[tuple[Statement, str]]:
         control.add(
             "base", [], "\n".join(f"{each.head} :- {'; '.join((*each.body, NEVER))}." for each in rules)
         )
-        control.ground([("base", [])])
+        run_bounded(lambda: control.ground([("base", [])]))
     except RuntimeError:
         pass  # the collected messages say why
     for message in heard:

@@ -5,6 +5,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 import clingo
 
 from kb.asp import AspError, Messages
+from kb.asp.bounded import run_bounded
 from kb.terms import Function, Number
 
 Shown = frozenset[tuple[int, ...]] | bool | None
@@ -32,7 +33,8 @@ class Solver:
     def ground(self, parts: Iterable[tuple[str, Sequence[int]]]) -> None:
         """Grounds parts with numbers for their parameters. Raises `AspError`."""
         try:
-            self._control.ground([(name, [clingo.Number(n) for n in numbers]) for name, numbers in parts])
+            wanted = [(name, [clingo.Number(n) for n in numbers]) for name, numbers in parts]
+            run_bounded(lambda: self._control.ground(wanted))
         except RuntimeError as error:
             raise AspError(self._messages.heard or [(0, 0, str(error))]) from None
 

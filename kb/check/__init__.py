@@ -11,7 +11,7 @@ from kb.model.amounts import asked
 from kb.model.conditions import Aggregate, Condition, conditions, literals
 from kb.model.domain import Domain, Effect, Kind, Operator
 from kb.model.problem import Problem
-from kb.terms import Atom, is_ground
+from kb.terms import Atom, Term, is_ground
 
 
 def check_domain(domain: Domain, problems: Collection[Problem] = ()) -> list[Diagnostic]:
@@ -44,14 +44,19 @@ def unreachable(domain: Domain, reached: Collection[str]) -> list[Diagnostic]:
 def _unused(domain: Domain, problems: Collection[Problem]) -> Iterator[Diagnostic]:
     used = {*_read(domain), *_changed(domain), *_counted(domain), *_named(problems), *read_by_engine(domain)}
     used |= {literal.atom.name for literal in spoken_of(domain)}
-    used |= {
-        each.name for o in domain.operators for term in (o.duration, o.cost) for each in asked(domain, term)
-    }
+    used |= {each.name for o in domain.operators for term in _numbers(o) for each in asked(domain, term)}
     stated = {use for each in domain.asp for use in (each.defines, *(use for use, _ in each.uses))}
     for predicate in domain.predicates.values():
         if predicate.name not in used and (predicate.name, len(predicate.arguments)) not in stated:
             hint = "remove it, or use it"
             yield Diagnostic(predicate.where, "K309", f"nothing uses '{predicate.name}'", hint, warning=True)
+
+
+def _numbers(operator: Operator) -> Iterator[Term | None]:
+    """The terms of an operator that amount to a number."""
+    yield from (operator.duration, operator.cost)
+    if operator.command is not None and (measure := operator.command.measures) is not None:
+        yield from (measure.nominal, measure.tolerance, measure.lower, measure.upper)
 
 
 def _named(problems: Collection[Problem]) -> Iterator[str]:

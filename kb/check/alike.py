@@ -9,8 +9,7 @@ import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 
-from kb.asp import Grounder
-from kb.asp.vocabulary import static_program
+from kb.asp.statics import evaluated
 from kb.model.conditions import And, goal_parts
 from kb.model.problem import Problem
 from kb.terms import Atom, Function, Term
@@ -55,8 +54,7 @@ def fewer(problem: Problem) -> Fewer:
 
 def _said(problem: Problem) -> dict[str, set[str]]:
     """What is said about each object of a problem, with other objects and numbers masked."""
-    grounder = Grounder()
-    grounder.ground(static_program(problem))
+    grounder = evaluated(problem)
     texts = (
         *map(str, grounder.everything()),
         *map(str, problem.initial),

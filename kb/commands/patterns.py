@@ -1,5 +1,6 @@
 """The small language of `say`: words, `{P:probe}` slots, `(a|b)` alternatives and `[optional]` parts."""
 
+import functools
 import itertools
 import re
 from collections.abc import Iterator
@@ -58,6 +59,7 @@ MAX_PARTS = 200  # words, slots and brackets of one phrase
 MAX_NESTING = 20
 
 
+@functools.lru_cache(1024)
 def read_pattern(text: str) -> Pattern:
     """The pattern that `text` describes. Raises `PatternError`."""
     return _PatternReader(text).whole()

@@ -1,5 +1,6 @@
 """The phrases of a domain as one tree of words and slots, in every order in which their parts can be said."""
 
+import functools
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 
@@ -41,7 +42,8 @@ class Node:
         return self.slots.setdefault(part.type, Node())
 
 
-def tree(patterns: Sequence[Pattern], moved: bool) -> Node:
+@functools.lru_cache(16)
+def tree(patterns: tuple[Pattern, ...], moved: bool) -> Node:
     """The root of the tree of all forms of the patterns: those as written, or those in another order."""
     root = Node()
     for form in forms(patterns):

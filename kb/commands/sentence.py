@@ -51,7 +51,7 @@ def read_sentence(
 
 def book_of(known: Sequence[Meaning], vocabulary: Vocabulary) -> Book:
     """The book of these phrases and nouns."""
-    patterns = [meaning.pattern for meaning in known]
+    patterns = tuple(meaning.pattern for meaning in known)
     return Book(tree(patterns, False), tree(patterns, True), vocabulary)
 
 

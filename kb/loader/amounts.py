@@ -5,7 +5,7 @@ from functools import cache, lru_cache
 from pathlib import Path
 
 from kb.asp import Grounder
-from kb.asp.vocabulary import static_program
+from kb.asp.statics import evaluated
 from kb.diagnostics import InvalidInput, unknown_name
 from kb.files import is_file
 from kb.model.amounts import Amounts, Facts, Standing
@@ -45,9 +45,7 @@ def _evaluated(problem: Problem) -> Facts:
     """The static facts, evaluated by clingo when the first of them is asked for."""
 
     def grounded() -> Grounder:
-        grounder = Grounder()
-        grounder.ground(static_program(problem))
-        return grounder
+        return evaluated(problem)
 
     ask: Callable[[], Grounder] = cache(grounded)
     return lambda name, arity: ask().atoms(name, arity)

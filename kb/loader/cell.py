@@ -15,7 +15,20 @@ from kb.loader.quantities import ANGLE, Quantities, child, members
 from kb.loader.reader import Findings, Reader, require, validate_shape
 from kb.loader.tree import Node, read_file
 from kb.loader.urdf import read_urdf
-from kb.model.cell import WORLD, Arm, Body, BodyKind, Cell, MountedArm, Place, Placement, Region
+from kb.model.cell import (
+    TOUCH_M,
+    WORLD,
+    ZONE_SPEED_M_S,
+    Arm,
+    Body,
+    BodyKind,
+    Cell,
+    MountedArm,
+    Place,
+    Placement,
+    Region,
+    Zone,
+)
 from kb.model.shapes import Sphere
 from kb.terms import Function
 
@@ -67,6 +80,7 @@ class _CellReader:
             places[place.name] = place
         known = Known(bodies, places, self._known())
         locations = read_locations(self.reader, self.read, known)
+        zones = {name: self._zone(name, node) for name, node in self._section("zones")}
         operations = read_operations(self.reader, self.read.findings, known)
         name = self.reader.text("cell")
         measuring = {
@@ -75,7 +89,18 @@ class _CellReader:
             if self._is_tool(key, key_node, bodies)
         }
         return Cell(
-            name, arms, frames, bodies, regions, allowed, places, locations, operations, measuring, path
+            name,
+            arms,
+            frames,
+            bodies,
+            regions,
+            allowed,
+            places,
+            locations,
+            zones,
+            operations,
+            measuring,
+            path,
         )
 
     def _section(self, section: str) -> list[tuple[str, Node]]:
@@ -113,12 +138,15 @@ class _CellReader:
                 node.where, "K005", "an arm needs one description", "give `model` or `urdf`"
             )
         if urdf is not None:
-            return read_urdf(urdf, node, self.read.folder, self.read.findings)
+            return read_urdf(urdf, node, self.read)
         if model is None:
             return Arm("", ())
-        beside, known = self.read.folder / model.value, bundled_arms()
-        if model.value in known or is_file(beside):
-            return read_arm(known.get(model.value, beside), self.read.findings)
+        known = bundled_arms()
+        path = known[model.value] if model.value in known else self.read.file(model)
+        if path is None:
+            return Arm("", ())
+        if is_file(path):
+            return read_arm(path, self.read.findings)
         self.read.findings.note(unknown_name("arm", model.value, known, model.where))
         return Arm("", ())
 
@@ -194,6 +222,15 @@ class _CellReader:
             self.nodes[name].where,
         )
 
+    def _zone(self, name: str, node: Node) -> Zone:
+        placement, speed = self._placement(node), child(node, "speed")
+        self._is_known(placement, self._known())
+        allowed = self.read.number(speed) if speed else ZONE_SPEED_M_S
+        if speed is not None and allowed <= 0.0:
+            hint = "give a speed above 0, or an obstacle in `fixtures` where no arm may go"
+            self.read.findings.add(speed.where, "K005", f"the speed of zone '{name}' is not above 0", hint)
+        return Zone(name, self.read.shape(node) or Sphere(1.0), placement, allowed)
+
     def _check_parents(self, regions: Mapping[str, Region]) -> None:
         for _, _, node in self.reader.entries("regions"):
             parents = child(node, "parents")
@@ -228,6 +265,7 @@ class _CellReader:
             self.read.number(approach) if approach else 0.0,
             turns is not None and turns.value == "true",
             tuple(item.value for item in touched),
+            self.read.number(depth) if (depth := child(node, "depth")) else TOUCH_M,
         )
 
     def _which_arm(self, key: Node, node: Node, arms: Mapping[str, MountedArm]) -> str:

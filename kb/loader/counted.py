@@ -22,11 +22,12 @@ class Counted:
     name: str
     type_: str
     expression: Expression
+    signed: bool = False  # whether it may be negative
 
     def check(self) -> None:
         """Read the expression through."""
         value = self.expression.value
-        if isinstance(value, Number) and value.value < 0:
+        if isinstance(value, Number) and value.value < 0 and not self.signed:
             hint, said = f"a {self.name} must be 0 or more", f"the {self.name} {value} is negative"
             self.names.findings.add(self.expression.node.where, "K113", said, hint)
         self._term(value)

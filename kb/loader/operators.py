@@ -6,6 +6,7 @@ from typing import Any
 from kb.diagnostics import nearest, unknown_name
 from kb.loader.counted import Counted
 from kb.loader.inference import Typing, scoped
+from kb.loader.measures import MeasureReader
 from kb.loader.names import Names
 from kb.loader.reader import Expression, Reader
 from kb.loader.safety import closed, extended, occurrences, refuse_unbound, warn_singletons
@@ -53,6 +54,7 @@ class _OperatorReader:
         self.path: tuple[str, ...] = ("operators", key)
         self.typing = Typing(names)
         self.fields: dict[str, Expression | None] = {}
+        self.measures = MeasureReader(reader, names, self.path)
 
     def read(self) -> Operator:
         for name, start in _FIELDS.items():
@@ -101,6 +103,7 @@ class _OperatorReader:
         effects = [part for each in operator.effects for part in (each.atom, each.condition)]
         command = operator.command
         said = [command.stream, command.reply, command.result] if command else []
+        said += [each.value for each in self.measures.given.values()]
         counted = occurrences([self.header.value, *standing, *effects, *said])
         if where := self.fields["where"]:
             inner = [v for part in where.value for v in free_variables(part) if v not in operator.variables]
@@ -128,6 +131,7 @@ class _OperatorReader:
         for name, type_ in _NUMBERS.items():
             if expression := self.fields[name]:
                 Counted(self.names, self.typing, name, type_, expression).check()
+        self.measures.infer(self.typing)
         self._check_header()
 
     def _check_header(self) -> None:
@@ -229,8 +233,14 @@ class _OperatorReader:
                     hint = nearest(str(variable), [str(each) for each in known])
                     hint = hint or "let the reply bind it: `reply: value(Val)`"
                     self.names.findings.add(expression.place(variable), "K105", message, hint)
+        measures = self.measures.read(
+            self.header.value.name, self.header.value.arguments, reply.value if reply else None
+        )
         return Command(
-            stream.value, reply.value if reply else Function("done"), result.value if result else None
+            stream.value,
+            reply.value if reply else Function("done"),
+            result.value if result else None,
+            measures,
         )
 
 

@@ -20,6 +20,9 @@ from kb.model.problem import Problem
 from kb.model.traits import step_of
 from kb.terms import Function
 
+MAX_BYTES = 256 * 2**20  # of a plan of half a million steps
+MAX_VALUES = 25_000_000
+
 
 def load_plan(path: Path, rewrite: Rewrite = as_written) -> tuple[Problem, Plan]:
     """The problem and the plan in a plan file. Raises `InvalidInput` with all errors in its form."""
@@ -32,7 +35,7 @@ def load_claimed(path: Path, rewrite: Rewrite = as_written) -> tuple[Problem, Pl
     Raises `InvalidInput` with all errors in its form.
     """
     findings = Findings()
-    reader = Reader.of(read_file(path), findings)
+    reader = Reader.of(read_file(path, most=MAX_BYTES), findings, MAX_VALUES)
     _require_plan(reader)
     if not validate_shape(reader, "plan"):
         require(findings)

@@ -1,10 +1,8 @@
 """The `Problem` in a problem file, with its domain."""
 
 import dataclasses
-import re
 from collections.abc import Iterator
 
-from kb.asp import AspError, ground_term
 from kb.diagnostics import unknown_name
 from kb.loader.command import commanded
 from kb.loader.declarations import read_objects
@@ -17,8 +15,6 @@ from kb.loader.workflow import read_chains
 from kb.model.conditions import TRUE, And, Condition, free_variables
 from kb.model.domain import Domain, Kind
 from kb.model.problem import Problem
-from kb.syntax import Parsed
-from kb.syntax.checks import MAX_LENGTH, MAX_NESTING
 from kb.terms import Atom, Function, is_ground, variables
 
 
@@ -49,7 +45,7 @@ def read_problem(reader: Reader, domain: Domain, domain_names: Names, findings: 
 def _facts(reader: Reader, names: Names, section: str, kinds: tuple[Kind, ...]) -> Iterator[Atom]:
     seen: set[Atom] = set()
     for node in reader.items(section):
-        expression = _fact(node) or reader.parse("atoms", node)
+        expression = reader.parse("atoms", node)
         if expression is None:
             continue
         for atom in expression.value:
@@ -89,26 +85,6 @@ def _durations(reader: Reader, domain: Domain, names: Names) -> dict[Function, i
         else:
             found[step] = int(node.value)
     return found
-
-
-_SIMPLE = re.compile(r"[a-z][A-Za-z0-9_]*(?:\([A-Za-z0-9_(), ]*\))?")
-_NOT_SIMPLE = re.compile(
-    r"(?<![A-Za-z0-9])_|[0-9]{10}|(?<![A-Za-z0-9_])not(?![A-Za-z0-9_])|[0-9] *[a-z]|\( *\(|, *\("
-)
-
-
-def _fact(node: Node) -> Expression | None:
-    """A simple ground atom. Clingo reads it, because that is fast and problems hold thousands of facts."""
-    text = node.value
-    if not isinstance(text, str) or not _SIMPLE.fullmatch(text) or _NOT_SIMPLE.search(text):
-        return None
-    if len(text) > MAX_LENGTH or text.count("(") > MAX_NESTING:
-        return None
-    try:
-        atom = ground_term(text)
-    except AspError:
-        return None
-    return Expression((atom,), Parsed((atom,)), node) if isinstance(atom, Function) else None
 
 
 def _goal(reader: Reader, names: Names) -> Condition:

@@ -8,6 +8,7 @@ from typing import Any
 from kb.asp import AspError
 from kb.asp.statements import RefusedStatement, statements
 from kb.diagnostics import NOWHERE, Diagnostic, InvalidInput, Source
+from kb.loader.node import MAX_NODES
 from kb.loader.tree import File, Node, read_tree
 from kb.model.statement import Statement
 from kb.schema import Deviation, deviations
@@ -61,9 +62,9 @@ class Reader:
         self.named = 0
 
     @classmethod
-    def of(cls, file: File, findings: Findings) -> "Reader":
-        """A reader of a YAML file. Raises `InvalidInput` if the file contains no tree."""
-        root, found = read_tree(file)
+    def of(cls, file: File, findings: Findings, most: int = MAX_NODES) -> "Reader":
+        """A reader of a YAML file with at most so many values. Raises `InvalidInput` if the file contains no tree."""
+        root, found = read_tree(file, most)
         findings.diagnostics.extend(found)
         return cls(root, findings)
 

@@ -1,5 +1,6 @@
 """The ASP files of a domain: static rules stay text for clingo; rules that read fluents are parsed."""
 
+import functools
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -8,11 +9,11 @@ from kb.asp import AspError
 from kb.asp.compiled import NotCompilable, compiled
 from kb.asp.statements import ParsedStatement, RefusedStatement, statements, unsafe
 from kb.diagnostics import Source, nearest
-from kb.files import File, is_file, read_file
+from kb.files import File, is_file, read_file, within
 from kb.graphs import components
 from kb.loader.names import Names, count_of
 from kb.loader.reader import Reader
-from kb.loader.tree import Node
+from kb.loader.tree import SHORT, Node
 from kb.model.domain import BUILT_IN_TYPES, NUMERIC_TYPES, OBJECT, Kind, Rule
 from kb.model.statement import Sign, Signature, Statement
 
@@ -36,12 +37,8 @@ def read_rules(reader: Reader, names: Names, folder: Path) -> tuple[list[Stateme
 
 def _included(reader: Reader, name: str, node: Node, folder: Path) -> Path | None:
     """The file that an include names, if its real path is inside the folder of the domain."""
-    try:
-        target = (folder / name).resolve()
-        inside = target.is_relative_to(folder.resolve()) and not Path(name).is_absolute()
-    except (OSError, RuntimeError, ValueError):  # names that are too long, links in a circle, invalid bytes
-        target, inside = folder, True
-    if not inside:
+    target = within(folder, name)
+    if target is None:
         message = f"'{name[:60]}' leads outside the domain's folder"
         reader.findings.add(node.where, "K203", message, "copy the file beside domain.yaml")
     elif not is_file(target):
@@ -56,7 +53,7 @@ def _included(reader: Reader, name: str, node: Node, folder: Path) -> Path | Non
 def _statements(file: File, names: Names) -> Read:
     found: Read = []
     try:
-        for each in statements(file.text, file.line):
+        for each in (_remembered if len(file.text) <= SHORT else _read)(file):
             if isinstance(each, RefusedStatement):
                 names.findings.add(each.where, each.code, each.message, each.hint)
             else:
@@ -66,6 +63,13 @@ def _statements(file: File, names: Names) -> Read:
             hint = "each statement ends with '.', and variables begin with a capital letter"
             names.findings.add(file.line(line, column), "K201", message, hint)
     return found
+
+
+def _read(file: File) -> list[ParsedStatement | RefusedStatement]:
+    return list(statements(file.text, file.line))
+
+
+_remembered = functools.lru_cache(16)(_read)
 
 
 def _depending_on_fluents(read: Read, names: Names) -> set[Signature]:

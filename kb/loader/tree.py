@@ -6,95 +6,50 @@ documents are refused. Depth and size are limited. Duplicate keys, and comments 
 
 import functools
 import re
-from bisect import bisect_left
 from collections.abc import Iterator
-from dataclasses import dataclass, field
 from typing import Any
 
 import yaml
 
 from kb.diagnostics import Diagnostic, InvalidInput, Source
 from kb.files import File, read_file, unprintable
+from kb.loader.json_tree import json_tree
+from kb.loader.node import MAX_DEPTH, MAX_NODES, Node, too_many
 
 __all__ = ["File", "Node", "read_file", "read_tree"]
 
-MAX_DEPTH = 50
-MAX_NODES = 1_000_000
+SHORT = 2**16  # characters
 MAX_FOUND = 100  # a file with more YAML errors than this is not read further
 
 
-@dataclass(frozen=True, slots=True)
-class Node:
-    """A part of a YAML file: `value` is a string, a list of nodes, or a dict from string to (key node, node)."""
+def read_tree(file: File, most: int = MAX_NODES) -> tuple[Node, list[Diagnostic]]:
+    """The tree of a file with at most so many values, and its errors. Raises `InvalidInput` if there is no tree.
 
-    value: Any
-    file: File = field(repr=False)
-    start: int
-    end: int
-
-    @property
-    def where(self) -> Source:
-        """The place of its first character."""
-        return self.file.at(self.start)
-
-    def place(self, offset: int) -> Source:
-        """The place of character `offset` of a scalar's value, found by counting non-blank characters in the file.
-
-        The place is exact for plain, quoted, folded and literal scalars; escapes inside double quotes shift it.
-        """
-        visible = _visible(self.file.text[self.start : self.end])
-        wanted = len("".join(self.value[:offset].split()))
-        if wanted >= len(visible):
-            return self.file.at(max(self.start, self.end - 1)) if offset and visible else self.where
-        return self.file.at(self.start + visible[wanted])
-
-    def plain(self) -> Any:
-        """The content as strings, lists and dicts; an empty scalar is None."""
-        match self.value:
-            case str():
-                return self.value or None
-            case list():
-                return [item.plain() for item in self.value]
-            case _:
-                return {key: item.plain() for key, (_, item) in self.value.items()}
-
-    def descend(self, path: tuple[str | int, ...]) -> "Node":
-        """The node at `path`, or the deepest one on the way."""
-        node = self
-        for part in path:
-            if isinstance(node.value, dict) and part in node.value:
-                node = node.value[part][1]
-            elif isinstance(node.value, list) and isinstance(part, int) and part < len(node.value):
-                node = node.value[part]
-            else:
-                break
-        return node
+    The trees of the last short files are remembered: the domain is read anew with each of its problems.
+    """
+    root, found = (_remembered if len(file.text) <= SHORT else _read)(file, most)
+    return root, [*found]
 
 
-@functools.lru_cache(maxsize=4)
-def _visible(raw: str) -> list[int]:
-    """The places of the non-blank characters in a scalar's source, after its quote or block indicator."""
-    found = re.match(r"[|>][-+0-9]*[^\n]*\n|['\"]|", raw)
-    skip = found.end() if found else 0
-    places = [each.start() for each in re.finditer(r"\S", raw)]
-    return places[bisect_left(places, skip) :]
-
-
-def read_tree(file: File) -> tuple[Node, list[Diagnostic]]:
-    """The tree of a file and its errors. Raises `InvalidInput` if there is no tree."""
+def _read(file: File, most: int) -> tuple[Node, list[Diagnostic]]:
+    if (quick := json_tree(file, most)) is not None:
+        return quick, []
     found: list[Diagnostic] = []
     try:
-        root = _Composer(file, found).compose()
+        root = _Composer(file, found, most).compose()
     except yaml.YAMLError as error:
         raise InvalidInput([*found, _yaml_error(file, error)]) from None
     return root, found
 
 
+_remembered = functools.lru_cache(16)(_read)
+
+
 class _Composer:
     """Builds the tree from parser events. An explicit stack limits the depth, instead of Python's recursion limit."""
 
-    def __init__(self, file: File, found: list[Diagnostic]) -> None:
-        self.file, self.found = file, found
+    def __init__(self, file: File, found: list[Diagnostic], most: int) -> None:
+        self.file, self.found, self.most = file, found, most
         self.count = 0
 
     def compose(self) -> Node:
@@ -168,9 +123,8 @@ class _Composer:
 
     def _node(self, value: Any, opened: yaml.Event, closed: yaml.Event) -> Node:
         self.count += 1
-        if self.count > MAX_NODES:
-            where = self.file.at(_start(opened))
-            raise InvalidInput([Diagnostic(where, "K007", f"more than {MAX_NODES} values in one file")])
+        if self.count > self.most:
+            raise too_many(self.file, _start(opened), self.most)
         return Node(value, self.file, _start(opened), _end(closed))
 
     def _mapping(self, items: list[Node], opened: yaml.Event, closed: yaml.Event) -> Node:

@@ -27,6 +27,10 @@ class NoAmount(Exception):
         self.hint = hint
 
 
+class NotTold(NoAmount):
+    """No fact tells the number."""
+
+
 @dataclass
 class Amounts:
     """Durations and costs of one problem. Facts are read when they are first needed, once for each predicate.
@@ -132,7 +136,7 @@ class Amounts:
         given = self._table(asked.name, len(asked.arguments)).get(asked.arguments, [])
         fact = f"{asked.name}({', '.join(map(str, asked.arguments))}, N)"
         if not given:
-            raise NoAmount(f"{asked} is not known", f"add the fact {fact}")
+            raise NotTold(f"{asked} is not known", f"add the fact {fact}")
         if len(given) > 1:
             said = " and ".join(sorted(map(str, given))[:2])
             raise NoAmount(f"{asked} has {len(given)} values, such as {said}", f"keep one fact {fact}")

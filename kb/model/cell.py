@@ -13,6 +13,8 @@ from kb.model.shapes import HERE, Offsets, PlacedShape, Pose, Shape, Vector
 from kb.terms import Atom, Function, Term
 
 WORLD = "world"
+TOUCH_M = 0.005  # how deep things may overlap that touch by intention, unless the place says otherwise
+ZONE_SPEED_M_S = 0.25  # near people, unless the zone says otherwise (ISO 10218: reduced speed)
 
 
 class JointKind(Enum):
@@ -164,12 +166,22 @@ class Region:
 
 
 @dataclass(frozen=True, slots=True)
+class Zone:
+    """A space in which people may be: while an arm is in it, no point of the arm moves faster than `speed_m_s`."""
+
+    name: str
+    shape: Shape
+    placement: Placement
+    speed_m_s: float
+
+
+@dataclass(frozen=True, slots=True)
 class Place:
     """The meaning of a place in an atom: the pose that an arm's tool point takes there.
 
     With `tool`, a body in the hand, the feature `tip` of that body takes the pose instead. `approach_m` backs
     off along the tool's z. `turns` lets the tool turn about its own z. `touches` are the bodies that may be
-    in contact there.
+    in contact there, overlapping by at most `depth_m`.
     """
 
     name: str
@@ -179,6 +191,7 @@ class Place:
     approach_m: float = 0.0
     turns: bool = False
     touches: tuple[str, ...] = ()
+    depth_m: float = TOUCH_M
 
 
 @dataclass(frozen=True, slots=True)
@@ -258,6 +271,7 @@ class Cell:
     allowed: frozenset[frozenset[str]] = frozenset()
     places: Mapping[str, Place] = field(default_factory=dict)
     locations: tuple[Location, ...] = ()
+    zones: Mapping[str, Zone] = field(default_factory=dict)
     operations: tuple[Operation, ...] = ()
     measuring: Mapping[str, Measuring] = field(default_factory=dict)
     path: str = ""

@@ -121,6 +121,9 @@ class Conventions:
         WRITTEN,
         "how wide the tolerance zone of a measurement is, in micrometres",
     )
+    nominal: str = _static(
+        "nominal", "measurement, int", WRITTEN, "what a measurement should give, in micrometres"
+    )
     bore: str = _static(
         "bore", "measurement, int", WRITTEN, "how wide the hole is that a measurement lies in, in micrometres"
     )

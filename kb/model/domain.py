@@ -70,14 +70,35 @@ class Effect:
 
 
 @dataclass(frozen=True, slots=True)
+class Measure:
+    """What a step measures: the `quantity` `of` something, as `value` in the reply, with a tool.
+
+    The value should be `nominal` and lie in a zone as wide as `tolerance` around it, or between `lower` and `upper`. All
+    numbers count `unit`s.
+    """
+
+    of: Term
+    value: Variable
+    unit: str
+    quantity: str
+    by: Term | None = None
+    nominal: Term | None = None
+    tolerance: Term | None = None
+    lower: Term | None = None
+    upper: Term | None = None
+    where: Source = field(default=NOWHERE, compare=False)
+
+
+@dataclass(frozen=True, slots=True)
 class Command:
-    """What the executive sends for a step, the reply that it expects, and the fact that the reply gives (ITA,
-    figure 3).
+    """What the executive sends for a step, the reply that it expects, the fact that the reply gives (ITA, figure 3), and
+    what is measured with it.
     """
 
     stream: Term
     reply: Term
     result: Term | None = None
+    measures: Measure | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -230,6 +230,14 @@ class RegionEntry(PlacedEntry, ShapeEntry):
     solid: Truth = Field(False, description="a real thing, not only a part of space")
 
 
+class ZoneEntry(PlacedEntry, ShapeEntry):
+    """A space in which people may be, or come near."""
+
+    speed: Quantity = Field(
+        "0.25 m", description="the greatest speed of any point of an arm in it, per second"
+    )
+
+
 class PlaceEntry(PlacedEntry):
     """The pose of an arm's tool point for a place of the domain."""
 
@@ -240,6 +248,7 @@ class PlaceEntry(PlacedEntry):
     )
     turns: Truth = Field(False, description="the tool may turn about its own z")
     touches: list[str] = Field(default_factory=list, description="bodies that may be in contact there")
+    depth: Quantity = Field("5 mm", description="how deep the bodies in `touches` may be entered or pressed")
 
 
 class LocationEntry(Strict):
@@ -299,6 +308,10 @@ class CellFile(Strict):
     parts: dict[str, BodyEntry] = Field(default_factory=dict, description="bodies that are handled")
     tools: dict[str, BodyEntry] = Field(
         default_factory=dict, description="bodies that an arm holds or carries as a tool"
+    )
+    zones: dict[str, ZoneEntry] = Field(
+        default_factory=dict,
+        description="name: a space in which arms move slowly, because people may be there",
     )
     regions: dict[str, RegionEntry] = Field(default_factory=dict, description="the region tree")
     allowed_contacts: list[Pair] = Field(

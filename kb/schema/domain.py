@@ -42,6 +42,28 @@ class MotionEntry(Strict):
     )
 
 
+class MeasuresEntry(Strict):
+    """What a step measures: of what, in which unit, and between which limits it must be."""
+
+    of: Expression = Field(description="what is measured: Id, or a name")
+    value: Expression = Field(description="the variable of the reply that holds the value")
+    unit: str = Field(description="the unit of all numbers here: um, mm, g, degC, ...")
+    quantity: str | None = Field(
+        None, pattern=r"^[a-z][A-Za-z0-9_]*$", description="which quantity: thickness; else the operator"
+    )
+    by: Expression | None = Field(None, description="the tool that measures")
+    nominal: str | int | None = Field(
+        None, description="what the value should be: a number, nominal(Id), a variable, or arithmetic"
+    )
+    tolerance: str | int | None = Field(
+        None, description="how wide the zone around the nominal value is in which the value must lie"
+    )
+    lower: str | int | None = Field(None, description="the least value that passes, in place of a tolerance")
+    upper: str | int | None = Field(
+        None, description="the greatest value that passes, in place of a tolerance"
+    )
+
+
 class CommandEntry(Strict):
     """The command that the executive sends for a step, and the expected reply."""
 
@@ -53,6 +75,9 @@ class CommandEntry(Strict):
     )
     result: Expression | None = Field(
         None, description="the fact that follows from a reply: reads(Sensor, Value)"
+    )
+    measures: MeasuresEntry | None = Field(
+        None, description="the quantity that the reply tells, with its nominal value and its limits"
     )
 
 

@@ -1,6 +1,5 @@
 """One broken file per diagnostic code, and more where a code has several messages: what is printed is golden."""
 
-import functools
 from collections.abc import Callable
 from pathlib import Path
 
@@ -14,7 +13,7 @@ from engine.formats.interop.qif import inspection_of
 from engine.formats.interop.tables import read_table
 from engine.formats.interop.tsplib import read_tsplib
 from engine.pipelines import checking, planning
-from kb.asp import trial
+from kb.asp import bounded
 from kb.diagnostics import CODES, Diagnostic, InvalidInput
 from kb.loader.cell import load_cell
 from kb.loader.plan import load_claimed
@@ -54,10 +53,9 @@ def found_in(folder: Path) -> tuple[Diagnostic, ...]:
 
 
 @pytest.fixture(autouse=True)
-def small_trials(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A trial of grounding gives up soon."""
-    small = functools.partial(trial.affordable, seconds=1, megabytes=200)
-    monkeypatch.setattr("engine.stages.grounding.limits.affordable", small)
+def soon(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Grounding gives up soon."""
+    monkeypatch.setattr(bounded, "SECONDS", 1.0)
 
 
 @pytest.mark.parametrize("name", EXAMPLES)

@@ -17,6 +17,9 @@ from kb.asp.statements import statements
 from kb.diagnostics import InvalidInput
 from kb.files import File
 from kb.loader import load
+from kb.loader.cell import load_cell
+from kb.loader.contacts import load_contacts
+from kb.loader.faults import load_faults
 from kb.syntax import STARTS, ExpressionError, parse
 
 TOP = Path(__file__).parents[2]
@@ -30,7 +33,7 @@ FILES = [path for cell in CELLS for path in sorted(cell.rglob("*")) if path.suff
 FILES = [path for path in FILES if "golden" not in path.parts]
 SECONDS = 5.0
 
-quick = settings(max_examples=60, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
+quick = settings(max_examples=30, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
 slow = settings(max_examples=1000, deadline=None, suppress_health_check=list(HealthCheck))
 
 SPICE = [
@@ -312,7 +315,16 @@ def test_a_file_cut_short_is_answered(file: Path, tmp_path: Path) -> None:
     cell = next(cell for cell in CELLS if file.is_relative_to(cell))
     shutil.copytree(cell, tmp_path, dirs_exist_ok=True)
     data = file.read_bytes()
+    cut = tmp_path / file.relative_to(cell)
+    read = READERS.get(file.name, lambda domain: load(cut if "problems" in cut.parts else domain))
     for length in range(0, len(data), max(1, len(data) // 8)):
-        (tmp_path / file.relative_to(cell)).write_bytes(data[:length])
+        cut.write_bytes(data[:length])
         with answered_soon():
-            load(tmp_path / "domain.yaml")
+            read(tmp_path / "domain.yaml")
+
+
+READERS: dict[str, Callable[[Path], object]] = {
+    "cell.yaml": lambda domain: load_cell(domain.with_name("cell.yaml")),
+    "contacts.yaml": load_contacts,
+    "faults.yaml": load_faults,
+}

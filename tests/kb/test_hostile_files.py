@@ -10,6 +10,7 @@ import pytest
 
 from kb.asp import AspError, ground_term
 from kb.diagnostics import InvalidInput
+from kb.files import MAX_BYTES
 from kb.loader import find, load, load_plan
 from kb.syntax import ExpressionError, parse
 
@@ -399,4 +400,10 @@ def test_plan_files_are_answered(key: str, tmp_path: Path) -> None:
         with suppress(InvalidInput):
             load_plan(tmp_path / "plan.json")
     (tmp_path / "plan.json").write_text(PLAN)
+    assert len(load_plan(tmp_path / "plan.json")[1].steps) == 1
+
+
+def test_a_plan_file_may_be_longer_than_other_files(tmp_path: Path) -> None:
+    """A plan of fifty thousand steps has some 20 MiB and two million values."""
+    (tmp_path / "plan.json").write_text(PLAN + " " * MAX_BYTES)
     assert len(load_plan(tmp_path / "plan.json")[1].steps) == 1

@@ -12,8 +12,7 @@ from engine.pipelines import planning
 from kb.diagnostics import Diagnostic, InvalidInput, Source
 from kb.files import EXCERPT, File
 from kb.loader import load, with_goals
-from kb.loader.problem import _fact
-from kb.loader.tree import Node, read_tree
+from kb.loader.tree import read_tree
 from kb.model.conditions import Aggregate, And, Exists, ForAll, Literal, Not, Or
 from kb.model.domain import Domain, Kind
 from kb.syntax import ExpressionError, parse
@@ -179,27 +178,6 @@ def test_some_and_none(tmp_path: Path) -> None:
     assert isinstance(some.part, Literal)
 
 
-names = st.from_regex(r"[a-z][A-Za-z0-9_]{0,6}", fullmatch=True)
-numbers = st.integers(-50, 2**31 - 1).map(str)
-ground = st.recursive(
-    names | numbers,
-    lambda inner: st.builds(
-        lambda name, arguments, gap: f"{name}({gap.join(arguments)})",
-        names,
-        st.lists(inner, min_size=1, max_size=3),
-        st.sampled_from([",", ", ", " , "]),
-    ),
-    max_leaves=6,
-)
-
-
-@given(ground)
-def test_facts_read_by_clingo_are_those_of_the_grammar(text: str) -> None:
-    quick = _fact(Node(text, File.of("facts", text), 0, len(text)))
-    if quick is not None:
-        assert quick.value == parse("atoms", text).value
-
-
 @given(st.text(st.characters(codec="ascii", exclude_categories=["Cc"]) | st.just("\n"), max_size=40))
 def test_a_place_in_a_quoted_text_is_that_of_the_same_character(text: str) -> None:
     written = "key: '" + text.replace("'", "").replace("\n", "\n\n  ") + "'\n"
@@ -210,6 +188,9 @@ def test_a_place_in_a_quoted_text_is_that_of_the_same_character(text: str) -> No
             where = node.place(offset)
             line = written.split("\n")[where.line - 1]
             assert line[where.column - 1] == character
+
+
+names = st.from_regex(r"[a-z][A-Za-z0-9_]{0,6}", fullmatch=True)
 
 
 @given(

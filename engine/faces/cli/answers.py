@@ -19,6 +19,8 @@ from typing import TYPE_CHECKING, Any, NoReturn
 import typer
 
 from engine.faces.cli.exits import BAD_INPUT, INTERNAL, INTERRUPTED, LIMIT
+from engine.faces.cli.watch import current
+from kb.stopping import Stopped
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -53,8 +55,12 @@ class Answer:
 
 def give(make: Callable[[], Answer], form: Form) -> NoReturn:
     """Make the answer, print it and exit with its code."""
+    if watch := current():
+        watch.tell = lambda code: _print_stopped(code, form)
     with _hearing():
         answer = _made(make)
+    if watch:
+        watch.answered = True
     with suppress(OSError):  # even if the reason cannot be printed, the exit code is right
         if form is Form.TEXT or answer.raw is not None:
             _report(answer)
@@ -124,7 +130,8 @@ def _made(make: Callable[[], Answer]) -> Answer:
     try:
         return make()
     except InvalidInput as error:
-        return Answer("bad input", code=BAD_INPUT, diagnostics=error.diagnostics)
+        code = LIMIT if any(each.code == "K307" for each in error.diagnostics) else BAD_INPUT
+        return Answer("bad input", code=code, diagnostics=error.diagnostics)
     except KeyboardInterrupt:
         return Answer("interrupted", code=INTERRUPTED)
     except MemoryError:
@@ -132,6 +139,9 @@ def _made(make: Callable[[], Answer]) -> Answer:
             Source("memory"), "K419", "out of memory", "raise --memory-limit, or make the problem smaller"
         )
         return Answer("stopped", code=LIMIT, diagnostics=(found,))
+    except Stopped:
+        watch = current()
+        return _stopped(LIMIT if watch is not None and watch.is_time_up() else INTERRUPTED)
     except OSError as error:
         message, hint = (
             f"the operating system reports: {error.strerror or error}",
@@ -143,6 +153,27 @@ def _made(make: Callable[[], Answer]) -> Answer:
         if os.environ.get("CELLWRIGHT_TRACEBACK"):
             raise
         return Answer("internal error", {"error": f"{type(error).__name__}: {error}"}, code=INTERNAL)
+
+
+def _stopped(code: int) -> Answer:
+    """The answer of a command that was ended before it had one: by its time limit or by Ctrl-C."""
+    from kb.diagnostics import Diagnostic, Source
+
+    if code == INTERRUPTED:
+        return Answer("interrupted", code=INTERRUPTED)
+    found = Diagnostic(
+        Source("--time-limit"), "K420", "the time was over before there was an answer", "give more seconds"
+    )
+    return Answer("stopped", code=code, diagnostics=(found,))
+
+
+def _print_stopped(code: int, form: Form) -> None:
+    answer = _stopped(code)
+    if form is Form.TEXT:
+        _report(answer)
+    _print(answer, form)
+    sys.stdout.flush()
+    sys.stderr.flush()
 
 
 def _print(answer: Answer, form: Form) -> None:

@@ -8,6 +8,7 @@ import typer
 from engine.faces.cli.answers import open_streams
 from engine.faces.cli.ending import leave
 from engine.faces.cli.verbs import Verbs
+from engine.faces.cli.watch import own_process
 
 app = typer.Typer(
     name="cellwright", cls=Verbs, no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False
@@ -33,6 +34,7 @@ def cellwright(
 
 def run() -> None:
     """Run the command line."""
+    own_process()
     gc.set_threshold(100_000)  # rarely: few objects here refer to each other in circles
     open_streams()
     try:

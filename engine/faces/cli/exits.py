@@ -2,7 +2,16 @@
 
 from engine.model.outcome import Found, GaveUp, Infeasible, Outcome
 
-FINDINGS, BAD_INPUT, INFEASIBLE, GAVE_UP, LIMIT, INTERNAL, INTERRUPTED = 1, 2, 10, 12, 23, 70, 130
+FINDINGS, BAD_INPUT, INFEASIBLE, GAVE_UP, LIMIT, STOPPED, INTERNAL, INTERRUPTED = (
+    1,
+    2,
+    10,
+    12,
+    23,
+    40,
+    70,
+    130,
+)
 
 
 def exit_code(outcome: Outcome) -> int:

@@ -1,4 +1,4 @@
-"""`cellwright export`: problems in the languages of other planners."""
+"""`cellwright export`: problems and plans in the languages of other systems."""
 
 from enum import StrEnum
 from pathlib import Path
@@ -7,30 +7,65 @@ from typing import Annotated
 import typer
 
 from engine.faces.cli.answers import Answer, Form, give
-from engine.faces.cli.options import Command, Format, Goals, Ground, Target
+from engine.faces.cli.options import Command, Format, Goals, Ground, refuse_idle
 
 
 class Language(StrEnum):
-    """The languages in which a problem can be written."""
+    """The languages in which a problem or a plan can be written."""
 
     PDDL = "pddl"
+    BT = "bt"
 
 
 def export(
-    language: Annotated[Language, typer.Argument(help="what to write")],
-    target: Target,
+    language: Annotated[
+        Language, typer.Argument(help="pddl for a problem, bt for the behaviour tree of a plan")
+    ],
+    target: Annotated[
+        str, typer.Argument(metavar="TARGET|PLAN", help="what `plan` takes; for bt a plan in JSON")
+    ],
     goals: Goals = "",
     command: Command = "",
     ground: Ground = False,
-    output: Annotated[Path, typer.Option("--output", "-o", help="the folder to write into")] = Path(),
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "--output",
+            "-o",
+            help="the folder to write into, else this one; for bt a file, else it is printed",
+        ),
+    ] = None,
     format: Format = Form.TEXT,
 ) -> None:
-    """Write TARGET as domain.pddl and problem.pddl, so that any PDDL planner can solve it."""
-    assert language is Language.PDDL  # the only one
-    give(lambda: _export(target, goals, command, ground, output), format)
+    """Write TARGET as domain.pddl and problem.pddl, so that any PDDL planner can solve it, or PLAN as a behaviour tree.
+
+    Behaviour trees are in the XML of BehaviorTree.CPP version 4.
+    """
+    if language is Language.BT:
+        idle = {"--goals": goals, "--command": command, "--ground": ground}
+        refuse_idle(idle, "with bt, which takes a plan")
+        give(lambda: _behaviour_tree(Path(target), output), format)
+    give(lambda: _pddl(target, goals, command, ground, output or Path()), format)
 
 
-def _export(target: str, goals: str, command: str, ground: bool, output: Path) -> Answer:
+def _behaviour_tree(file: Path, output: Path | None) -> Answer:
+    from rich.text import Text
+
+    from engine.faces.cli.exits import FINDINGS
+    from engine.formats.interop import behaviour_trees
+    from engine.pipelines import planning
+
+    problem, plan = planning.plan_in(file)
+    if found := planning.check_plan(problem, plan, str(file)):
+        return Answer("invalid", code=FINDINGS, diagnostics=tuple(found))
+    tree = behaviour_trees.written(problem.domain, plan)
+    if output is None:
+        return Answer("ok", raw=tree)
+    output.write_text(tree, "utf-8")
+    return Answer("ok", {"file": str(output), "steps": len(plan.steps)}, lambda: Text(str(output)))
+
+
+def _pddl(target: str, goals: str, command: str, ground: bool, output: Path) -> Answer:
     from rich.text import Text
 
     from engine.formats.interop.pddl import files as pddl

@@ -8,7 +8,9 @@ from contextlib import contextmanager, suppress
 from types import FrameType, TracebackType
 from typing import TYPE_CHECKING, Any
 
+from engine.faces.cli.watch import current
 from engine.model.wording import counted
+from kb import stopping
 
 if TYPE_CHECKING:
     from kb.model.plan import Plan
@@ -30,12 +32,15 @@ class Interruption:
         self._progress = _ProgressLine() if sys.stderr.isatty() else None
 
     def __enter__(self) -> "Interruption":
+        self._asking = stopping.asking(self)
+        self._asking.__enter__()
         self._before = {each: signal.signal(each, self._hear) for each in (signal.SIGINT, signal.SIGTERM)}
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None
     ) -> None:
+        self._asking.__exit__(kind, value, trace)
         for each, before in self._before.items():
             signal.signal(each, before)
         if self._progress:
@@ -44,7 +49,10 @@ class Interruption:
     def __call__(self) -> bool:
         if self._progress:
             self._progress.tick()
-        return self.heard or (self.deadline is not None and time.monotonic() >= self.deadline)
+        stop = self.heard or (self.deadline is not None and time.monotonic() >= self.deadline)
+        if stop and (watch := current()):
+            watch.heard = True
+        return stop
 
     def tell(self, plan: "Plan") -> None:
         """Report a better plan on standard error."""
@@ -62,6 +70,8 @@ class Interruption:
     def while_waiting(self) -> Iterator[None]:
         """A context that waits for a person instead of searching: Ctrl-C ends it at once with `KeyboardInterrupt`."""
         self.waiting = True
+        if watch := current():
+            watch.waiting = True
         try:
             yield
         except KeyboardInterrupt:
@@ -69,6 +79,8 @@ class Interruption:
             raise
         finally:
             self.waiting = False
+            if watch:
+                watch.waiting = False
 
     def _hear(self, _signal: int, _frame: FrameType | None) -> None:
         if self.heard or self.waiting:
@@ -99,13 +111,3 @@ def _say(text: str) -> None:
     with suppress(OSError):
         sys.stderr.write(text)
         sys.stderr.flush()
-
-
-def limit_memory(megabytes: int | None) -> None:
-    """Limit the memory of this process and of those it starts. Beyond the limit a `MemoryError` is raised."""
-    if megabytes is not None:
-        import resource
-
-        _, most = resource.getrlimit(resource.RLIMIT_DATA)
-        wanted = min(megabytes * 2**20, sys.maxsize)
-        resource.setrlimit(resource.RLIMIT_DATA, (wanted if most < 0 else min(wanted, most), most))

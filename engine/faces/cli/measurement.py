@@ -23,6 +23,9 @@ Kind = Annotated[str, typer.Option("--kind", help="what is measured there: profi
 Tolerance = Annotated[
     float | None, typer.Option("--tolerance", help="width of the tolerance zone in millimetres")
 ]
+Nominal = Annotated[
+    float | None, typer.Option("--nominal", help="what the measurement should give, in millimetres")
+]
 Bore = Annotated[
     float | None, typer.Option("--bore", help="width of the hole around the point, in millimetres")
 ]
@@ -50,9 +53,10 @@ def _writing(how: str, says: str) -> Callable[..., None]:
         kind: Kind = "profile",
         tolerance: Tolerance = None,
         bore: Bore = None,
+        nominal: Nominal = None,
         format: Format = Form.TEXT,
     ) -> None:
-        point = _point(name, at, normal, kind, (tolerance, bore))
+        point = _point(name, at, normal, kind, (tolerance, bore, nominal))
         give(lambda: _change(file, how, point), format)
 
     write.__doc__ = says
@@ -63,7 +67,7 @@ app.command("add")(_writing("added", "Add the measurement NAME, and a goal for i
 app.command("edit")(
     _writing(
         "replaced",
-        "Change the position, kind, tolerance and bore of the measurement NAME in the problem FILE.",
+        "Change the position, kind, nominal value, tolerance and bore of the measurement NAME in the problem FILE.",
     )
 )
 
@@ -102,7 +106,7 @@ def _point(
     at: tuple[float, float, float],
     normal: tuple[float, float, float],
     kind: str,
-    sizes: tuple[float | None, float | None],
+    sizes: tuple[float | None, float | None, float | None],
 ) -> "MeasurementPoint":
     from math import hypot
 
@@ -111,10 +115,10 @@ def _point(
     length = hypot(*normal)
     if not length:
         raise typer.BadParameter("the normal has no length")
-    tolerance, bore = (None if each is None else each * 1e-3 for each in sizes)
+    tolerance, bore, wanted = (None if each is None else each * 1e-3 for each in sizes)
     place = (at[0] * 1e-3, at[1] * 1e-3, at[2] * 1e-3)
     unit = (normal[0] / length, normal[1] / length, normal[2] / length)
-    return MeasurementPoint(name, name, kind, place, unit, tolerance, bore)
+    return MeasurementPoint(name, name, kind, place, unit, tolerance, bore, nominal_m=wanted)
 
 
 def _change(file: Path, how: str, what: "MeasurementPoint | str") -> Answer:

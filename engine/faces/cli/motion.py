@@ -1,8 +1,10 @@
 """`cellwright motion`: paths of an arm in a cell."""
 
+import math
+from collections.abc import Callable
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -10,9 +12,22 @@ from engine.faces.cli.answers import Answer, Form, give
 from engine.faces.cli.exits import GAVE_UP, INFEASIBLE
 from engine.faces.cli.options import Seed, Target, number, refuse_idle
 
+if TYPE_CHECKING:
+    from engine.pipelines.motion.moving import Motion, Wish
+
 app = typer.Typer(add_completion=False, no_args_is_help=True)
 CODES = {"found": 0, "infeasible": INFEASIBLE, "gave up": GAVE_UP}
-NAMED = 'home, a place of the cell, joint values "0, 90, 0, 0, 45, 0", or "point X, Y, Z" in metres'
+NAMED = (
+    'home, a place of the cell, joint values "0, 90, 0, 0, 45, 0", "point X, Y, Z" or "pose X, Y, Z, R, P, Y"'
+)
+
+
+class Way(StrEnum):
+    """The strategies of `engine.model.motion`, named here so that help needs no array library."""
+
+    CONNECT = "connect"
+    VISIBILITY = "visibility"
+    REDUCED = "reduced"
 
 
 class MotionForm(StrEnum):
@@ -21,6 +36,56 @@ class MotionForm(StrEnum):
     TEXT = "text"
     JSON = "json"
     SVG = "svg"
+    GLTF = "gltf"
+    PNG = "png"
+
+
+class TableForm(StrEnum):
+    """The forms in which travel times are shown; facts are for a problem file."""
+
+    TEXT = "text"
+    JSON = "json"
+    FACTS = "facts"
+
+
+From = Annotated[str, typer.Option("--from", help=f"where it starts: {NAMED}")]
+To = Annotated[
+    list[str] | None, typer.Option("--to", help="where it goes: the same; of several, one is reached")
+]
+Problems = Annotated[
+    Path | None, typer.Option(help="replay this set of problems, in place of --from and --to")
+]
+Margin = Annotated[
+    float, typer.Option(min=0, max=10, callback=number, help="metres that everything must stay clear")
+]
+Bridges = Annotated[
+    int, typer.Option(min=0, max=100_000, help="short cuts that are tried: more work, a shorter path")
+]
+Strategy = Annotated[
+    Way, typer.Option(help="connect: two trees; visibility: the hand first; reduced: three joints at a time")
+]
+Refine = Annotated[
+    int,
+    typer.Option(min=0, max=100_000_000, help="configurations to look at for a shorter path, such as 100000"),
+]
+Budget = Annotated[
+    int, typer.Option(min=1, max=1_000_000_000, help="configurations to look at before it gives up")
+]
+Upright = Annotated[
+    float,
+    typer.Option(
+        min=0, max=90, callback=number, help="degrees by which what is in hand may tilt; 0: as it likes"
+    ),
+]
+Direct = Annotated[
+    bool, typer.Option("--direct", help="no straight lines of the tool out of places and into them")
+]
+Tool = Annotated[str, typer.Option(help="the tool in hand, where no place says which")]
+Rest = Annotated[bool, typer.Option("--rest", help="rest at each configuration, and cut no corner")]
+Shown = Annotated[MotionForm, typer.Option("--format", help="how it is shown")]
+Azimuth = Annotated[float, typer.Option(callback=number, help="degrees about z from which a PNG is seen")]
+Elevation = Annotated[float, typer.Option(callback=number, help="degrees above the ground")]
+Output = Annotated[Path | None, typer.Option("--output", "-o", help="the file to write")]
 
 
 @app.callback()
@@ -31,52 +96,122 @@ def motion() -> None:
 @app.command("plan")
 def plan_motion(
     target: Target,
-    start: Annotated[str, typer.Option("--from", help=f"where it starts: {NAMED}")],
-    goal: Annotated[str, typer.Option("--to", help="where it goes: the same")],
-    margin: Annotated[
-        float, typer.Option(min=0, max=10, callback=number, help="metres that everything must stay clear")
-    ] = 0.0,
-    bridges: Annotated[
-        int, typer.Option(min=0, max=100_000, help="short cuts that are tried: more work, a shorter path")
-    ] = 60,
+    start: From = "",
+    goal: To = None,
+    problems: Problems = None,
+    margin: Margin = 0.0,
+    bridges: Bridges = 60,
+    strategy: Strategy = Way.CONNECT,
+    refine: Refine = 0,
+    upright: Upright = 0.0,
+    budget: Budget = 1_000_000,
+    direct: Direct = False,
+    tool: Tool = "",
+    rest: Rest = False,
     seed: Seed = 0,
-    format: Annotated[MotionForm, typer.Option("--format", help="how it is shown")] = MotionForm.TEXT,
-    output: Annotated[Path | None, typer.Option("--output", "-o", help="the SVG file to write")] = None,
+    format: Shown = MotionForm.TEXT,
+    output: Output = None,
+    azimuth: Azimuth = -140.0,
+    elevation: Elevation = 30.0,
 ) -> None:
     """Plan a motion in the cell of TARGET that touches nothing, and prove it."""
-    if format is not MotionForm.SVG:
-        refuse_idle({"--output": output}, "without a picture: give --format svg")
+    if problems is None and not (start and goal):
+        raise typer.BadParameter("give --from and --to, or --problems")
+    if problems is not None:
+        pictured = format not in (MotionForm.TEXT, MotionForm.JSON)
+        refuse_idle({"--from": start, "--to": goal, f"--format {format}": pictured}, "with --problems")
+    elif format in (MotionForm.TEXT, MotionForm.JSON):
+        refuse_idle({"--output": output}, "without a picture: give --format svg, gltf or png")
+    if format is MotionForm.PNG and output is None:
+        raise typer.BadParameter("--format png needs --output")
     form = Form.JSON if format is MotionForm.JSON else Form.TEXT
-    give(lambda: _planned(target, (start, goal), (margin, seed, bridges), format, output), form)
+
+    def wished() -> "Wish":
+        from engine.model.motion import Strategy
+        from engine.pipelines.motion.moving import Wish
+
+        return Wish(
+            margin,
+            seed,
+            bridges,
+            Strategy(strategy.value),
+            direct,
+            tool,
+            not rest,
+            refine,
+            math.radians(upright),
+            budget,
+        )
+
+    if problems is not None:
+        from engine.faces.cli.motion_sets import replays
+
+        give(lambda: replays(target, problems, wished, output), form)
+    seen = (math.radians(azimuth), math.radians(elevation))
+    give(lambda: _planned(target, (start, tuple(goal or ())), wished, format, output, seen), form)
+
+
+@app.command("problems")
+def motion_problems(
+    target: Target,
+    count: Annotated[int, typer.Option(min=1, max=10_000, help="how many problems are drawn")] = 20,
+    tool: Tool = "",
+    seed: Seed = 0,
+    output: Output = None,
+) -> None:
+    """Draw motion problems in the cell of TARGET: to free configurations and places, from free configurations."""
+    from engine.faces.cli.motion_sets import generated
+
+    give(lambda: generated(target, count, seed, tool, output), Form.TEXT)
+
+
+@app.command("travel")
+def motion_travel(
+    target: Target,
+    tool: Tool = "",
+    place: Annotated[
+        list[str] | None, typer.Option(help="only these places; all that take the tool otherwise")
+    ] = None,
+    format: Annotated[TableForm, typer.Option("--format", help="how it is shown")] = TableForm.TEXT,
+) -> None:
+    """Print how long free motions between the places of TARGET's cell take."""
+    from engine.faces.cli.motion_sets import table
+
+    form = Form.JSON if format is TableForm.JSON else Form.TEXT
+    give(lambda: table(target, tool, tuple(place or ()), format is TableForm.FACTS), form)
 
 
 def _planned(
     target: str,
-    ends: tuple[str, str],
-    settings: tuple[float, int, int],
+    ends: tuple[str, tuple[str, ...]],
+    wished: "Callable[[], Wish]",
     form: MotionForm,
     output: Path | None,
+    seen: tuple[float, float],
 ) -> Answer:
-    import numpy as np
     from rich.text import Text
 
     from engine.formats.report import motion as report
-    from engine.formats.report import motion_svg
-    from engine.pipelines import motion as pipeline
+    from engine.pipelines.motion.moving import Site, move
 
-    margin, seed, bridges = settings
-    found = pipeline.move(target, *ends, margin, seed, bridges)
-    path, timed = found.path(), found.trajectory()
-    times = timed.corners_s
-    status = report.status(found.answer)
-    content = report.content(found.answer, found.joints, path, times)
-    said = report.text(found.answer, found.joints, path, times)
-    if form is MotionForm.SVG and len(path):
-        moments = np.linspace(0.0, times[-1], motion_svg.MOMENTS)
-        values, speeds, _ = timed.at(moments)
-        drawn = motion_svg.picture(found.joints, moments, values, speeds)
-        if output is None:
-            return Answer(status, raw=drawn)
-        output.write_text(drawn, encoding="utf-8")
-        said = f"{said}\n{output}"
-    return Answer(status, {"arm": found.arm, **content}, lambda: Text(said), CODES[status])
+    found = move(Site.of(target), *ends, wished())
+    status, said = report.status(found.answer), report.text(found)
+    if form not in (MotionForm.TEXT, MotionForm.JSON):
+        drawn = _drawn(found, form, seen)
+        if output is None and drawn:
+            return Answer(status, raw=drawn.decode("utf-8"))
+        if output is not None and drawn:
+            output.write_bytes(drawn)
+            said = f"{said}\n{output}"
+    return Answer(status, report.content(found), lambda: Text(said), CODES[status])
+
+
+def _drawn(found: "Motion", form: MotionForm, seen: tuple[float, float]) -> bytes:
+    """The picture of a motion. Where there is no path, only PNG has one: where it is blocked worst."""
+    from engine.formats.report import motion_pictures as pictures
+
+    if form is MotionForm.PNG:
+        return pictures.as_png(found, *seen)
+    if not found.legs:
+        return b""
+    return (pictures.as_svg(found) if form is MotionForm.SVG else pictures.as_gltf(found)).encode("utf-8")

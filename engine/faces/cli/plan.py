@@ -15,7 +15,6 @@ from engine.faces.cli.options import (
     Expansions,
     Goals,
     Library,
-    MemoryLimit,
     Pddl,
     Race,
     Seed,
@@ -102,7 +101,6 @@ def plan(
     strategy: Strategy = "auto",
     race: Race = False,
     anytime: Anytime = False,
-    memory_limit: MemoryLimit = None,
     seed: Seed = 0,
     objective: Objective = None,
     order: Order = None,
@@ -120,7 +118,6 @@ def plan(
         refuse_idle(searching, "with --order sequence: the planner seeks no order then")
     work = SearchOptions(
         time_limit,
-        memory_limit,
         expansions,
         seed,
         "race" if race else strategy,
@@ -169,10 +166,9 @@ class PlanRequest:
 
 @dataclass(frozen=True, slots=True)
 class SearchOptions:
-    """The limits of the search (seconds, megabytes, expansions), and how it searches."""
+    """The limits of the search (seconds, expansions), and how it searches."""
 
     seconds: float | None
-    megabytes: int | None
     expansions: int
     seed: int
     strategy: str
@@ -193,7 +189,7 @@ def _read_task(wanted: "PlanRequest") -> "PddlProblem | None":
 
 
 def _plan(wanted: PlanRequest, form: PlanForm, stats: bool, work: SearchOptions) -> Answer:
-    from engine.faces.cli.interruption import Interruption, limit_memory
+    from engine.faces.cli.interruption import Interruption
     from engine.faces.cli.origin import planned
     from engine.formats.report import json
     from engine.pipelines import objective as objectives
@@ -201,7 +197,6 @@ def _plan(wanted: PlanRequest, form: PlanForm, stats: bool, work: SearchOptions)
     from engine.stages.planning import LITTLE, RESTARTS, ROOM, Limits
 
     _require_strategy(work.strategy)
-    limit_memory(work.megabytes)
     with Interruption(work.seconds) as interrupted:
         task = _read_task(wanted)
         problem = task.problem if task else planning.problem_of(wanted.target, wanted.goals, wanted.command)

@@ -32,6 +32,7 @@ class TravelCost(StrEnum):
 
     STRAIGHT = "straight"
     JOINTS = "joints"
+    MOTION = "motion"
 
 
 NEWS = ("--done", "--lost", "--bad", "--restored")
@@ -46,7 +47,8 @@ End = Annotated[str, typer.Option("--end", help="the visit to end with")]
 Cost = Annotated[
     TravelCost,
     typer.Option(
-        "--cost", help="cost between measurements: straight lines, or joints (the time that the arm needs)"
+        "--cost",
+        help="cost between measurements: straight lines, joints (the time that the arm needs), or motion (of free paths)",
     ),
 ]
 Work = Annotated[
@@ -111,7 +113,7 @@ def sequence(
     given |= dict(zip(("--window", "--lasts", "--before"), map(bool, wanted), strict=True))
     given["--method"] = "" if method == "auto" else method
     form, effort = Form.JSON if format is TourForm.JSON else Form.TEXT, (time_limit, work, seed)
-    joints = cost is TravelCost.JOINTS
+    joints = cost is not TravelCost.STRAIGHT
     if store:
         refuse_idle(
             {**given, "--cost": joints}, "with --store: a kept sequence is open and counts straight lines"
@@ -121,8 +123,9 @@ def sequence(
         give(lambda: carried_on(_problem_of(target), store, news, effort, next_, anew), form)
     refuse_idle(kept, "without --store: only a kept sequence can be continued")
     if joints:
-        refuse_idle({**given, "--open": open_}, "with --cost joints, whose tours are closed")
-        give(lambda: _posed(target, effort), form)
+        refuse_idle({**given, "--open": open_}, f"with --cost {cost}, whose tours are closed")
+        made = _driven if cost is TravelCost.MOTION else _posed
+        give(lambda: made(target, effort), form)
     give(lambda: _sequence(target, method, (back, start, end), wanted, effort, format), form)
 
 
@@ -171,6 +174,27 @@ def _posed(target: str, effort: tuple[float | None, int, int]) -> Answer:
         "found",
         {"tours": [inspection.posed_entry(each) for each in tours], "partition": inspection.entry(parts)},
         lambda: inspection.posed(tours, parts),
+        INTERRUPTED if interrupted.heard else 0,
+    )
+
+
+def _driven(target: str, effort: tuple[float | None, int, int]) -> Answer:
+    """Tours through measurements by the times of paths that touch nothing."""
+    from engine.faces.cli.interruption import Interruption
+    from engine.formats.report import inspection
+    from engine.pipelines.motion.driven import driven_tours
+    from engine.plugins import geometry_backend
+    from engine.stages.geometry.pictures.view import cell_of
+    from engine.stages.sequencing import Limits
+
+    problem = _problem_of(target)
+    with Interruption(effort[0]) as interrupted:
+        limits = Limits(effort[1], effort[2], interrupted)
+        tours, parts = driven_tours(problem, cell_of(target), geometry_backend(), limits)
+    return Answer(
+        "found",
+        {"tours": [inspection.driven_entry(each) for each in tours], "partition": inspection.entry(parts)},
+        lambda: inspection.driven(tours, parts),
         INTERRUPTED if interrupted.heard else 0,
     )
 

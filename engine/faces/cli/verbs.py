@@ -10,28 +10,41 @@ import typer
 from typer.core import TyperGroup
 
 from engine.faces.cli.answers import refuse, writing
+from engine.faces.cli.limited import limited
 from engine.faces.cli.options import IdleOption
 
 USAGE: Any = typer.BadParameter.__base__  # a wrong command line; typer has no public name for it
 
 VERBS = {
+    "abort": "monitor:abort",
+    "add": "monitor:add",
+    "approve": "monitor:approve",
+    "back": "monitor:back",
     "cell": "cell:app",
     "check": "check:check",
+    "continue": "monitor:go_on",
+    "correct": "monitor:correct",
     "diagnose": "diagnose:diagnose",
     "explain": "explain:explain",
     "export": "export:export",
     "import": "import_:app",
     "init": "init:init",
+    "interrupt": "monitor:interrupt",
     "macros": "macros:app",
     "measurement": "measurement:app",
     "motion": "motion:app",
     "plan": "plan:plan",
     "prepare": "prepare:prepare",
+    "resume": "resume:resume",
+    "retry": "monitor:retry",
     "revise": "revise:revise",
+    "run": "run:run",
     "schedule": "schedule:schedule",
     "schema": "check:schema",
     "sequence": "sequence:sequence",
+    "skip": "monitor:skip",
     "states": "states:states",
+    "stop": "monitor:stop",
     "test": "golden:golden_plans",
     "validate": "validate:validate",
 }
@@ -95,13 +108,24 @@ class _LazyCommands(MutableMapping[str, Any]):
         return len({**VERBS, **self._made})
 
 
+def _limit(group: typer.Typer) -> None:
+    for command in group.registered_commands:
+        if command.callback is not None:
+            command.callback = limited(command.callback)
+    for each in group.registered_groups:
+        if each.typer_instance is not None:
+            _limit(each.typer_instance)
+
+
 def _command(name: str) -> Any:
     module, _, attribute = VERBS[name].partition(":")
     found = getattr(import_module(f"engine.faces.cli.{module}"), attribute)
     if not isinstance(found, typer.Typer):
         alone = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
-        alone.command(name)(found)
+        alone.command(name)(limited(found))
         found = alone
+    else:
+        _limit(found)
     made = typer.main.get_command(found)
     made.name = name
     return made

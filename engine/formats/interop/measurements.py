@@ -19,6 +19,8 @@ def atoms(point: MeasurementPoint, words: Conventions) -> list[Function]:
         Function(words.position, (name, *_whole(point.position, 1e6))),
         Function(words.normal, (name, *_whole(point.normal, 1e3))),
     ]
+    if point.nominal_m is not None:
+        found.append(Function(words.nominal, (name, Number(round(point.nominal_m * 1e6)))))
     if point.tolerance_m is not None:
         found.append(Function(words.tolerance, (name, Number(round(point.tolerance_m * 1e6)))))
     if point.step:

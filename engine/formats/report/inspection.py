@@ -53,6 +53,51 @@ def posed_entry(found: Posed) -> dict[str, Any]:
     }
 
 
+class Driven(Protocol):
+    """A closed tour of one tool by one arm, with the time of each move."""
+
+    @property
+    def posed(self) -> Posed: ...
+    @property
+    def visits(self) -> tuple[str, ...]: ...
+    @property
+    def moves_s(self) -> tuple[float, ...]: ...
+    @property
+    def bound_s(self) -> float: ...
+    @property
+    def planned(self) -> int: ...
+    @property
+    def unreached(self) -> Mapping[str, str]: ...
+    @property
+    def time_s(self) -> float: ...
+
+
+def driven_entry(found: Driven) -> dict[str, Any]:
+    """A tour by the times of free paths, for JSON, in seconds; each move leads from its visit to the next one."""
+    return {
+        "tool": found.posed.tool,
+        "arm": found.posed.arm,
+        "visits": list(found.visits),
+        "moves_s": [round(each, 6) for each in found.moves_s],
+        "time_s": found.time_s,
+        "least_s": found.bound_s,
+        "planned": found.planned,
+        "unreached": dict(found.unreached),
+    }
+
+
+def driven(tours: Sequence[Driven], partition: Parts) -> RenderableType:
+    """The tours by tool, how long they take, and by how much the times of their moves may be too long."""
+    rows = [
+        (each.posed.tool, each.posed.arm, f"{each.time_s:.2f}", f"{each.bound_s:.2f}", ", ".join(each.visits))
+        for each in tours
+    ]
+    left_out = [Text(f"{name} is left out: {why}") for each in tours for name, why in each.unreached.items()]
+    table = TextTable(("tool", "arm", "s", "at least", "in order"), rows)
+    said = Text("The times are those of free paths; no path takes less than 'at least' in this order.")
+    return Group(parts(partition), table, said, *left_out)
+
+
 def posed(tours: Sequence[Posed], partition: Parts) -> RenderableType:
     """The tours by tool with their durations, and the measurements that are impossible."""
     rows = []

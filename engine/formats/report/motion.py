@@ -4,10 +4,14 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-from engine.model.geometry import Contact, Floats
-from engine.model.motion import Answer, Blocked, InCollision, Moved, OutsideLimits, Reason, Refused
+from engine.formats.report.motion_reasons import content_of, text_of
+from engine.model.geometry import Floats
+from engine.model.motion import Answer, Blocked, Moved, Refused
+from engine.pipelines.motion.legs import APPROACH, RETRACT, Leg
+from engine.pipelines.motion.moving import Motion
 
-SHOWN = 3  # contacts that are named
+MOST = 16  # configurations of a leg that are shown
+SAID = {RETRACT: "straight out", APPROACH: "straight in"}
 
 
 def status(answer: Answer) -> str:
@@ -18,90 +22,89 @@ def status(answer: Answer) -> str:
         case Refused():
             return "infeasible"
         case Blocked():
-            return "gave up"
+            return "infeasible" if answer.severed else "gave up"
 
 
-def content(answer: Answer, joints: Sequence[str], path: Floats, times: Floats) -> dict[str, Any]:
-    """An answer for JSON: joint values (m, k) in rad and m, times (m,) in s, distances in m."""
-    match answer:
-        case Moved():
-            return {
-                "joints": list(joints),
-                "path": path.tolist(),
-                "times_s": times.tolist(),
-                "goal": answer.goal + 1,
-                "proved": answer.proved,
-                "looked": answer.looked,
-                "stretches": answer.stretches,
-                "refined": answer.refined,
-            }
-        case Refused():
-            return {"reasons": [_reason(each, joints) for each in answer.reasons]}
-        case Blocked():
-            return {
-                "ends": answer.ends.tolist(),
-                "apart": answer.apart,
-                "looked": answer.looked,
-                "grown": list(answer.grown),
-                "at": answer.at.tolist(),
-                "contacts": [_contact(each) for each in answer.contacts],
-            }
+def content(motion: Motion) -> dict[str, Any]:
+    """A motion for JSON: joint values (m, k) in rad and m, times in s, distances in m."""
+    answer, head = motion.answer, {"arm": motion.arm}
+    if not isinstance(answer, Moved):
+        return {**head, **content_of(answer, motion.joints)}
+    return {
+        **head,
+        "to": motion.goal,
+        "joints": list(motion.joints),
+        "path": motion.path().tolist(),
+        "times_s": motion.times.corners_s().tolist(),
+        "duration_s": motion.times.duration_s,
+        "goal": answer.goal + 1,
+        "proved": motion.proved,
+        "looked": answer.looked,
+        "stretches": answer.stretches,
+        "refined": answer.refined,
+        "legs": [_leg(leg) for leg in motion.legs],
+        "slow_in": list(motion.times.slow),
+    }
 
 
-def _reason(reason: Reason, joints: Sequence[str]) -> dict[str, Any]:
-    match reason:
-        case OutsideLimits():
-            limits = {"lower": reason.lower, "upper": reason.upper}
-            return {"of": reason.of, "joint": _name(reason.joint, joints), "value": reason.value, **limits}
-        case InCollision():
-            return {"of": reason.of, "contacts": [_contact(each) for each in reason.contacts]}
+def _leg(leg: Leg) -> dict[str, Any]:
+    touches = [
+        {
+            "between": [each.first, each.second],
+            "deepest_m": each.deepest_m,
+            "allowed_m": each.allowed_m,
+            "proved": each.proved,
+        }
+        for each in leg.touches
+    ]
+    return {"kind": leg.kind, "configurations": len(leg.path), "proved": leg.proved, "touches": touches}
 
 
-def _name(joint: int, joints: Sequence[str]) -> str:
-    return joints[joint] if joint < len(joints) else f"joint {joint + 1}"
+def text(motion: Motion) -> str:
+    """A motion for people: angles in degrees, lengths in m."""
+    answer = motion.answer
+    if not isinstance(answer, Moved):
+        return text_of(answer, motion.joints, motion.slides)
+    path, times = motion.path(), motion.times.corners_s()
+    said = "proved free everywhere" if motion.proved else "free where it was looked at, not proved"
+    head = f"to {motion.goal}: {len(path)} configurations, {motion.times.duration_s:.2f} s, {said}"
+    lines, n = [head], 0
+    for leg in motion.legs:
+        kind = SAID.get(leg.kind, "")
+        rows = range(n + (1 if n else 0), n + len(leg.path))
+        shown = [f"{times[row]:8.3f} s  {values(path[row], motion.slides)}  {kind}".rstrip() for row in rows]
+        lines += (
+            shown if len(shown) <= MOST else [*shown[: MOST - 2], _left_out(len(shown) - MOST + 1), shown[-1]]
+        )
+        n += len(leg.path) - 1
+        lines += [_touch(each) for each in leg.touches]
+    lines += [f"slow in {name}, because people may be there" for name in motion.times.slow]
+    return "\n".join([*lines, *_rests(motion)])
 
 
-def _contact(contact: Contact) -> dict[str, Any]:
-    return {"between": [contact.first, contact.second], "distance_m": contact.distance_m}
+def _left_out(count: int) -> str:
+    return f"            and {count} more: --format json has them all"
 
 
-def text(answer: Answer, joints: Sequence[str], path: Floats, times: Floats) -> str:
-    """An answer for people: angles in degrees."""
-    match answer:
-        case Moved():
-            rows = [f"{t:8.3f} s  {_values(q)}" for t, q in zip(times, path, strict=True)]
-            said = "proved free everywhere" if answer.proved else "free where it was looked at, not proved"
-            head = f"a path of {len(path)} configurations, {times[-1]:.2f} s, {said}"
-            rests = ["it rests at each configuration"] if len(path) > 2 else []
-            return "\n".join([head, *rows, *rests])
-        case Refused():
-            return "\n".join(_told(each, joints) for each in answer.reasons)
-        case Blocked():
-            told = [_touching(each) for each in answer.contacts[:SHOWN]]
-            return "\n".join(
-                [
-                    f"no path found: {answer.looked} configurations looked at, {sum(answer.grown)} reached",
-                    f"from the start it gets to  {_values(answer.ends[0])}",
-                    f"from the goal it gets to   {_values(answer.ends[1])}",
-                    f"between them, at {_values(answer.at)}, {', '.join(told) or 'nothing is near'}",
-                ]
-            )
+def _rests(motion: Motion) -> list[str]:
+    if len(motion.path()) < 3:
+        return []
+    if motion.times.cuts:
+        return ["where it does not rest it cuts the corner, and passes nearest to it at the time shown"]
+    return ["it rests at each configuration"]
 
 
-def _told(reason: Reason, joints: Sequence[str]) -> str:
-    match reason:
-        case OutsideLimits():
-            name, least, most = _name(reason.joint, joints), reason.lower, reason.upper
-            return f"{reason.of}: {name} is at {reason.value:.4g}, its limits are {least:.4g} and {most:.4g} (rad or m)"
-        case InCollision():
-            return f"{reason.of}: {', '.join(_touching(each) for each in reason.contacts[:SHOWN])}"
+def _touch(touch: Any) -> str:
+    most = f"at most {touch.allowed_m * 1000:g} mm deep"
+    if touch.proved:
+        return f"            {touch.first} touches {touch.second} as declared, proved {most}"
+    return (
+        f"            {touch.first} goes {touch.deepest_m * 1000:.1f} mm into {touch.second}: NOT proved {most};"
+        " declare `depth` at the place, or move it"
+    )
 
 
-def _touching(contact: Contact) -> str:
-    if contact.distance_m <= 0:
-        return f"{contact.first} overlaps {contact.second} by {contact.depth_m * 1000:.1f} mm"
-    return f"{contact.first} is only {contact.distance_m * 1000:.1f} mm from {contact.second}"
-
-
-def _values(q: Floats) -> str:
-    return ", ".join(f"{math.degrees(value):.1f}" for value in q)
+def values(q: Floats, slides: Sequence[bool]) -> str:
+    """The joint values (k,) of a configuration."""
+    shown = zip(q, slides, strict=True)
+    return ", ".join(f"{value:.3f} m" if slid else f"{math.degrees(value):.1f}" for value, slid in shown)

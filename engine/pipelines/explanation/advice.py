@@ -10,8 +10,7 @@ from engine.model.outcome import Found, GaveUp, Outcome
 from engine.pipelines.explanation.amendments import INITIAL, OBJECT, STATIC, changed
 from engine.pipelines.explanation.candidates import Candidate, joint_edits, single_edits
 from engine.pipelines.explanation.space import Space
-from kb.asp import Grounder
-from kb.asp.vocabulary import static_program
+from kb.asp.statics import evaluated
 from kb.model.conditions import Exists, Literal, goal_parts
 from kb.model.problem import Problem
 from kb.terms import ANYTHING, Atom, Function, Number, Term, match, substitute_atom
@@ -103,8 +102,7 @@ class Advice:
         elif edit.removed is not None:
             self._removed.add(edit.removed)
         if edit.layer != INITIAL:
-            grounder = Grounder()
-            grounder.ground(static_program(changed(self.problem, Amendment((edit,)))))
+            grounder = evaluated(changed(self.problem, Amendment((edit,))))
             self._implied.append(frozenset(grounder.everything()))
 
     def _dominated(self, edit: Edit) -> bool:

@@ -9,8 +9,7 @@ from engine.pipelines.explanation.amendments import domain_facts, subterms
 from engine.pipelines.explanation.relaxation import MISSED, default_rule, relaxed_rules
 from engine.pipelines.explanation.thresholds import THRESHOLD, threshold_rules
 from engine.stages.grounding.program import Vocabulary, conditionals, is_conditional, reachable, schemas
-from kb.asp import Grounder
-from kb.asp.vocabulary import static_program
+from kb.asp.statics import evaluated
 from kb.model.conditions import Aggregate, Body, Comparison, Condition, Literal, Parameter, goal_parts
 from kb.model.domain import NUMERIC_TYPES, Kind
 from kb.model.normalise import Normaliser
@@ -42,8 +41,7 @@ class Space:
     @cached_property
     def atoms(self) -> dict[Signature, tuple[tuple[Term, ...], ...]]:
         """The true static atoms, and the reachable ones of the relaxed task, by predicate."""
-        grounder = Grounder()
-        text = [static_program(self.problem), *(f"{reachable(atom)}." for atom in self.initial)]
+        text = [f"{reachable(atom)}." for atom in self.initial]
         text.append(relaxed_rules(self.problem))
         text += [default_rule(self.problem, number) for number, _ in enumerate(self.problem.domain.defaults)]
         kinds = self.problem.domain.predicates
@@ -53,7 +51,7 @@ class Space:
         renamed |= {name: f"_h_{name}" for name, each in kinds.items() if each.kind is Kind.EVENT}
         text.append(f"#defined {THRESHOLD}/3.")
         text += threshold_rules(self._bodies(), self._numeric(), renamed)
-        grounder.ground("\n".join(text))
+        grounder = evaluated(self.problem, text)
         found: dict[Signature, list[tuple[Term, ...]]] = defaultdict(list)
         for atom in grounder.everything():
             found[(atom.name, len(atom.arguments))].append(atom.arguments)

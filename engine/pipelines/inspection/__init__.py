@@ -14,7 +14,7 @@ from engine.pipelines.inspection.demands import Demands, of_facts, with_demands
 from engine.pipelines.inspection.stations import stations_of
 from engine.pipelines.inspection.ways import has_table, ordered
 from kb.asp import Grounder
-from kb.asp.vocabulary import static_program
+from kb.asp.statics import evaluated
 from kb.diagnostics import Diagnostic, InvalidInput, Source
 from kb.model.conventions import CONVENTIONS, Conventions
 from kb.model.problem import Problem
@@ -70,9 +70,7 @@ def _require_choice(problem: Problem) -> None:
 
 
 def _grounded(problem: Problem) -> Grounder:
-    grounder = Grounder()
-    grounder.ground(static_program(problem))
-    return grounder
+    return evaluated(problem)
 
 
 def _reasons(grounder: Grounder, words: Conventions) -> dict[str, list[str]]:

@@ -9,8 +9,7 @@ from graphlib import CycleError, TopologicalSorter
 from itertools import pairwise
 
 from engine.model.tour import ENDLESS, TourProblem, Visit
-from kb.asp import Grounder
-from kb.asp.vocabulary import static_program
+from kb.asp.statics import evaluated
 from kb.diagnostics import Diagnostic, InvalidInput, Source, unknown_name
 from kb.model.amounts import Facts
 from kb.model.conventions import Conventions
@@ -83,8 +82,7 @@ def findings_of(problem: Problem) -> list[Diagnostic]:
     words, where = problem.domain.conventions, Source(problem.path)
     if not {words.window, words.lasts, words.before} & set(problem.domain.predicates):
         return []
-    grounder = Grounder()
-    grounder.ground(static_program(problem))
+    grounder = evaluated(problem)
     try:
         demands = of_facts(grounder.atoms, words, where)
     except InvalidInput as error:

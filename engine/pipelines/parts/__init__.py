@@ -17,7 +17,7 @@ from engine.pipelines.parts.joining import joined
 from engine.pipelines.parts.memory import Memory, Notebook
 from engine.pipelines.planning import LARGE
 from engine.stages.grounding.initial import initial_state
-from engine.stages.grounding.limits import require_affordable_statics, size
+from engine.stages.grounding.limits import size
 from engine.stages.grounding.program import Vocabulary
 from engine.stages.macros.lifted.situation import Situation
 from engine.stages.macros.lifted.world import CellDomain
@@ -52,7 +52,6 @@ def by_sequence(
     started = time.perf_counter()
     if not chooses_tools(problem.domain):
         return None
-    require_affordable_statics(problem)
     way = itinerary(problem, TourLimits(seed=limits.seed, interrupted=limits.interrupted), store)
     if way is None:
         return None

@@ -11,7 +11,6 @@ from engine.pipelines.gate import PlanGate
 from engine.pipelines.reuse.composition import PlanPart, Served, compose, kinds_of, worth_composing
 from engine.pipelines.reuse.subsequences import Subsequences
 from engine.stages.grounding.initial import initial_state
-from engine.stages.grounding.limits import require_affordable_statics
 from engine.stages.grounding.program import Vocabulary
 from engine.stages.macros.learning.generalise import NotGeneral, generalise
 from engine.stages.macros.lifted.execution import executed
@@ -103,7 +102,6 @@ class Practice:
 
     def situation(self, problem: Problem) -> Situation:
         """The initial state of a problem, with the static facts of its cell. Raises `InvalidInput` as grounding does."""
-        require_affordable_statics(problem)
         state, contradicted = initial_state(problem, Vocabulary(problem.domain))
         if contradicted:
             raise InvalidInput(contradicted)

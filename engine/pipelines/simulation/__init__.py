@@ -7,5 +7,6 @@ is one such cell with causes that nobody knows. An executive can stand on it: it
 from engine.pipelines.simulation.dynamics import Dynamics, WorldState
 from engine.pipelines.simulation.faulty import Achievement, FaultyCell
 from engine.pipelines.simulation.true_world import TrueWorld
+from engine.pipelines.simulation.world import World
 
-__all__ = ["Achievement", "Dynamics", "FaultyCell", "TrueWorld", "WorldState"]
+__all__ = ["Achievement", "Dynamics", "FaultyCell", "TrueWorld", "World", "WorldState"]

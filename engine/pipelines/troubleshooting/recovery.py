@@ -14,7 +14,7 @@ from engine.pipelines.inspection.progress import Progress
 from engine.pipelines.revision import Course, planned_anew, revise
 from engine.pipelines.revision.changes import Changes
 from engine.pipelines.revision.remaining import rest_of
-from engine.pipelines.simulation import Dynamics
+from engine.pipelines.simulation import Dynamics, WorldState
 from engine.stages.planning import Limits
 from engine.stages.validation.changes import State
 from kb.model.plan import Plan, Step
@@ -40,7 +40,7 @@ class Recovery:
     `way` is `planned` where no plan had failed, else what became of its remaining steps: done (nothing is left to do),
     continued, repaired, or replanned where no repair was found or a new plan is cheaper. `given_up` are the goals that
     cannot be reached any more: the answer is for the others. `repair` comes before everything else. `sequence` is the kept sequence
-    after it was told what was lost.
+    after it was told what was lost. `now` is the state from which the work goes on, with the stages that are reached.
     """
 
     problem: Problem
@@ -52,6 +52,7 @@ class Recovery:
     given_up: tuple[GivenUp, ...] = ()
     repair: FirstRepair | None = None
     sequence: Progress | None = None
+    now: WorldState | None = None
 
 
 def recover(

@@ -15,7 +15,7 @@ from engine.stages.grounding.initial import default_instances as default_instanc
 from engine.stages.grounding.initial import initial_state
 from engine.stages.grounding.instances import Instances
 from engine.stages.grounding.invariants import mutex_groups
-from engine.stages.grounding.limits import require_affordable
+from engine.stages.grounding.limits import suspects
 from engine.stages.grounding.numbering import Numbering, complemented
 from engine.stages.grounding.program import (
     Schema,
@@ -36,6 +36,7 @@ from engine.stages.grounding.universe import DERIVED, Universe
 from engine.stages.grounding.weights import weights
 from engine.stages.grounding.workflow import Workflow
 from kb.asp import Grounder
+from kb.asp.statics import within_limits
 from kb.asp.vocabulary import VIOLATED, static_program
 from kb.diagnostics import Diagnostic, InvalidInput, Source
 from kb.loader.amounts import amounts_of
@@ -56,7 +57,8 @@ def ground(problem: Problem) -> Task:
     """
     with _no_garbage_collection():
         grounding = _Grounding(problem)
-        task = grounding.task()
+        with within_limits(lambda: suspects(problem, grounding.schemas)):
+            task = grounding.task()
     if grounding.found:
         raise InvalidInput(grounding.found)
     return task
@@ -122,7 +124,6 @@ class _Grounding:
 
     def task(self) -> Task:
         """The task. It is meaningless if `found` is not empty."""
-        require_affordable(self.problem, self.schemas, self.vocabulary)
         initial, contradicted = initial_state(self.problem, self.vocabulary)
         self.found += contradicted
         universe = self._reachable(initial)

@@ -7,34 +7,40 @@ from dataclasses import replace
 
 import numpy as np
 
+from engine.kernels.geometry.edges import Edges, free_edges
 from engine.kernels.geometry.proof import proved as proved_lines
 from engine.kernels.motion.connect import Trees, connect
 from engine.kernels.motion.shorten import Route, shorten
 from engine.model.geometry import Floats, Joints
-from engine.model.motion import Answer, Blocked, Moved, Query, Refused
-from engine.ports import MotionGround
-from engine.stages.motion.reasons import blocked, refusals
+from engine.model.motion import Answer, Blocked, Moved, Query, Refused, Strategy
+from engine.ports import Hand, MotionGround
+from engine.stages.motion.reasons import blocked, failed, refusals
+from engine.stages.motion.severing import severed
 
-REACH = 2.0  # rad or m: the longest branch of a tree
+REACH = 1.0  # rad or m: the longest branch of a tree; of those tried on the UR5 problems, the one with the least work
 NODES = 20_000  # of each tree
 FINEST_M = 1e-4  # a motion so small need not be halved for a proof
 ROUNDS = 6  # plans with ever finer steps and wider margins, until one is proved
 WIDER_M = 0.001  # the margin that the second round adds; each further round doubles it
 GOLDEN = (5**0.5 - 1) / 2
+UNSEEN = "the path touches something that the strategy did not look at, such as two parts of the hand"
 
 
-def plan(ground: MotionGround, query: Query) -> Answer:
+def plan(ground: MotionGround, query: Query, hand: Hand | None = None) -> Answer:
     """A path from the start to one of the goals; else why there is none.
 
-    Goals that are not allowed are left out, as long as one is. Raises `ValueError` for arrays of another shape.
+    Goals that are not allowed are left out, as long as one is. Raises `ValueError` for arrays of another shape, and for a
+    strategy that needs a hand where none is given.
     """
     start, goals = _checked(ground.scene.joints, query)
     reasons, allowed = refusals(ground, start, goals, query.margin_m)
     if not allowed:
         return Refused(reasons)
     asked = replace(query, start=start, goals=np.ascontiguousarray(goals[list(allowed)]))
-    found = _proved(ground, asked) if query.proved else search(ground, asked)
-    return replace(found, goal=allowed[found.goal]) if isinstance(found, Moved) else found
+    found = _proved(ground, asked, hand) if query.proved else search(ground, asked, hand)
+    if isinstance(found, Blocked):
+        return replace(found, severed=severed(ground, asked))
+    return replace(found, goal=allowed[found.goal])
 
 
 def _checked(joints: Joints, query: Query) -> tuple[Floats, Floats]:
@@ -48,12 +54,12 @@ def _checked(joints: Joints, query: Query) -> tuple[Floats, Floats]:
     return start, goals
 
 
-def _proved(ground: MotionGround, query: Query) -> Moved | Blocked:
+def _proved(ground: MotionGround, query: Query, hand: Hand | None = None) -> Moved | Blocked:
     """The first plan that is proved; if none is, the last one.
 
     A path that grazes something between two looks is not proved. The next round looks twice as often, and keeps farther off.
     """
-    found, looked, room = search(ground, query), 0, _room_at_ends(ground, query)
+    found, looked = search(ground, query, hand), 0
     for round_ in range(ROUNDS):
         if isinstance(found, Blocked):
             return found
@@ -63,30 +69,63 @@ def _proved(ground: MotionGround, query: Query) -> Moved | Blocked:
         if proved or round_ == ROUNDS - 1:
             break
         looked = found.looked
-        wider = query.margin_m + min(WIDER_M * 2**round_, 0.5 * room)
-        again = search(ground, replace(query, step=query.step / 2 ** (round_ + 1), margin_m=wider))
+        wider = query.margin_m + min(WIDER_M * 2**round_, 0.5 * room_at_ends(ground, query))
+        again = search(ground, replace(query, step=query.step / 2 ** (round_ + 1), margin_m=wider), hand)
         if isinstance(again, Blocked):
             break
         found = replace(again, looked=again.looked + looked, cleared_m=wider)
     return found
 
 
-def _room_at_ends(ground: MotionGround, query: Query) -> float:
+def room_at_ends(ground: MotionGround, query: Query) -> float:
     """How much wider than asked the margin can be at start and goals."""
     ends = np.vstack([query.start[None], query.goals])
     return max(0.0, float(ground.clearance(ends, query.margin_m + 1.0).min()) - query.margin_m)
 
 
-def search(ground: MotionGround, query: Query) -> Moved | Blocked:
+def search(ground: MotionGround, query: Query, hand: Hand | None = None) -> Moved | Blocked:
     """A short path that is free wherever it was looked at, for ends that are allowed."""
     low, high = bounds(ground.scene.joints, query)
     lines = ground.lines(query.step, query.margin_m)
+    if query.strategy is not Strategy.CONNECT or query.upright_rad > 0.0:
+        return _by_strategy(ground, lines, query, (low, high), hand)
     trees = Trees(query.start[None], query.goals, low, high, shifted(query.seed, len(low)), REACH, NODES)
     if not connect(trees, lines, query.budget):
         return blocked(ground, trees, lines.looked, query)
-    path = trees.path()
+    return _shortened(trees.path(), lines, query)
+
+
+def _by_strategy(
+    ground: MotionGround, lines: Edges, query: Query, limits: tuple[Floats, Floats], hand: Hand | None
+) -> Moved | Blocked:
+    """What another planner than the default one finds; its path is checked whole before it counts."""
+    from engine.stages.motion.reduced import Failed, reduced
+    from engine.stages.motion.upright import upright
+    from engine.stages.motion.visibility import visibility
+
+    if query.strategy is Strategy.REDUCED:
+        found, _ = reduced(ground, lines, query, *limits)
+    elif hand is None:
+        raise ValueError("the strategy 'visibility' and upright paths need a hand")
+    elif query.upright_rad > 0.0:
+        found, _ = upright(ground, lines, query, *limits, hand)
+    else:
+        found, _ = visibility(ground, lines, query, *limits, hand)
+    if not isinstance(found, Failed):
+        rows = np.ascontiguousarray(found)
+        free = np.zeros(len(rows) - 1, dtype=np.uint8)
+        free_edges(lines, np.ascontiguousarray(rows[:-1]), np.ascontiguousarray(rows[1:]), free)
+        if free.all():
+            return _shortened(rows, lines, query)
+        worst = int(np.argmin(free))
+        found = Failed(UNSEEN, rows[worst : worst + 2])
+    return failed(ground, found.ends, found.why, lines.looked, query)
+
+
+def _shortened(path: Floats, lines: Edges, query: Query) -> Moved:
+    """A free path (m, k), with as many short cuts as the query allows."""
     goal = int(np.argmin(np.abs(query.goals - path[-1]).max(axis=1)))
-    if len(path) > 2 and query.bridges:
+    if len(path) > 2 and query.bridges and not query.upright_rad:
         route = Route(path, query.bridges)
         shorten(route, lines, query.bridges, query.budget)
         path = route.path()
@@ -95,6 +134,8 @@ def search(ground: MotionGround, query: Query) -> Moved | Blocked:
 
 def bounds(joints: Joints, query: Query) -> tuple[Floats, Floats]:
     """Finite limits (k,) and (k,) to draw samples from: a joint without limits goes half a turn, or a metre, beyond the ends."""
+    if not query.moving and np.isfinite(joints.lower).all() and np.isfinite(joints.upper).all():
+        return joints.lower, joints.upper
     ends = np.vstack([query.start[None], query.goals])
     beyond = np.where(joints.prismatic, 1.0, np.pi)
     low = np.where(np.isfinite(joints.lower), joints.lower, ends.min(axis=0) - beyond)

@@ -3,7 +3,7 @@
 import numpy as np
 
 from engine.kernels.motion.connect import Trees
-from engine.model.geometry import Floats
+from engine.model.geometry import Contact, Floats
 from engine.model.motion import Blocked, InCollision, OutsideLimits, Query, Reason
 from engine.ports import MotionGround
 
@@ -40,10 +40,21 @@ def blocked(ground: MotionGround, trees: Trees, looked: int, query: Query) -> Bl
     """Where the trees came nearest, and what is worst in between."""
     one, other = trees.grown()
     ends, apart = _nearest(one, other)
+    at, contacts = _between(ground, ends, query)
+    return Blocked(ends, apart, looked, (len(one), len(other)), at, contacts)
+
+
+def failed(ground: MotionGround, ends: Floats, why: str, looked: int, query: Query) -> Blocked:
+    """That a strategy without trees found no way between two configurations (2, k), and why."""
+    at, contacts = _between(ground, ends, query)
+    return Blocked(ends, float(np.linalg.norm(ends[1] - ends[0])), looked, (1, 1), at, contacts, why)
+
+
+def _between(ground: MotionGround, ends: Floats, query: Query) -> tuple[Floats, tuple[Contact, ...]]:
+    """The worst configuration (k,) on the straight line between two (2, k), and what touches there."""
     between = ends[0] + np.linspace(0.0, 1.0, LOOKS)[:, None] * (ends[1] - ends[0])
     at = between[int(np.argmin(ground.clearance(between, query.margin_m + 1.0)))]
-    contacts = ground.contacts(at, query.margin_m)
-    return Blocked(ends, apart, looked, (len(one), len(other)), at, contacts)
+    return at, ground.contacts(at, query.margin_m)
 
 
 def _nearest(one: Floats, other: Floats) -> tuple[Floats, float]:

@@ -99,3 +99,28 @@ def _phases(speed: float, acceleration: float, jerk: float) -> list[float]:
             gains = 2 * rises
     holds = max(0.0, gains - 2 * rises)
     return [rises, holds, rises, cruises, rises, holds, rises]
+
+
+def least_times(first: Floats, second: Floats, limits: Limits) -> Floats:
+    """The least times (n,) from rest to rest on the straight lines between configurations (n, k).
+
+    No path between the same ends is quicker, because each joint needs this long for its own way.
+    """
+    way = np.abs(second - first)
+    with np.errstate(divide="ignore"):
+        speed, acceleration, jerk = (
+            np.where(way > STILL, limit / np.maximum(way, STILL), np.inf).min(axis=1)
+            for limit in (limits.speed, limits.acceleration, limits.jerk)
+        )
+    moves = np.isfinite(speed)
+    speed, acceleration, jerk = (np.where(moves, each, 1.0) for each in (speed, acceleration, jerk))
+    full = speed * jerk >= acceleration**2
+    gains = np.where(full, acceleration / jerk + speed / acceleration, 2 * np.sqrt(speed / jerk))
+    cruises = (1.0 - speed * gains) / speed
+    rises = acceleration / jerk
+    wide = 2 * acceleration**3 / jerk**2 <= 1.0
+    short = np.where(
+        wide, rises / 2 + np.sqrt(rises**2 / 4 + 1 / acceleration), 2 * (1 / (2 * jerk)) ** (1 / 3)
+    )
+    found: Floats = np.where(moves, np.where(cruises < 0.0, 2 * short, 2 * gains + cruises), 0.0)
+    return found

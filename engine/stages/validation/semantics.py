@@ -12,8 +12,8 @@ from functools import cached_property
 
 from engine.stages.validation.changes import Change, Denial, State, well_typed
 from engine.stages.validation.datalog import Bindings, Evaluated, Facts, holds, solve
-from kb.asp import Grounder
-from kb.asp.vocabulary import guard, static_program
+from kb.asp.statics import evaluated
+from kb.asp.vocabulary import guard
 from kb.graphs import components, reached
 from kb.loader.amounts import amounts_of
 from kb.model.amounts import Amounts
@@ -66,8 +66,7 @@ class Semantics:
     @cached_property
     def statics(self) -> Facts:
         """Every static fact, types included. Each body with aggregates gets a predicate of its own."""
-        grounder = Grounder()
-        grounder.ground("\n".join([static_program(self.problem), *self._aggregate_rules()]))
+        grounder = evaluated(self.problem, self._aggregate_rules())
         return Evaluated(grounder.named, grounder.holds)
 
     @cached_property

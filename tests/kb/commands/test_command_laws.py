@@ -16,7 +16,7 @@ from kb.loader import load_domain
 from kb.model.problem import Problem
 from kb.terms import Number
 
-unhurried = settings(deadline=None, max_examples=40)
+unhurried = settings(deadline=None, max_examples=25)
 
 THEMSE = load_domain("themse")
 NUMBERS = st.integers(1, 4)
@@ -192,7 +192,7 @@ SOUP = st.lists(
 )
 
 
-@settings(deadline=None, max_examples=150)
+@settings(deadline=None, max_examples=80)
 @given(st.one_of(st.text(max_size=60), SOUP.map(" ".join)))
 def test_any_text_is_understood_or_explained_at_its_place(text: str) -> None:
     try:

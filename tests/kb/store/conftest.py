@@ -1,12 +1,14 @@
 """Libraries to test: a SQLite file, and a PostgreSQL server where one is installed."""
 
 import contextlib
+import multiprocessing
 import os
 import shutil
 import signal
 import subprocess
 import tempfile
 from collections.abc import Iterator
+from multiprocessing.context import BaseContext
 from pathlib import Path
 
 import pytest
@@ -42,6 +44,14 @@ def postgres() -> Iterator[str]:
         finally:
             with contextlib.suppress(ProcessLookupError):
                 os.kill(process, signal.SIGQUIT)  # immediate shutdown
+
+
+@pytest.fixture(scope="session")
+def processes() -> BaseContext:
+    """Starts processes that share nothing with this one. What all of them load is loaded once."""
+    context = multiprocessing.get_context("forkserver")
+    context.set_forkserver_preload(["kb.store.library", "pytest", "macrops"])
+    return context
 
 
 @pytest.fixture(params=["sqlite", "postgres"])

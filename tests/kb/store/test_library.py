@@ -1,11 +1,11 @@
 """A library keeps what it is told, once, whoever else writes, and whatever dies."""
 
-import multiprocessing
 import os
 import random
 import signal
 import sqlite3
 import time
+from multiprocessing.context import BaseContext
 from pathlib import Path
 
 import pytest
@@ -69,11 +69,10 @@ def _write(target: str, names: list[str]) -> None:
             library.add([record(name, move="a")])
 
 
-def test_concurrent_writers_lose_nothing_and_keep_nothing_twice(target: str) -> None:
+def test_concurrent_writers_lose_nothing_and_keep_nothing_twice(target: str, processes: BaseContext) -> None:
     shared = [f"shared{n}" for n in range(20)]
     own = [[f"own{writer}_{n}" for n in range(20)] for writer in range(4)]
-    context = multiprocessing.get_context("spawn")
-    writers = [context.Process(target=_write, args=(target, [*names, *shared])) for names in own]
+    writers = [processes.Process(target=_write, args=(target, [*names, *shared])) for names in own]
     for each in writers:
         each.start()
     for each in writers:
@@ -91,9 +90,8 @@ def _write_for_ever(target: str, seed: int) -> None:
 
 
 @pytest.mark.parametrize("seed", [1, 2])
-def test_a_killed_writer_leaves_whole_transactions(target: str, seed: int) -> None:
-    context = multiprocessing.get_context("spawn")
-    writer = context.Process(target=_write_for_ever, args=(target, seed))
+def test_a_killed_writer_leaves_whole_transactions(target: str, seed: int, processes: BaseContext) -> None:
+    writer = processes.Process(target=_write_for_ever, args=(target, seed))
     writer.start()
     Library(target).close()
     deadline = time.monotonic() + 60

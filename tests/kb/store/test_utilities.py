@@ -1,6 +1,6 @@
 """What is counted about sub-sequences adds up, whoever else counts, and goes with the MACROP."""
 
-import multiprocessing
+from multiprocessing.context import BaseContext
 
 from macrops import macrop
 
@@ -41,11 +41,10 @@ def _count(target: str, times: int) -> None:
             Utilities(library).note({(2, "forward"): ONE, (1, "forward"): ONE})
 
 
-def test_concurrent_writers_lose_no_count(target: str) -> None:
+def test_concurrent_writers_lose_no_count(target: str, processes: BaseContext) -> None:
     with Library(target) as library:
         filled(library)
-        context = multiprocessing.get_context("spawn")
-        writers = [context.Process(target=_count, args=(target, 10)) for _ in range(3)]
+        writers = [processes.Process(target=_count, args=(target, 10)) for _ in range(3)]
         for each in writers:
             each.start()
         for each in writers:

@@ -81,7 +81,8 @@ def _unmeasurable(feature: Feature) -> str | None:
 
 
 def _points(feature: Feature, placement: Placement, step: int) -> Iterator[MeasurementPoint]:
-    kind = "thickness" if feature.kind == "OppositeParallelPlanes" else "profile"
+    thick = feature.kind == "OppositeParallelPlanes"
+    kind, nominal = ("thickness", feature.sizes["Width"]) if thick else ("profile", 0.0)
     tolerance = min(feature.tolerances.values(), default=None)
     bore = feature.sizes.get("Diameter") if feature.internal and feature.kind in BORES else None
     for number, (position, normal) in enumerate(placement.points, 1):
@@ -94,6 +95,7 @@ def _points(feature: Feature, placement: Placement, step: int) -> Iterator[Measu
             tolerance,
             bore,
             step,
+            nominal,
         )
 
 

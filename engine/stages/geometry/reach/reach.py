@@ -126,17 +126,20 @@ class Reachability:
         """
         key = (place.arm, place.tool, place.touches)
         if key not in self._checkers:
-            world = self._world
-            if place.tool:
-                world = world.held(place.tool, place.arm)
-            carried = [body for body in world.cell.bodies if f"{place.arm}.base" in world.supports(body)[1:]]
-            ends = [
-                *carried,
-                *(f"{place.arm}.{link.name}" for link in world.cell.arms[place.arm].arm.links[-2:]),
-            ]
-            allowed = frozenset(frozenset((end, other)) for end in ends for other in place.touches)
-            self._checkers[key] = self._backend.checker(scene_of(world, allowed=allowed))
+            scene = scene_of(self._holding(place), allowed=self.intended(place))
+            self._checkers[key] = self._backend.checker(scene)
         return self._checkers[key]
+
+    def _holding(self, place: Place) -> World:
+        return self._world.held(place.tool, place.arm) if place.tool else self._world
+
+    def intended(self, place: Place) -> frozenset[frozenset[str]]:
+        """The pairs that touch by intention at a place: its `touches`, with the last two links and what the arm carries."""
+        world = self._holding(place)
+        carried = [body for body in world.cell.bodies if f"{place.arm}.base" in world.supports(body)[1:]]
+        links = [f"{place.arm}.{link.name}" for link in world.cell.arms[place.arm].arm.links[-2:]]
+        ends = [*carried, *links]
+        return frozenset(frozenset((end, other)) for end in ends for other in place.touches)
 
     def _why_too_far(self, place: Place, poses: Floats) -> Unreached:
         """Whether the position alone can be reached, in some orientation."""

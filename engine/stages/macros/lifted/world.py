@@ -12,8 +12,8 @@ from engine.stages.macros.lifted.digests import Digests
 from engine.stages.macros.lifted.facts import Evaluated, Facts
 from engine.stages.macros.lifted.ground_steps import GroundStep, ground_step, is_plain
 from engine.stages.macros.lifted.schema import Following, NotGeneral, OperatorSchema, Schemas, stand_in
-from kb.asp import Grounder
-from kb.asp.vocabulary import VIOLATED, guard, static_program
+from kb.asp.statics import evaluated
+from kb.asp.vocabulary import VIOLATED, guard
 from kb.graphs import components
 from kb.loader.amounts import amounts_of
 from kb.model.amounts import Amounts
@@ -54,8 +54,7 @@ class CellDomain:
     @cached_property
     def statics(self) -> Facts:
         """The atoms that hold in every state. They are evaluated at the first use."""
-        grounder = Grounder()
-        grounder.ground("\n".join([static_program(self.problem), *_aggregate_rules(self.domain)]))
+        grounder = evaluated(self.problem, _aggregate_rules(self.domain))
         return Evaluated(grounder.named, grounder.holds)
 
     @cached_property

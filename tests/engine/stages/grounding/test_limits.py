@@ -1,4 +1,3 @@
-import functools
 import itertools
 from dataclasses import replace
 from pathlib import Path
@@ -7,9 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from engine.formats.interop.pddl import read_pddl
 from engine.stages.grounding import ground, limits
-from kb.asp.trial import affordable
+from kb.asp import bounded
 from kb.diagnostics import InvalidInput
 from kb.loader import load_problem
 from kb.terms import Variable
@@ -45,7 +43,7 @@ def domain(tmp_path: Path) -> Path:
 
 @pytest.fixture(autouse=True)
 def _in_a_second(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(limits, "affordable", functools.partial(affordable, seconds=1, megabytes=500))
+    monkeypatch.setattr(bounded, "SECONDS", 1.0)
 
 
 def test_an_operator_with_a_billion_instances_is_stopped_at_its_place(domain: Path) -> None:
@@ -101,22 +99,3 @@ def test_no_more_bindings_than_the_bound(
     known = [({A, B}, len(one)), ({B, C}, len(two)), ({A}, len(three))]
     bound = limits.most_bindings({A: 4.0, B: 4.0, C: 4.0}, known)
     assert counted <= bound <= 64
-
-
-def test_static_facts_that_bind_the_variables_need_no_trial(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def tried(_text: str) -> bool:
-        raise AssertionError("tried")
-
-    monkeypatch.setattr(limits, "affordable", tried)
-    files = tmp_path / "domain.pddl", tmp_path / "problem.pddl"
-    files[0].write_text("""(define (domain chain) (:predicates (next ?a ?b) (at ?a))
-      (:action go :parameters (?a ?b ?c ?d) :precondition (and (at ?a) (next ?a ?b) (next ?b ?c) (next ?c ?d))
-        :effect (at ?d)))""")
-    names = [f"o{number}" for number in range(60)]
-    chain = " ".join(f"(next {a} {b})" for a, b in itertools.pairwise(names))
-    files[1].write_text(
-        f"(define (problem p) (:domain chain) (:objects {' '.join(names)}) (:init (at o0) {chain}) (:goal (at o9)))"
-    )
-    assert len(ground(read_pddl(*files).problem).operators) == 19

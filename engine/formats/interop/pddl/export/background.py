@@ -5,8 +5,9 @@ from collections.abc import Iterable, Iterator
 from functools import cached_property
 
 from engine.model.task import Task
-from kb.asp import AspError, Grounder
-from kb.asp.vocabulary import guard, static_program
+from kb.asp import AspError
+from kb.asp.statics import evaluated
+from kb.asp.vocabulary import guard
 from kb.model.conditions import Body, Parameter
 from kb.model.domain import NUMERIC_TYPES, OBJECT, Kind
 from kb.model.problem import Problem
@@ -25,8 +26,7 @@ class Background:
     def __init__(self, problem: Problem, task: Task) -> None:
         self.problem, self.domain, self.task = problem, problem.domain, task
         self.kinds = {name: predicate.kind for name, predicate in self.domain.predicates.items()}
-        self._grounder = Grounder()
-        self._grounder.ground(static_program(problem))
+        self._grounder = evaluated(problem)
         self.facts: dict[str, list[Atom]] = defaultdict(list)
         for fact in self._grounder.everything():
             self.facts[fact.name].append(fact)

@@ -1,0 +1,29 @@
+"""Every verb takes limits of time and memory, which bound the whole command."""
+
+import inspect
+from collections.abc import Callable
+from functools import wraps
+from typing import Any
+
+from engine.faces.cli.options import MemoryLimit, TimeLimit
+from engine.faces.cli.watch import watching
+
+
+def limited(verb: Callable[..., None]) -> Callable[..., None]:
+    """The verb with limits of time and memory for the whole command: as options of its own, or added here."""
+    signature = inspect.signature(verb)
+    kinds = {"time_limit": TimeLimit, "memory_limit": MemoryLimit}
+    added = {name: kind for name, kind in kinds.items() if name not in signature.parameters}
+
+    @wraps(verb)
+    def run(*arguments: Any, **options: Any) -> None:
+        with watching(options.get("time_limit"), options.get("memory_limit")):
+            verb(*arguments, **{name: value for name, value in options.items() if name not in added})
+
+    more = [
+        inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=None, annotation=kind)
+        for name, kind in added.items()
+    ]
+    run.__annotations__ = {**verb.__annotations__, **added}
+    run.__signature__ = signature.replace(parameters=[*signature.parameters.values(), *more])  # type: ignore[attr-defined]
+    return run

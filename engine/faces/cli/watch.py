@@ -1,0 +1,117 @@
+"""The limits of a whole command, and Ctrl-C where nobody hears it.
+
+A search stops by itself when it is asked to. Whatever does not (reading, grounding, a solver that is busy) is watched from a
+thread: it ends the process with the proper exit code when the time is over or Ctrl-C was pressed, and no answer comes soon.
+"""
+
+import os
+import signal
+import socket
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+
+from engine.faces.cli.exits import INTERRUPTED, LIMIT
+
+HEARING = 0.8  # seconds from Ctrl-C until a search has to have heard it
+ANSWERING = 10.0  # seconds that a search which has heard it may take for its best answer
+NAME = "watch"  # of the thread
+
+
+class Watch:
+    """What is watched: when the time is over, and whether the command has heard that it shall stop."""
+
+    def __init__(self, seconds: float | None = None) -> None:
+        self.seconds = seconds
+        self.deadline = None if seconds is None else time.monotonic() + seconds
+        self.tell: Callable[[int], None] = lambda _: None
+        self.heard = self.answered = False
+        self.waiting = (
+            False  # for a person, or for a cell: then Ctrl-C is heard there, and `time_is_up` ends it
+        )
+        self.time_is_up: Callable[[], None] | None = None
+
+    def is_time_up(self) -> bool:
+        """Whether the time limit has passed."""
+        return self.deadline is not None and time.monotonic() >= self.deadline
+
+    def start(self) -> None:
+        """Watch from now on. Only the main thread may start it."""
+        self._alarm, woken = socket.socketpair()
+        self._alarm.setblocking(False)
+        signal.set_wakeup_fd(self._alarm.fileno(), warn_on_full_buffer=False)
+        threading.Thread(target=self._run, args=(woken,), name=NAME, daemon=True).start()
+
+    def _run(self, woken: socket.socket) -> None:
+        woken.settimeout(None if self.deadline is None else max(self.deadline - time.monotonic(), 0))
+        code = INTERRUPTED
+        try:
+            while not set(woken.recv(64)) & {signal.SIGINT, signal.SIGTERM} or self.waiting:
+                pass
+            grace = HEARING
+        except TimeoutError:
+            if self.waiting and self.time_is_up is not None:
+                self.time_is_up()
+            while self.waiting:
+                time.sleep(0.1)
+            code, grace = LIMIT, max(0.05 * (self.seconds or 0), 0.3)
+        except OSError:
+            return
+        self._await(time.monotonic() + grace)
+        if not self.answered:
+            self._end(code)
+
+    def _await(self, until: float) -> None:
+        """Wait for the answer until then, and longer if the command has heard that it shall stop."""
+        last = until + ANSWERING
+        while not self.answered and time.monotonic() < (last if self.heard else until):
+            time.sleep(0.02)
+
+    def _end(self, code: int) -> None:
+        with suppress(Exception):
+            self.tell(code)
+        os._exit(code)
+
+
+_now: Watch | None = None
+_alone = False  # whether this process was started as `cellwright`, and does nothing else
+
+
+def current() -> Watch | None:
+    """The watch over the command that runs, if there is one."""
+    return _now
+
+
+@contextmanager
+def watching(seconds: float | None, megabytes: int | None) -> Iterator[None]:
+    """A context in which a command is watched, if this is the main thread of a process of its own."""
+    global _now
+    from kb import stopping
+
+    limit_memory(megabytes)
+    _now = watch = Watch(seconds)
+    if _alone:
+        watch.start()
+    try:
+        with stopping.asking(watch.is_time_up):
+            yield
+    finally:
+        watch.answered, _now = True, None
+
+
+def own_process() -> None:
+    """Say that this process does nothing but the command, so that it may be ended."""
+    global _alone
+    _alone = True
+
+
+def limit_memory(megabytes: int | None) -> None:
+    """Limit the memory of this process and of those it starts. Beyond the limit a `MemoryError` is raised."""
+    if megabytes is not None:
+        import resource
+
+        _, most = resource.getrlimit(resource.RLIMIT_DATA)
+        wanted = min(megabytes * 2**20, sys.maxsize)
+        resource.setrlimit(resource.RLIMIT_DATA, (wanted if most < 0 else min(wanted, most), most))

@@ -1,0 +1,49 @@
+"""Measured values as a table: one row for each. Numbers are written so that they are read back equal."""
+
+import csv
+import io
+from collections.abc import Mapping
+
+from kb.model.results import Measured, Results
+
+TEXTS = ("of", "quantity", "unit", "tool", "action")
+NUMBERS = ("nominal", "lower", "upper")
+COLUMNS = (
+    "run", "started", "at_ms", "of", "quantity", "value", "unit", *NUMBERS, "passed", "tool", "action",
+)  # fmt: skip
+VERDICTS = {True: "yes", False: "no", None: ""}
+
+
+def written_csv(results: Results) -> str:
+    """The measured values of a run."""
+    out = io.StringIO(newline="")
+    table = csv.DictWriter(out, COLUMNS, lineterminator="\r\n")
+    table.writeheader()
+    for each in results.measured:
+        row = {name: getattr(each, name) for name in TEXTS}
+        row |= {name: _number(getattr(each, name)) for name in NUMBERS}
+        row |= {"value": _number(each.value), "passed": VERDICTS[each.passed], "at_ms": str(each.at_ms)}
+        table.writerow({**row, "run": results.run, "started": results.started})
+    return out.getvalue()
+
+
+def read_csv(text: str) -> Results:
+    """The measured values of a table. Raises `ValueError`."""
+    rows = list(csv.DictReader(io.StringIO(text, newline="")))
+    if rows and set(COLUMNS) - set(rows[0]):
+        raise ValueError("not a table of results")
+    first = rows[0] if rows else {"run": "", "started": ""}
+    return Results(first["run"], first["started"], tuple(map(_measured, rows)))
+
+
+def _measured(row: Mapping[str, str]) -> Measured:
+    limits = {name: float(row[name]) if row[name] else None for name in NUMBERS}
+    texts = {name: row[name] for name in TEXTS}
+    return Measured(value=float(row["value"]), at_ms=int(row["at_ms"]), **texts, **limits)
+
+
+def _number(value: float | None) -> str:
+    """A number as text: whole ones without a fraction."""
+    if value is None:
+        return ""
+    return str(int(value)) if float(value).is_integer() and abs(value) < 1e15 else repr(value)

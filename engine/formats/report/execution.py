@@ -1,0 +1,63 @@
+"""How a run ended, for people and as data."""
+
+from typing import TYPE_CHECKING, Any
+
+from rich.console import Group, RenderableType
+from rich.text import Text
+
+from engine.model.wording import counted
+
+if TYPE_CHECKING:
+    from engine.model.execution import Finish
+
+SAID = {
+    "reached": "all goals are reached",
+    "partly": "not all goals could be reached",
+    "stopped": "stopped safely",
+    "aborted": "ended before its goals were reached",
+    "paused": "paused",
+}
+SHOWN = 12  # goals that are listed
+
+
+def entry(ending: "Finish") -> dict[str, Any]:
+    """The ending as JSON."""
+    return {
+        "run": ending.run,
+        "why": ending.why,
+        "goals": list(ending.goals),
+        "open_goals": list(ending.open_goals),
+        "given_up": [{"goal": goal, "why": why} for goal, why in ending.given_up],
+        "makespan_ms": ending.makespan_ms,
+        "forecast_ms": ending.forecast_ms,
+        "exceptions": ending.exceptions,
+        "steps": ending.steps,
+    }
+
+
+def text(ending: "Finish", store: str) -> RenderableType:
+    """The ending in a few lines."""
+    why = f": {ending.why}" if ending.why else ""
+    lines = [Text(f"Run {ending.run}: {SAID[ending.outcome]}{why}.")]
+    took = f"{duration(ending.makespan_ms)} on the run's clock; the first plan was forecast to take {duration(ending.forecast_ms)}"
+    lines.append(Text(f"{counted(ending.steps, 'step')}, {counted(ending.exceptions, 'exception')}, {took}."))
+    for goal, reason in ending.given_up:
+        lines.append(Text(f"  given up: {goal}: {reason}"))
+    told = {goal for goal, _ in ending.given_up}
+    still = [goal for goal in ending.open_goals if goal not in told]
+    lines += [Text(f"  open: {goal}") for goal in still[:SHOWN]]
+    if len(still) > SHOWN:
+        lines.append(Text(f"  ... and {len(still) - SHOWN} more"))
+    if ending.outcome in ("stopped", "paused"):
+        lines.append(Text(f"Go on with: cellwright resume {ending.run} --store {store}"))
+    return Group(*lines)
+
+
+def duration(ms: int) -> str:
+    """A time in the units that people use."""
+    seconds = ms / 1000
+    if seconds < 120:
+        return f"{seconds:g} s"
+    if seconds < 7200:
+        return f"{int(seconds // 60)} min {seconds % 60:g} s"
+    return f"{int(seconds // 3600)} h {int(seconds % 3600 // 60)} min"

@@ -1,0 +1,109 @@
+"""Rigid transforms as homogeneous matrices (..., 4, 4). `T_a_b` is the pose of b in a: x_a = T_a_b x_b."""
+
+import math
+
+import numpy as np
+
+from engine.kernels.arrays import Floats
+
+
+def identity() -> Floats:
+    """The pose of a frame in itself (4, 4)."""
+    return np.eye(4)
+
+
+def translation(x: float, y: float, z: float) -> Floats:
+    """A displacement in metres (4, 4)."""
+    T = np.eye(4)
+    T[:3, 3] = x, y, z
+    return T
+
+
+def rotation(axis: tuple[float, float, float] | Floats, angle_rad: float | Floats) -> Floats:
+    """Rotation matrices (..., 3, 3) about a unit vector (3,) by angles (...), by the formula of Rodrigues."""
+    angle = np.asarray(angle_rad, dtype=float)[..., None, None]
+    x, y, z = np.asarray(axis, dtype=float)
+    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    turned: Floats = np.eye(3) + np.sin(angle) * cross + (1.0 - np.cos(angle)) * (cross @ cross)
+    return turned
+
+
+def transform(R: Floats, p: Floats | tuple[float, float, float]) -> Floats:
+    """Homogeneous matrices (..., 4, 4) from rotations (..., 3, 3) and positions (..., 3)."""
+    T = np.zeros((*R.shape[:-2], 4, 4))
+    T[..., :3, :3], T[..., :3, 3], T[..., 3, 3] = R, p, 1.0
+    return T
+
+
+def inverse(T: Floats) -> Floats:
+    """T_b_a from T_a_b (..., 4, 4)."""
+    R_t = np.swapaxes(T[..., :3, :3], -1, -2)
+    return transform(R_t, -(R_t @ T[..., :3, 3:])[..., 0])
+
+
+def apply(T: Floats, points: Floats) -> Floats:
+    """Points (n, 3) of frame b in frame a, by T_a_b (..., 4, 4). Returns (..., n, 3)."""
+    moved: Floats = points @ np.swapaxes(T[..., :3, :3], -1, -2) + T[..., None, :3, 3]
+    return moved
+
+
+def is_rigid(T: Floats, tolerance: float = 1e-9) -> bool:
+    """Whether every matrix (..., 4, 4) is a rotation (without reflection) and a displacement."""
+    R = T[..., :3, :3]
+    orthogonal = np.abs(R @ np.swapaxes(R, -1, -2) - np.eye(3)).max() <= tolerance
+    return bool(
+        orthogonal and np.all(np.linalg.det(R) > 0) and np.abs(T[..., 3, :] - [0, 0, 0, 1]).max() <= tolerance
+    )
+
+
+def difference(T_a_b: Floats, T_a_c: Floats) -> tuple[Floats, Floats]:
+    """How far poses (..., 4, 4) are apart: in metres (...) and in radians (...)."""
+    metres: Floats = np.linalg.norm(T_a_b[..., :3, 3] - T_a_c[..., :3, 3], axis=-1)
+    vector = rotation_vector(np.swapaxes(T_a_b[..., :3, :3], -1, -2) @ T_a_c[..., :3, :3])
+    radians: Floats = np.linalg.norm(vector, axis=-1)
+    return metres, radians
+
+
+def rotation_vector(R: Floats) -> Floats:
+    """Axis times angle (..., 3) of rotations (..., 3, 3); exact to rounding for small and moderate angles."""
+    skew = np.stack(
+        [R[..., 2, 1] - R[..., 1, 2], R[..., 0, 2] - R[..., 2, 0], R[..., 1, 0] - R[..., 0, 1]], axis=-1
+    )
+    sine = np.linalg.norm(skew, axis=-1) / 2.0
+    cosine = (np.trace(R, axis1=-2, axis2=-1) - 1.0) / 2.0
+    angle = np.arctan2(sine, cosine)
+    near = sine < 1e-12
+    scale = np.where(near, 0.5, angle / np.where(near, 1.0, 2.0 * sine))
+    vector: Floats = skew * scale[..., None]
+    return np.where((near & (cosine < 0))[..., None], _half_turn(R), vector)
+
+
+def _half_turn(R: Floats) -> Floats:
+    """The rotation vector when the angle is pi: the column of (R + 1) / 2 with the largest diagonal, normalised."""
+    square = (R + np.eye(3)) / 2.0
+    largest = np.argmax(np.diagonal(square, axis1=-2, axis2=-1), axis=-1)
+    column = np.take_along_axis(square, largest[..., None, None], axis=-1)[..., 0]
+    length = np.linalg.norm(column, axis=-1, keepdims=True)
+    axis: Floats = column / np.where(length > 0, length, 1.0)
+    return axis * math.pi
+
+
+def turned(vector: Floats) -> Floats:
+    """The rotations (..., 3, 3) by vectors (..., 3): axis times angle."""
+    angle = np.linalg.norm(vector, axis=-1)[..., None, None]
+    cross = skew(vector)
+    near = angle < 1e-9
+    safe = np.where(near, 1.0, angle)
+    sine = np.where(near, 1.0, np.sin(safe) / safe)
+    versine = np.where(near, 0.5, (1.0 - np.cos(safe)) / safe**2)
+    found: Floats = np.eye(3) + sine * cross + versine * (cross @ cross)
+    return found
+
+
+def skew(vector: Floats) -> Floats:
+    """The matrices (..., 3, 3) that multiply like the cross product with vectors (..., 3)."""
+    x, y, z = np.moveaxis(vector, -1, 0)
+    zero = np.zeros_like(x)
+    rows = [[zero, -z, y], [z, zero, -x], [-y, x, zero]]
+    found: Floats = np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+    return found

@@ -1,0 +1,258 @@
+"""The values of execution: what is sent to a driver, what comes back, what is written in the journal, and how a run stands.
+
+Times in `_ms` are integers: milliseconds of the driver's clock since the run began. All texts that name steps, facts and
+replies are ASP terms, as everywhere else.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import StrEnum
+from typing import Any
+
+VERSION = 1  # of commands, replies and records; whoever reads a greater number refuses it
+
+
+class CommandKind(StrEnum):
+    """What a command asks for."""
+
+    STEP = "step"  # carry out a step of a plan
+    TEST = "test"  # carry out a test of the fault base; the reply is one of `choices`
+    REPAIR = "repair"  # carry out a repair of the fault base; the reply is one of `choices`: cured or not
+    ASK = "ask"  # put a question to a person; the reply is one of `choices`
+    WAIT = "wait"  # begin nothing that stands behind this in the stream's queue until it is continued
+    CONTINUE = "continue"  # go on behind the WAIT whose number is `about`
+
+
+@dataclass(frozen=True, slots=True)
+class Command:
+    """One command of a run. Numbers ascend; a command that is sent twice has the same number and is carried out once.
+
+    `stream` names the device. `action` is the step as an operator instance (`pick(probe_1, slot(drawer, 1))`), or the name of
+    a test or repair; `says` is what the domain tells the device, or the words for a person. `expects` is the pattern of a
+    normal reply, with variables for what is measured. A person is asked (`asks`). `lasts_ms` is a forecast. Without a reply
+    within `timeout_ms` of its being sent, or of its turn in a queue, the command counts as failed.
+    """
+
+    number: int
+    kind: CommandKind
+    stream: str
+    action: str
+    says: str = ""
+    expects: str = "done"
+    choices: tuple[str, ...] = ()
+    lasts_ms: int = 0
+    timeout_ms: int | None = None
+    about: int | None = None
+    asks: bool = False
+
+    @property
+    def repeatable(self) -> bool:
+        """Whether it may be carried out again if nobody knows what became of it: it does not change the world."""
+        return self.kind in (CommandKind.WAIT, CommandKind.CONTINUE, CommandKind.ASK)
+
+
+@dataclass(frozen=True, slots=True)
+class Reply:
+    """What a device answers to a command: `done`, `value(812)`, `not_gripped`, the outcome of a test.
+
+    Whether it is normal is not the driver's to say: the executive matches it. `at_ms` is when the command had ended. `data`
+    is what is too much for a term, such as a depth map, or the name of a file that holds it; it goes into the journal.
+    """
+
+    number: int
+    text: str
+    at_ms: int
+    data: Mapping[str, Any] = field(default_factory=dict)
+
+
+class TroubleKind(StrEnum):
+    """What went wrong between the executive and a controller."""
+
+    LOST = "lost"  # the controller has died, hangs (no heartbeat), or cannot be reached again in time
+    GARBAGE = "garbage"  # something came that is no reply
+    REPEATED = "repeated"  # a second reply to a command; the first one counts
+    STRANGE = "strange"  # a reply to a command that was never sent
+    LATE = "late"  # a reply after the command was given up
+
+
+@dataclass(frozen=True, slots=True)
+class Trouble:
+    """A fault of the connection, not of the cell. `number` is the command that it is about, if it is about one.
+
+    After LOST nothing more comes. The others do not end a run; they are written in the journal.
+    """
+
+    kind: TroubleKind
+    text: str
+    at_ms: int
+    number: int | None = None
+
+
+Message = Reply | Trouble
+
+
+class Fate(StrEnum):
+    """What became of a command, as the driver knows it after a connection was lost or the executive was restarted."""
+
+    UNKNOWN = "unknown"  # it was never received: it may be sent
+    QUEUED = "queued"  # it waits for its turn
+    RUNNING = "running"  # it is being carried out; its reply will come
+    ENDED = "ended"  # it has ended; its reply is given again
+    DROPPED = "dropped"  # it was taken back before it began
+
+
+@dataclass(frozen=True, slots=True)
+class Report:
+    """The fate of a command, and its reply if it has ended."""
+
+    number: int
+    fate: Fate
+    reply: Reply | None = None
+
+
+class Phase(StrEnum):
+    """What the executive is doing."""
+
+    READY = "ready"  # planned, not approved yet
+    RUNNING = "running"
+    INTERRUPTING = "interrupting"  # finishes the current goal, then pauses
+    QUIESCING = "quiescing"  # begins nothing more, waits for what is under way
+    HANDLING = "handling"  # finds out what went wrong, and plans on
+    PAUSED = "paused"
+    FINISHED = "finished"
+    STOPPED = "stopped"  # a safe stop, or a stop by a person: nothing moves
+
+
+class Order(StrEnum):
+    """What a person or another program can tell a run while it goes on."""
+
+    STOP = "stop"  # at once
+    INTERRUPT = "interrupt"  # at the end of the current goal, with an empty gripper
+    CONTINUE = "continue"
+    SKIP = "skip"  # at a pause: take a step for done; a person has done it
+    RETRY = "retry"  # at a pause: the step that failed once more
+    BACK = "back"  # at a pause: go back to a step
+    CORRECT = "correct"  # at a pause: facts that hold, and facts that do not
+    ABORT = "abort"  # at a pause: end the run
+    ADD = "add"  # a further command in words, merged without touching the steps that have begun
+    APPROVE = "approve"
+
+
+class RecordKind(StrEnum):
+    """What a record of the journal tells. Its content, by key, is described here; every record has `at_ms`.
+
+    RUN: target, problem, domain, goals, command, driver, seed, factor, options, version; it is the first record.
+    PLAN: why (first, recovery, reschedule, or the order that asked for it), steps [{id, step, stream, says, after, resources,
+          start_ms, lasts_ms, ...; keys that say nothing are left out}], order, forecast_ms (the end), goals, given_up; it
+          replaces the steps that have not begun.
+    COMMAND: command (its number), command_kind, stream, action, says, expects, choices, lasts_ms, timeout_ms, about, asks,
+          step (id in the plan, or null).
+    REPLY: command, text, data. A command that got none in time has the text `timeout`.
+    TROUBLE: trouble (its kind), text, command.
+    DONE: step (id), command, action, started_ms, adds, ends, events: what the step changed in the world model; moved: the
+          stages that were reached, [[chain, number, atom]].
+    RESULT: command, action, result (the fact of the result pattern), and where the domain says so value, nominal, lower,
+            upper, passed.
+    EXCEPTION: exception (its name in the fault base, else the reply), known, step, action, command, reply.
+    FINDING: exception, action (test, repair or question), outcome, belief [[hypothesis, probability]] before it, expected_cost.
+    DIAGNOSIS: exception, causes [[hypothesis, probability]], cured, isolated, cost.
+    WORLD: why, adds, ends, reached: the world model was corrected.
+    GIVEN_UP: goal, why.
+    GOAL: goal: a stage was reached.
+    ORDER: order, given (what it says besides), origin (terminal, socket).
+    DECISION: what, why: a choice of the executive between alternatives.
+    PHASE: phase, why.
+    CHECKPOINT: state: from here a resumed run can go on without reading older records.
+    END: outcome (reached, partly, stopped, aborted, paused), why, goals, open_goals, given_up [[goal, why]], makespan_ms.
+    """
+
+    RUN = "run"
+    PLAN = "plan"
+    COMMAND = "command"
+    REPLY = "reply"
+    TROUBLE = "trouble"
+    DONE = "done"
+    RESULT = "result"
+    EXCEPTION = "exception"
+    FINDING = "finding"
+    DIAGNOSIS = "diagnosis"
+    WORLD = "world"
+    GIVEN_UP = "given_up"
+    GOAL = "goal"
+    ORDER = "order"
+    DECISION = "decision"
+    PHASE = "phase"
+    CHECKPOINT = "checkpoint"
+    END = "end"
+
+
+@dataclass(frozen=True, slots=True)
+class Record:
+    """One record of a run's journal, which is also an event of the public stream. Numbers count from 1 without gaps.
+
+    `content` is plain JSON. What the keys are, `RecordKind` says.
+    """
+
+    number: int
+    at_ms: int
+    kind: RecordKind
+    content: Mapping[str, Any] = field(default_factory=dict)
+
+    def entry(self, run: str) -> dict[str, Any]:
+        """The record as one JSON object of the event stream."""
+        return {
+            "version": VERSION,
+            "run": run,
+            "number": self.number,
+            "at_ms": self.at_ms,
+            "kind": self.kind.value,
+            **self.content,
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class Underway:
+    """A command that is being carried out: for the step of the plan, if it is one, since when and until when probably."""
+
+    command: Command
+    started_ms: int
+    ends_ms: int
+    step: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class RunState:
+    """How a run stands, for those who watch it.
+
+    `facts` are what the world model holds for true, `forecast_ms` is when the plan is forecast to end.
+    """
+
+    run: str
+    phase: Phase
+    at_ms: int
+    under_way: tuple[Underway, ...] = ()
+    done: int = 0
+    steps: int = 0
+    forecast_ms: int = 0
+    facts: frozenset[Any] = frozenset()
+    why: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Finish:
+    """How a run ended: `reached`, `partly`, `stopped`, `aborted` or `paused`, and why. Stopped and paused runs can be resumed.
+
+    `goals` are reached, `open_goals` are not; `given_up` says which of them were given up, and why. Times are of the run's
+    clock; `forecast_ms` is what the first plan was to take.
+    """
+
+    run: str
+    outcome: str
+    why: str = ""
+    goals: tuple[str, ...] = ()
+    open_goals: tuple[str, ...] = ()
+    given_up: tuple[tuple[str, str], ...] = ()
+    makespan_ms: int = 0
+    forecast_ms: int = 0
+    exceptions: int = 0
+    steps: int = 0

@@ -1,0 +1,171 @@
+"""From a timetable to the program of the executive, and what each of its steps will change in the world model."""
+
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from fractions import Fraction
+
+from engine.stages.execution import Activity, Dwell, Program
+from engine.stages.macros.lifted.execution import changes_of
+from engine.stages.macros.lifted.situation import Situation
+from engine.stages.macros.lifted.world import CellDomain, StepChange
+from engine.stages.scheduling.blocks import Unstructured, arm_of, mentions
+from kb.model.conditions import Literal, goal_parts
+from kb.model.domain import Command, Domain, Operator
+from kb.model.plan import Plan, Step, StepId
+from kb.model.problem import Problem
+from kb.model.workflow import reaches
+from kb.syntax import SECONDS
+from kb.terms import Atom, Function, Term, substitute
+
+PATIENCE = 2  # a reply may take so many times the forecast
+GRACE_MS = 30_000  # and so much longer
+PERSON = "person"  # the stream of steps for a person
+
+
+@dataclass(frozen=True)
+class Compiled:
+    """A program, the plan behind it, and what each step changes, in whatever of the plan's orders they are done.
+
+    Steps that interfere are ordered, so what one of them changes does not depend on the others' order.
+    """
+
+    program: Program
+    plan: Plan
+    changes: Mapping[int, StepChange]
+    expects: Mapping[int, Term] = field(default_factory=dict)
+    results: Mapping[int, Term] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class Stay:
+    """What one step brings may stay for so many units of time until another takes it."""
+
+    source: StepId
+    target: StepId
+    most: int
+
+
+def unit_ms(domain: Domain) -> Fraction:
+    """The milliseconds of a domain's unit of time."""
+    return Fraction(SECONDS[domain.time_unit]) * 1000
+
+
+def compiled(
+    problem: Problem,
+    plan: Plan,
+    starts: Mapping[StepId, int],
+    begin_ms: int = 0,
+    stays: Iterable[Stay] = (),
+    timed: bool = False,
+    situation: Situation | None = None,
+) -> Compiled:
+    """The program of a plan from the problem's initial state on. Forecast starts count from `begin_ms`."""
+    unit = unit_ms(problem.domain)
+    here = situation or situation_of(problem)
+    ordered = tuple(plan.steps)
+    changes = {int(s.id): c for s, c in zip(ordered, changes_of(here, ordered), strict=True)}
+    rests = resting(problem, ordered, changes, here)
+    operators = {each.name: each for each in problem.domain.operators}
+    hands = hands_of(problem, ordered)
+    activities, expects, results = {}, {}, {}
+    for step in sorted(ordered, key=lambda each: starts[each.id]):
+        number = int(step.id)
+        command = _command(operators.get(step.operator.name), step)
+        expects[number] = command.reply
+        if command.result is not None:
+            results[number] = command.result
+        lasts = int(step.duration * unit)
+        stream = stream_of(command.stream, step)
+        activities[number] = Activity(
+            number,
+            str(step.operator),
+            stream,
+            lasts,
+            tuple(map(int, step.after)),
+            tuple(map(str, step.resources)),
+            begin_ms + int(starts[step.id] * unit),
+            PATIENCE * lasts + GRACE_MS,
+            _says(command.stream, stream),
+            str(command.reply),
+            asks=stream.partition("(")[0] == PERSON,
+            rests=number in rests,
+            process=bool(hands) and not hands.intersection(map(str, step.resources)),
+        )
+    dwells = tuple(Dwell(int(s.source), int(s.target), int(s.most * unit)) for s in stays)
+    return Compiled(Program(activities, dwells, timed), plan, changes, expects, results)
+
+
+def situation_of(problem: Problem, state: Collection[Atom] | None = None) -> Situation:
+    """The situation in which a problem begins."""
+    from engine.pipelines.gate import PlanGate
+
+    facts = PlanGate().semantics(problem).initial() if state is None else state
+    return Situation.of(CellDomain(problem), facts)
+
+
+def hands_of(problem: Problem, steps: Sequence[Step]) -> frozenset[str]:
+    """The resources that work as hands: those of the type of the one that most steps hold."""
+    try:
+        arm = str(arm_of(steps))
+    except Unstructured:
+        return frozenset()
+    types = {**problem.domain.objects, **problem.objects}
+    held = {str(resource) for step in steps for resource in step.resources}
+    return frozenset({arm} | {each for each in held if each in types and types[each] == types.get(arm)})
+
+
+def resting(
+    problem: Problem, steps: Sequence[Step], changes: Mapping[int, StepChange], here: Situation
+) -> frozenset[int]:
+    """The steps after which no hand holds anything, and those that reach a goal."""
+    hands = {Function(name) for name in hands_of(problem, steps)}
+    things = {each for step in steps for each in step.resources} - hands
+
+    def held(atom: Atom) -> bool:
+        return any(mentions(atom, hand) for hand in hands) and any(mentions(atom, each) for each in things)
+
+    goals = [part.atom for part in goal_parts(problem.goal) if isinstance(part, Literal) and part.positive]
+    goals += [stage for chain in problem.chains for stage in chain.stages]
+    holding = {atom for atom in here.state if held(atom)}
+    found = set()
+    for step in steps:
+        change = changes[int(step.id)]
+        holding -= set(change.ends)
+        holding |= {atom for atom in change.adds if held(atom)}
+        added = (*change.adds, *change.events)
+        if not holding or any(
+            reaches(atom, goal) for atom in added for goal in goals if atom.name == goal.name
+        ):
+            found.add(int(step.id))
+    return frozenset(found)
+
+
+def stream_of(said: Term, step: Step) -> str:
+    """The stream of a command: its name, with the arguments that the step holds, which say which device it is.
+
+    What else is in brackets is what the device is told: `path_planner(Arm)` is a device for each arm, `arm(open_drawer)` is not.
+    """
+    if not isinstance(said, Function):
+        return str(said)
+    devices = tuple(each for each in said.arguments if each in step.resources)
+    return str(Function(said.name, devices))
+
+
+def _says(said: Term, stream: str) -> str:
+    """What the device is told beside its name."""
+    if not isinstance(said, Function):
+        return ""
+    return ", ".join(str(each) for each in said.arguments if str(each) not in stream)
+
+
+def _command(operator: Operator | None, step: Step) -> Command:
+    """The command of a step; where the domain declares none, its first resource is the device, and the step what it is told."""
+    if operator is None or operator.command is None:
+        device = step.resources[0] if step.resources else Function("cell")
+        return Command(Function(str(device), (step.operator,)), Function("done"))
+    known = dict(zip(operator.variables, step.operator.arguments, strict=True))
+    said = operator.command
+    result = substitute(said.result, known) if said.result is not None else None
+    return replace(
+        said, stream=substitute(said.stream, known), reply=substitute(said.reply, known), result=result
+    )

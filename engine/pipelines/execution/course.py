@@ -1,0 +1,311 @@
+"""A program on its way: the loop that waits for replies, and takes each through the table of the executive.
+
+Everything is noted before it takes effect: commands are sent only after the group of records that holds them is on the disk.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+
+from engine.model.execution import (
+    Command,
+    CommandKind,
+    Message,
+    Order,
+    Phase,
+    RecordKind,
+    Reply,
+    RunState,
+    Trouble,
+    TroubleKind,
+    Underway,
+)
+from engine.pipelines.execution.compiling import Compiled
+from engine.pipelines.execution.orders import Given, Orders
+from engine.pipelines.execution.recorder import Recorder
+from engine.pipelines.execution.replies import Replies
+from engine.pipelines.simulation import Achievement, World
+from engine.pipelines.simulation.world import achievement
+from engine.ports import Driver
+from engine.stages import execution as executive
+from engine.stages.execution import Failure, Standing
+
+QUIET_MS = 1_000  # a driver may take so long to drop what is queued
+LOST = "the controller does not answer any more"
+STUCK = "nothing is under way and nothing can begin"
+
+
+@dataclass(frozen=True, slots=True)
+class Turn:
+    """Why the loop came back: every step is done, something failed, an order needs more than the table, or the run is over."""
+
+    phase: Phase
+    failures: tuple[Failure, ...] = ()
+    given: Given | None = None
+    why: str = ""
+
+
+@dataclass
+class Course:
+    """The execution of programs, one after another, in one world."""
+
+    run: str
+    driver: Driver
+    recorder: Recorder
+    orders: Orders
+    world: World
+    compiled: Compiled
+    standing: Standing
+    history: list[Achievement] = field(default_factory=list)
+    keeps_history: bool = True
+    done: set[int] = field(default_factory=set)
+    outbox: list[Command] = field(default_factory=list)
+    pending: list[Given] = field(default_factory=list)  # orders that came while an exception was handled
+    turn: Turn | None = None
+    look: Callable[[RunState], None] | None = None
+
+    def __post_init__(self) -> None:
+        self.replies = Replies(self.compiled)
+
+    def follow(self, compiled: Compiled, standing: Standing) -> None:
+        """Go on with another program."""
+        self.compiled, self.standing = compiled, standing
+        self.replies = Replies(compiled)
+        self.done = set()
+
+    def go(self) -> Turn:
+        """Execute until something needs more than the table, or the program is done."""
+        self.turn = None
+        self._take(executive.Began() if self.standing.phase is Phase.READY else executive.Passed())
+        self.flush()
+        while self.turn is None:
+            self.wait()
+            self.flush()
+        return self.turn
+
+    def wait(self) -> None:
+        """Wait for what comes next, and take it in."""
+        waiting, self.pending = self.pending, []
+        for given in waiting:
+            self.order(given, noted=True)
+        for given in self.orders.due(self.driver.now_ms()):
+            self.order(given)
+        if self.turn is not None:
+            return
+        messages = self.driver.receive(self._until())
+        for message in messages:
+            self.hear(message)
+        if not messages:
+            self._take(executive.Passed())
+            self._stuck()
+
+    def _until(self) -> int | None:
+        times = [executive.next_time(self.compiled.program, self.standing), self.orders.next_ms()]
+        return min((each for each in times if each is not None), default=None)
+
+    def _stuck(self) -> None:
+        """End a wait that nothing can end any more."""
+        if self.turn is not None or self.standing.running or self._until() is not None:
+            return
+        if self.standing.phase is Phase.PAUSED:
+            if self.driver.tick_ms is None and not self.orders.wait():
+                self.turn = Turn(Phase.PAUSED, why="paused, and nobody can tell it to go on")
+        elif self.driver.tick_ms is None or self.standing.phase is Phase.RUNNING:
+            self.turn = Turn(Phase.HANDLING, why=STUCK)
+
+    def hear(self, message: Message) -> None:
+        """Take in a message of the driver."""
+        if isinstance(message, Trouble):
+            self.recorder.note(
+                RecordKind.TROUBLE, trouble=message.kind.value, text=message.text, command=message.number
+            )
+            if message.kind is TroubleKind.LOST:
+                self.turn = Turn(Phase.STOPPED, why=f"{LOST}: {message.text}")
+            return
+        self.recorder.note(
+            RecordKind.REPLY, command=message.number, text=message.text, data=dict(message.data)
+        )
+        running = self.standing.running.get(message.number)
+        if running is None:
+            return
+        if self.replies.is_normal(running.activity, message.text):
+            self._result(running.activity, message)
+            self._take(executive.Replied(message.number))
+        else:
+            self._take(executive.Failed(message.number, message.text))
+
+    def order(self, given: Given, noted: bool = False) -> None:
+        """Take in an order. Those that the table does not know are for whoever called `go`."""
+        if not noted:
+            self.recorder.note(
+                RecordKind.ORDER, order=given.order.value, given=given.text, origin=given.origin
+            )
+        event = TABLE.get(given.order)
+        if event is not None:
+            before = self.standing.phase
+            self._take(event)
+            if before is not self.standing.phase:
+                self.recorder.note(RecordKind.PHASE, phase=self.standing.phase.value, why=given.order.value)
+        elif given.order is not Order.APPROVE:
+            self.turn = Turn(self.standing.phase, given=given)
+
+    def _take(self, event: executive.Event) -> None:
+        self.standing, effects = executive.advance(
+            self.compiled.program, self.standing, event, self.driver.now_ms()
+        )
+        for effect in effects:
+            self._effect(effect)
+
+    def _effect(self, effect: executive.Effect) -> None:
+        match effect:
+            case executive.Dispatch():
+                self._dispatch(effect)
+            case executive.Done():
+                self._done(effect)
+            case executive.Quiesce():
+                self._quiesce()
+            case executive.Handle(failures):
+                self.turn = Turn(Phase.HANDLING, failures)
+            case executive.Threatened(dwell, late_ms):
+                self._threatened(dwell, late_ms)
+            case _:
+                self._came_to_rest(effect)
+
+    def _came_to_rest(self, effect: executive.Effect) -> None:
+        if isinstance(effect, executive.Halt):
+            self.driver.halt()
+            self.turn = Turn(Phase.STOPPED, why="stopped by order")
+        elif isinstance(effect, executive.Paused):
+            self.recorder.note(RecordKind.PHASE, phase=Phase.PAUSED.value, why="the current goal is done")
+        elif isinstance(effect, executive.Completed):
+            self.turn = Turn(Phase.FINISHED)
+
+    def _dispatch(self, sent: executive.Dispatch) -> None:
+        if sent.activity is None:
+            kind = CommandKind.WAIT if sent.about is None else CommandKind.CONTINUE
+            self.post(Command(sent.number, kind, sent.stream, kind.value, about=sent.about))
+            return
+        each = self.compiled.program.activities[sent.activity]
+        command = Command(
+            sent.number,
+            CommandKind.STEP,
+            each.stream,
+            each.action,
+            each.says,
+            each.expects,
+            lasts_ms=each.lasts_ms,
+            timeout_ms=each.timeout_ms,
+            asks=each.asks,
+        )
+        self.post(command, each.id)
+
+    def post(self, command: Command, step: int | None = None) -> None:
+        """Note a command, to be sent once the note is on the disk."""
+        self.recorder.note(
+            RecordKind.COMMAND,
+            command=command.number,
+            command_kind=command.kind.value,
+            stream=command.stream,
+            action=command.action,
+            says=command.says,
+            expects=command.expects,
+            choices=list(command.choices),
+            lasts_ms=command.lasts_ms,
+            timeout_ms=command.timeout_ms,
+            about=command.about,
+            asks=command.asks,
+            step=step,
+        )
+        self.outbox.append(command)
+
+    def flush(self) -> None:
+        """Write what was noted, then send what was posted. Raises `JournalFailure`; then nothing was sent."""
+        self.recorder.commit()
+        if self.outbox:
+            commands, self.outbox = self.outbox, []
+            self.driver.send(commands)
+        if self.look is not None:
+            self.look(self.state())
+
+    def _done(self, done: executive.Done) -> None:
+        change = self.compiled.changes[done.activity]
+        action = self.compiled.program.activities[done.activity].action
+        new = [atom for atom in (*change.adds, *change.events) if atom not in self.world.facts]
+        moved = self.world.apply(change)
+        self.done.add(done.activity)
+        if self.keeps_history:
+            step = self.replies.step(done.activity)
+            self.history.append(achievement(len(self.history) + 1, step, new, moved))
+        self.recorder.note(
+            RecordKind.DONE,
+            step=done.activity,
+            command=done.number,
+            action=action,
+            started_ms=done.started_ms,
+            adds=[str(each) for each in change.adds],
+            ends=[str(each) for each in change.ends],
+            events=[str(each) for each in change.events],
+            moved=[[chain, number, str(atom)] for chain, number, atom in moved],
+        )
+        for chain, _, atom in moved:
+            self.recorder.note(RecordKind.GOAL, goal=f"{atom} of {chain}")
+
+    def _result(self, activity: int, reply: Reply) -> None:
+        result = self.replies.result(activity, reply.text)
+        if result is not None:
+            action = self.compiled.program.activities[activity].action
+            self.recorder.note(RecordKind.RESULT, command=reply.number, action=action, result=str(result))
+
+    def _quiesce(self) -> None:
+        self.recorder.note(RecordKind.PHASE, phase=Phase.QUIESCING.value, why="a step has failed")
+        self.flush()
+        came = self.driver.quiesce(QUIET_MS)
+        numbers = sorted(self.standing.running)
+        dropped = [
+            each.number for each in self.driver.report(numbers) if each.fate.value in ("dropped", "unknown")
+        ]
+        if dropped:
+            self._take(executive.Withdrawn(tuple(dropped)))
+        for message in came:
+            self.hear(message)
+
+    def _threatened(self, dwell: executive.Dwell, late_ms: int) -> None:
+        target = self.compiled.program.activities[dwell.target]
+        self.recorder.note(
+            RecordKind.EXCEPTION,
+            exception="stays_too_long",
+            step=dwell.target,
+            action=target.action,
+            command=None,
+            reply=f"as things stand, {round(late_ms / 1000, 3)} s longer than it may",
+        )
+
+    def state(self) -> RunState:
+        """How the run stands."""
+        program = self.compiled.program
+        under_way = tuple(
+            Underway(
+                Command(number, CommandKind.STEP, a.stream, a.action, a.says, lasts_ms=a.lasts_ms),
+                running.since_ms,
+                running.since_ms + a.lasts_ms,
+                a.id,
+            )
+            for number, running in sorted(self.standing.running.items())
+            for a in (program.activities[running.activity],)
+        )
+        return RunState(
+            self.run,
+            self.standing.phase,
+            self.driver.now_ms(),
+            under_way,
+            self.standing.done,
+            len(program.activities),
+            program.forecast_ms,
+            frozenset(self.world.facts),
+        )
+
+
+TABLE: Mapping[Order, executive.Event] = {
+    Order.STOP: executive.Stopped(),
+    Order.INTERRUPT: executive.Interrupted(),
+    Order.CONTINUE: executive.Continued(),
+}

@@ -1,0 +1,210 @@
+"""The exception handler of a run: find the cause with tests, put it right, and plan on for the original goals (ITA)."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+from engine.model.cases import Diagnosis
+from engine.model.execution import Command, CommandKind, RecordKind
+from engine.model.outcome import Found, Infeasible
+from engine.model.troubleshooting import Action, Advice
+from engine.pipelines.execution.compiling import GRACE_MS, PATIENCE, stream_of, unit_ms
+from engine.pipelines.execution.course import Course
+from engine.pipelines.execution.hands import Interruption, Performed, perform
+from engine.pipelines.execution.planned import Ready, again
+from engine.pipelines.execution.scope import Scope
+from engine.pipelines.revision.remaining import left_over
+from engine.pipelines.simulation import WorldState
+from engine.pipelines.troubleshooting import Desk, Opened, Recovery, opened
+from engine.pipelines.troubleshooting.findings import Findings
+from engine.pipelines.troubleshooting.given import Moment
+from engine.stages.diagnosis.knowledge import CURED, NOT_CURED, Objective
+from engine.stages.diagnosis.session import QUESTION, run
+from engine.stages.execution import Failure
+from engine.stages.planning import Limits
+from kb.model.faults import FaultModel
+from kb.model.plan import Plan, Step, StepId
+from kb.terms import Function, match
+
+MOST = 3  # times that one step may fail in one way before it is not tried again
+DEPTH = 4  # cases within cases
+EXPANSIONS = 20_000  # of the search for the next test
+BASE = "fault base"
+
+
+@dataclass(frozen=True, slots=True)
+class GivesUp:
+    """There is no way on, and why. `stops` says that the cell is left in a safe stop for a person; else nothing is left to do."""
+
+    why: str
+    stops: bool = True
+
+
+@dataclass
+class ExceptionHandler:
+    """Handles the exceptions of one run."""
+
+    course: Course
+    scope: Scope
+    base: FaultModel | None
+    limits: Limits = field(default_factory=Limits)
+    cases: dict[tuple[str, str], int] = field(default_factory=dict)
+
+    def handle(self, failures: Sequence[Failure]) -> Ready | GivesUp:
+        """How the run goes on after failures. The first is looked into; the others show again if their causes are there."""
+        failure = failures[0]
+        step = self.course.replies.step(failure.activity)
+        done = frozenset(StepId(each) for each in self.course.done)
+        left = left_over(self.course.compiled.plan, done)
+        return self._handled(step, failure.activity, failure.number, failure.reply, left, 0)
+
+    def _handled(
+        self, step: Function, activity: int | None, number: int, reply: str, left: Plan | None, depth: int
+    ) -> Ready | GivesUp:
+        exception = exception_of(self.base, step, reply)
+        self.course.recorder.note(
+            RecordKind.EXCEPTION,
+            exception=exception or reply,
+            known=exception is not None,
+            step=activity,
+            action=str(step),
+            command=number,
+            reply=reply,
+        )
+        if self.base is None or exception is None:
+            return GivesUp(f"{step} was answered '{reply}', and the {BASE} knows no such exception")
+        seen = self.cases[exception, str(step)] = self.cases.get((exception, str(step)), 0) + 1
+        if seen > MOST or depth >= DEPTH:
+            return GivesUp(
+                f"{exception} at {step} for the {seen}th time: what was done about it did not help"
+            )
+        return self._case(exception, step, left, depth)
+
+    def _case(self, exception: str, step: Function, left: Plan | None, depth: int) -> Ready | GivesUp:
+        assert self.base is not None
+        world = self.course.world.state
+        moment = Moment(self.scope.problem, self.scope.rest(world), world, tuple(self.course.history), left)
+        case = Opened(self.base, exception, step, Objective.REPAIR, expansions=EXPANSIONS)
+        desk = opened(case, self.scope.problem.domain, moment)
+        try:
+            made = run(desk.session, lambda action, advice: self._answer(desk, action, advice))
+            self._diagnosed(made)
+            recovery = desk.recover(made, limits=self.limits)
+            if recovery.repair is not None:
+                self._prepare(recovery.repair.prepared.steps)
+                self._act(desk, recovery.repair.name, (CURED, NOT_CURED))
+        except Interruption as other:
+            believed = Findings(desk.beliefs, desk.session.diagnosis()).believed if desk.beliefs else world
+            self._believe(believed, f"while {exception} was looked into, {other.step} failed")
+            return self._handled(other.step, None, other.number, other.reply, None, depth + 1)
+        return self._goes_on(exception, made, recovery, world)
+
+    def _goes_on(
+        self, exception: str, made: Diagnosis, recovery: Recovery, before: WorldState
+    ) -> Ready | GivesUp:
+        assert self.base is not None
+        now = recovery.now or before
+        self._believe(now, exception)
+        for goal in recovery.given_up:
+            self.course.recorder.note(RecordKind.GIVEN_UP, goal=goal.goal, why=goal.why)
+        outcome = recovery.outcome
+        if not isinstance(outcome, Found):
+            self.scope = Scope(self.scope.problem, (*self.scope.given_up, *recovery.given_up))
+            causes = {cause for hypothesis, _ in made.hypotheses for cause in hypothesis.causes}
+            stops = not isinstance(outcome, Infeasible) or any(
+                self.base.causes[each].stops for each in causes
+            )
+            return GivesUp(outcome.reason, stops and not made.cured)
+        self.scope = self.scope.narrowed(recovery.problem, now, recovery.given_up)
+        return again(recovery.problem, outcome.plan, self.course.driver.now_ms(), self.limits)
+
+    def _believe(self, state: WorldState, why: str) -> None:
+        new, gone = self.course.world.become(state)
+        if new or gone:
+            self.course.recorder.note(
+                RecordKind.WORLD,
+                why=why,
+                adds=[str(each) for each in new],
+                ends=[str(each) for each in gone],
+                reached=dict(state.reached),
+            )
+
+    def _diagnosed(self, made: Diagnosis) -> None:
+        self.course.recorder.note(
+            RecordKind.DIAGNOSIS,
+            exception=made.exception,
+            causes=[[str(hypothesis), round(p, 4)] for hypothesis, p in made.hypotheses[:4]],
+            cured=made.cured,
+            isolated=made.isolated,
+            cost=made.cost,
+        )
+
+    def _answer(self, desk: Desk, action: Action, advice: Advice) -> str | None:
+        """What a test, a repair or a person answers, after what prepares it. Raises `Interruption` if a step fails."""
+        session = desk.session
+        if action.name != QUESTION and session.prepared is not None:
+            self._prepare(session.prepared.steps)
+        outcome = self._act(desk, action.name, action.outcomes)
+        self.course.recorder.note(
+            RecordKind.FINDING,
+            exception=session.exception,
+            action=action.name,
+            outcome=outcome,
+            belief=[[str(hypothesis), round(p, 4)] for hypothesis, p in session.belief()[:4]],
+            expected_cost=round(advice.expected_cost, 3),
+        )
+        return outcome
+
+    def _act(self, desk: Desk, name: str, outcomes: Sequence[str]) -> str | None:
+        """The outcome of a test, a repair or a question; None if nobody answers as one should."""
+        model = desk.model
+        found = model.tests.get(name) or model.repairs.get(name)
+        unit = unit_ms(self.scope.problem.domain)
+        lasts = int((found.duration or found.cost if found is not None else model.stop) * unit)
+        kind = CommandKind.ASK
+        if found is not None:
+            kind = CommandKind.TEST if name in model.tests else CommandKind.REPAIR
+        asks = kind is CommandKind.ASK or (found is not None and found.asks)
+        says = desk.says(name) if found is not None else desk.session.diagnosis().question_text
+        stream = "person" if asks else "cell"
+        command = Command(
+            0, kind, stream, name, says, "", tuple(outcomes), lasts, PATIENCE * lasts + GRACE_MS, asks=asks
+        )
+        made = perform(self.course, command)
+        return made.reply if made.reply in outcomes else None
+
+    def _prepare(self, steps: Sequence[Step]) -> None:
+        """Carry out the steps that prepare a test or a repair, one after another. Raises `Interruption`."""
+        for step in steps:
+            made = self._step(step)
+            if made.reply != made.command.expects:
+                raise Interruption(step.operator, made.command.number, made.reply)
+
+    def _step(self, step: Step) -> Performed:
+        operators = {each.name: each for each in self.scope.problem.domain.operators}
+        declared = operators[step.operator.name].command
+        known = dict(zip(operators[step.operator.name].variables, step.operator.arguments, strict=True))
+        from kb.terms import substitute
+
+        stream = stream_of(substitute(declared.stream, known), step) if declared else str(step.resources[:1])
+        lasts = int(step.duration * unit_ms(self.scope.problem.domain))
+        command = Command(
+            0,
+            CommandKind.STEP,
+            stream,
+            str(step.operator),
+            lasts_ms=lasts,
+            timeout_ms=PATIENCE * lasts + GRACE_MS,
+        )
+        return perform(self.course, command)
+
+
+def exception_of(base: FaultModel | None, step: Function, reply: str) -> str | None:
+    """The exception of the fault base that a reply to a step is; None if it knows none."""
+    if base is None:
+        return None
+    fitting = [
+        each
+        for each in base.exceptions.values()
+        if each.operator is None or match(each.operator, step, {}) is not None
+    ]
+    return next((each.name for each in fitting if each.reply == reply), None)

@@ -1,0 +1,75 @@
+"""Single commands, outside of any program: what prepares a test, the test itself, a repair, a question to a person."""
+
+from dataclasses import dataclass, replace
+
+from engine.model.execution import Command, Order, Phase, RecordKind, Trouble, TroubleKind
+from engine.pipelines.execution.course import LOST, TABLE, Course, Turn
+from engine.stages.execution.machine import TIMEOUT
+from kb.terms import Function
+
+
+@dataclass(frozen=True, slots=True)
+class Performed:
+    """A command that was carried out, and its reply; `timeout` if none came in time."""
+
+    command: Command
+    reply: str
+
+
+class Interruption(Exception):
+    """A step failed while a test or a repair was prepared."""
+
+    def __init__(self, step: Function, number: int, reply: str) -> None:
+        super().__init__(f"{step} was answered '{reply}'")
+        self.step, self.number, self.reply = step, number, reply
+
+
+class Ended(Exception):
+    """The run is over while a single command was waited for: by order, or because the controller is lost."""
+
+    def __init__(self, turn: Turn) -> None:
+        super().__init__(turn.why)
+        self.turn = turn
+
+
+def perform(course: Course, command: Command) -> Performed:
+    """Send one command and wait for its reply. Raises `Ended`."""
+    number = course.standing.number
+    course.standing = replace(course.standing, number=number + 1)
+    command = replace(command, number=number)
+    course.post(command)
+    course.flush()
+    sent = course.driver.now_ms()
+    due = None if command.timeout_ms is None else sent + command.timeout_ms
+    while True:
+        _hear_orders(course)
+        times = [each for each in (due, course.orders.next_ms()) if each is not None]
+        for message in course.driver.receive(min(times, default=None)):
+            if isinstance(message, Trouble):
+                _trouble(course, message)
+            elif message.number == number:
+                course.recorder.note(
+                    RecordKind.REPLY, command=number, text=message.text, data=dict(message.data)
+                )
+                return Performed(command, message.text)
+        if due is not None and course.driver.now_ms() >= due:
+            course.recorder.note(RecordKind.REPLY, command=number, text=TIMEOUT, data={})
+            return Performed(command, TIMEOUT)
+
+
+def _hear_orders(course: Course) -> None:
+    for given in course.orders.due(course.driver.now_ms()):
+        course.recorder.note(RecordKind.ORDER, order=given.order.value, given=given.text, origin=given.origin)
+        if given.order in (Order.STOP, Order.ABORT):
+            course.driver.halt()
+            raise Ended(Turn(Phase.STOPPED, why="stopped by order"))
+        if given.order in TABLE:
+            course.pending.append(given)
+
+
+def _trouble(course: Course, trouble: Trouble) -> None:
+    course.recorder.note(
+        RecordKind.TROUBLE, trouble=trouble.kind.value, text=trouble.text, command=trouble.number
+    )
+    if trouble.kind is TroubleKind.LOST:
+        raise Ended(Turn(Phase.STOPPED, why=f"{LOST}: {trouble.text}"))

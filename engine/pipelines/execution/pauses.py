@@ -1,0 +1,176 @@
+"""What a person can do at a pause: skip a step, do it again, go back, correct the world model, add a command."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+from engine.model.cases import Revision
+from engine.model.execution import Order, Phase, RecordKind
+from engine.model.outcome import Found
+from engine.pipelines.execution.course import Course
+from engine.pipelines.execution.orders import Given
+from engine.pipelines.execution.planned import Ready, again
+from engine.pipelines.execution.scope import Scope
+from engine.pipelines.revision.observing import corrected, read_facts
+from engine.pipelines.revision.remaining import left_over
+from engine.pipelines.simulation import Dynamics, WorldState
+from engine.pipelines.troubleshooting.recovery import recover
+from engine.stages.planning import Limits
+from kb.diagnostics import InvalidInput
+from kb.model.plan import Plan, StepId
+from kb.model.problem import Problem
+
+
+class Refused(Exception):
+    """An order that cannot be followed now. The message says why."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Pause:
+    """Where a run stands when an order comes: what is believed, what is left of the plan."""
+
+    course: Course
+    scope: Scope
+    state: WorldState
+    left: Plan
+    limits: Limits
+
+
+def changed(course: Course, scope: Scope, given: Given, limits: Limits) -> tuple[Scope, Ready]:
+    """The scope and the program after an order. Raises `Refused`."""
+    if given.order is not Order.ADD and course.standing.phase is not Phase.PAUSED:
+        raise Refused("the run is not paused: interrupt it first")
+    if course.standing.running:
+        raise Refused("a process is still under way: wait until it has ended")
+    done = frozenset(StepId(each) for each in course.done)
+    here = _Pause(course, scope, course.world.state, left_over(course.compiled.plan, done), limits)
+    try:
+        return MOVES[given.order](here, given.text)
+    except InvalidInput as error:
+        raise Refused("; ".join(each.message for each in error.diagnostics)) from error
+
+
+def _step(here: _Pause, text: str) -> StepId:
+    """The step of the plan that a text names: by its number, or as it is written. Raises `Refused`."""
+    steps = here.course.compiled.plan.steps
+    wanted = text.strip().replace(" ", "")
+    for step in steps:
+        if wanted in (str(step.id), str(step.operator).replace(" ", "")):
+            return step.id
+    raise Refused(f"the plan has no step {text.strip() or '(none was named)'}")
+
+
+def _skip(here: _Pause, text: str) -> tuple[Scope, Ready]:
+    """Take a step for done by hand: with its effects."""
+    wanted = _step(here, text)
+    step = next((each for each in here.left.steps if each.id == wanted), None)
+    if step is None:
+        raise Refused(f"step {wanted} is done already")
+    change = here.course.compiled.changes[int(wanted)]
+    here.course.world.apply(change)
+    _note(here, f"{step.operator} was done by hand", change.adds, change.ends)
+    rest = left_over(here.course.compiled.plan, {StepId(n) for n in here.course.done} | {wanted})
+    return _replanned(replace(here, state=here.course.world.state, left=rest))
+
+
+def _retry(here: _Pause, _text: str) -> tuple[Scope, Ready]:
+    """Go on with what is left, from the world as it is."""
+    return _replanned(here)
+
+
+def _back(here: _Pause, text: str) -> tuple[Scope, Ready]:
+    """Do a step again, and what comes behind it, as far as the world allows; else a new plan leads to the goals."""
+    wanted = _step(here, text)
+    order = [step.id for step in here.course.compiled.plan.steps]
+    behind = set(order[order.index(wanted) :])
+    again_ = {step.id for step in here.course.compiled.plan.steps} - behind - {s.id for s in here.left.steps}
+    plan = left_over(here.course.compiled.plan, again_)
+    dynamics = Dynamics(here.scope.rest(here.state))
+    state = dynamics.start()
+    for step in plan.steps:
+        if why := dynamics.refusal(step.operator, state):
+            raise Refused(f"step {step.id} {step.operator} cannot be taken again: {why}")
+        state = dynamics.after(step.operator, state)
+    return here.scope, again(here.scope.rest(here.state), plan, here.course.driver.now_ms(), here.limits)
+
+
+def _correct(here: _Pause, text: str) -> tuple[Scope, Ready]:
+    """Correct the world model: facts that hold, and behind a `-` facts that do not."""
+    holds, gone = _signed(text)
+    domain = here.scope.problem.domain
+    known = read_facts(holds, domain, "correct"), read_facts(gone, domain, "correct")
+    facts = frozenset(corrected(Dynamics(here.scope.problem), here.state.facts, *known))
+    state = replace(here.state, facts=facts)
+    new, old = here.course.world.become(state)
+    _note(here, "corrected by a person", new, old)
+    return _replanned(replace(here, state=state))
+
+
+def _signed(text: str) -> tuple[str, str]:
+    """The facts of a correction: `at(lid, stand); -free(stand)` are one that holds and one that does not."""
+    parts = [each.strip() for each in text.split(";") if each.strip()]
+    return (
+        ", ".join(each for each in parts if not each.startswith("-")),
+        ", ".join(each[1:].strip() for each in parts if each.startswith("-")),
+    )
+
+
+def _add(here: _Pause, text: str) -> tuple[Scope, Ready]:
+    """A further command: its goals and stages join those that are pursued."""
+    from kb.commands import understand
+
+    found = understand(here.scope.problem, text)
+    scope = Scope(merged(here.scope.problem, found), here.scope.given_up)
+    here.course.world.chains = scope.problem.chains
+    for chain in scope.problem.chains:
+        here.course.world.reached.setdefault(chain.name, 0)
+    return _replanned(replace(here, scope=scope, state=here.course.world.state))
+
+
+def merged(problem: Problem, further: Problem) -> Problem:
+    """A problem with the goals and chains of another one; chains of the same subject come behind those that are there."""
+    from kb.model.conditions import And, goal_parts
+
+    taken = {chain.name for chain in problem.chains}
+    chains = list(problem.chains)
+    for chain in further.chains:
+        if chain in problem.chains:
+            continue
+        name = chain.name
+        while name in taken:
+            name = f"{name}'"
+        behind = tuple(c.name for c in problem.chains if c.subject is not None and c.subject == chain.subject)
+        taken.add(name)
+        chains.append(replace(chain, name=name, after=tuple(dict.fromkeys((*chain.after, *behind)))))
+    known = set(map(str, goal_parts(problem.goal)))
+    new = [part for part in goal_parts(further.goal) if str(part) not in known]
+    goal = And((*goal_parts(problem.goal), *new)) if new else problem.goal
+    return replace(problem, chains=tuple(chains), goal=goal)
+
+
+def _replanned(here: _Pause) -> tuple[Scope, Ready]:
+    """What is left of the plan if it still serves, else a new plan for what is pursued. Raises `Refused`."""
+    rest = here.scope.rest(here.state)
+    found = recover(rest, Revision(), here.limits, here.left, here.state.facts)
+    if not isinstance(found.outcome, Found):
+        raise Refused(found.outcome.reason)
+    scope = here.scope.narrowed(found.problem, here.state, found.given_up)
+    return scope, again(found.problem, found.outcome.plan, here.course.driver.now_ms(), here.limits)
+
+
+def _note(here: _Pause, why: str, adds: Sequence[object], ends: Sequence[object]) -> None:
+    here.course.recorder.note(
+        RecordKind.WORLD,
+        why=why,
+        adds=[str(each) for each in adds],
+        ends=[str(each) for each in ends],
+        reached=dict(here.course.world.reached),
+    )
+
+
+MOVES: Mapping[Order, Callable[[_Pause, str], tuple[Scope, Ready]]] = {
+    Order.SKIP: _skip,
+    Order.RETRY: _retry,
+    Order.BACK: _back,
+    Order.CORRECT: _correct,
+    Order.ADD: _add,
+}

@@ -1,0 +1,97 @@
+"""The program of a run: planned, timed and compiled, from where the run stands."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+
+from engine.model.outcome import Found, Outcome
+from engine.model.schedule import Timetable
+from engine.pipelines import objective
+from engine.pipelines.execution.compiling import Compiled, Stay, compiled, situation_of
+from engine.pipelines.gate import PlanGate
+from engine.pipelines.timetable import timed
+from engine.pipelines.timetable.wishes import wishes_for
+from engine.stages.grounding import ground
+from engine.stages.macros.lifted.execution import changes_of
+from engine.stages.macros.lifted.situation import Situation
+from engine.stages.planning import Limits
+from engine.stages.scheduling import ScheduleLimits
+from engine.stages.scheduling.blocks import mentions
+from engine.stages.scheduling.work import Wishes
+from kb.model.plan import Plan, StepId
+from kb.model.problem import Problem
+from kb.terms import Atom
+
+WORK = 1.0  # of the scheduler for a recovery, about seconds of one core
+SHORT = 120  # steps of a recovery that are scheduled anew; longer ones keep their order
+
+
+@dataclass(frozen=True)
+class Ready:
+    """A plan that can be executed: when each step is forecast to start, and its program."""
+
+    problem: Problem
+    plan: Plan
+    starts: Mapping[StepId, int]
+    compiled: Compiled
+    makespan: int = 0
+    outcome: Outcome | None = None
+    notes: tuple[str, ...] = field(default=())
+
+
+def first(problem: Problem, limits: Limits = Limits(), outcome: Outcome | None = None) -> Ready | Outcome:
+    """The first program of a run, or why there is none. `outcome` is a plan that is known already. Raises `InvalidInput`."""
+    found = (
+        objective.plan(problem, limits)
+        if outcome is None
+        else objective.scheduled(problem, outcome, limits, None)
+    )
+    if not isinstance(found.outcome, Found):
+        return found.outcome
+    return ready(problem, found.outcome.plan, found.starts, 0)
+
+
+def again(problem: Problem, plan: Plan, begin_ms: int, limits: Limits = Limits()) -> Ready:
+    """The program of a plan that was made while the run goes on."""
+    starts: Mapping[StepId, int] | None = None
+    if any(step.duration for step in plan.steps) and len(plan.steps) <= SHORT:
+        work = ScheduleLimits(WORK, limits.seed, interrupted=limits.interrupted)
+        made = timed(problem, ground(problem), plan, work)
+        if isinstance(made, Timetable):
+            plan, starts = made.plan, made.starts
+    return ready(problem, plan, starts, begin_ms)
+
+
+def ready(
+    problem: Problem,
+    plan: Plan,
+    starts: Mapping[StepId, int] | None,
+    begin_ms: int,
+    here: Situation | None = None,
+) -> Ready:
+    """The program of a plan with its forecast; without `starts`, every step is as early as the plan's order allows."""
+    from engine.model.forecast import earliest_starts
+
+    times = dict(starts) if starts is not None else earliest_starts(plan)
+    begin = here or situation_of(problem)
+    wishes = wishes_for(PlanGate().semantics(problem), plan)
+    stays = tuple(stays_of(plan, wishes, begin))
+    made = compiled(problem, plan, times, begin_ms, stays, wishes.any, begin)
+    last = max((times[step.id] + step.duration for step in plan.steps), default=0)
+    return Ready(problem, plan, times, made, last)
+
+
+def stays_of(plan: Plan, wishes: Wishes, here: Situation) -> Iterator[Stay]:
+    """Which step brings something to a place where it may not stay for long, and which one takes it away."""
+    if not wishes.longest_stay:
+        return
+    brought: dict[Atom, tuple[StepId, int]] = {}
+    for step, change in zip(plan.steps, changes_of(here, plan.steps), strict=True):
+        for atom in change.ends:
+            if atom in brought:
+                source, most = brought.pop(atom)
+                yield Stay(source, step.id, most)
+        for atom in change.adds:
+            for place, most in wishes.longest_stay.items():
+                inside = [mentions(each, place) for each in atom.arguments]
+                if any(inside) and not all(inside):
+                    brought[atom] = (step.id, most)

@@ -1,0 +1,118 @@
+"""Plans in the journal: enough to execute them again without planning, and to show them."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from engine.pipelines.execution.compiling import Compiled
+from engine.pipelines.execution.planned import Ready
+from engine.pipelines.execution.scope import Scope
+from engine.stages.execution import Activity, Dwell, Program
+from engine.stages.macros.lifted.world import StepChange
+from kb.asp import ground_term
+from kb.model.plan import Plan, Step, StepId
+from kb.store.notation import read_term
+from kb.terms import Function
+
+
+def plan_entry(ready: Ready, why: str, scope: Scope) -> dict[str, Any]:
+    """A plan as a record has it."""
+    program, plan = ready.compiled.program, {int(s.id): s for s in ready.plan.steps}
+    return {
+        "why": why,
+        "steps": [_step_entry(a, plan[a.id], ready.compiled) for a in program.activities.values()],
+        "order": [int(step.id) for step in ready.plan.steps],
+        "dwells": [[d.source, d.target, d.most_ms] for d in program.dwells],
+        "timed": program.timed,
+        "forecast_ms": program.forecast_ms,
+        "goals": [
+            str(scope.problem.goal),
+            *(f"{s} of {c.name}" for c in scope.problem.chains for s in c.stages),
+        ],
+        "given_up": [[each.goal, each.why] for each in scope.given_up],
+        "chains": {c.name: len(c.stages) for c in scope.problem.chains},
+    }
+
+
+def _step_entry(a: Activity, step: Step, compiled: Compiled) -> dict[str, Any]:
+    change = compiled.changes[a.id]
+    result = compiled.results.get(a.id)
+    found = {
+        "id": a.id,
+        "step": a.action,
+        "stream": a.stream,
+        "says": a.says,
+        "after": list(a.after),
+        "resources": list(a.resources),
+        "start_ms": a.start_ms,
+        "lasts_ms": a.lasts_ms,
+        "timeout_ms": a.timeout_ms,
+        "expects": a.expects,
+        "result": None if result is None else str(result),
+        "asks": a.asks,
+        "rests": a.rests,
+        "process": a.process,
+        "duration": step.duration,
+        "cost": step.cost,
+        "adds": list(map(str, change.adds)),
+        "ends": list(map(str, change.ends)),
+        "events": list(map(str, change.events)),
+    }
+    return {key: value for key, value in found.items() if value not in (None, "", [])}
+
+
+def read_atom(text: str) -> Function:
+    """The ground atom in a text of the journal."""
+    found = ground_term(text)
+    assert isinstance(found, Function)
+    return found
+
+
+def compiled_of(entry: Mapping[str, Any]) -> Compiled:
+    """The program of a plan that a record has."""
+    steps = {each["id"]: each for each in entry["steps"]}
+    activities = {number: _activity(each) for number, each in steps.items()}
+    program = Program(activities, tuple(Dwell(*each) for each in entry["dwells"]), entry["timed"])
+    plan = Plan(tuple(_step(steps[number]) for number in entry["order"]))
+    return Compiled(
+        program,
+        plan,
+        {number: _change(each) for number, each in steps.items()},
+        {number: read_term(each["expects"]) for number, each in steps.items()},
+        {number: read_term(each["result"]) for number, each in steps.items() if "result" in each},
+    )
+
+
+def _activity(each: Mapping[str, Any]) -> Activity:
+    return Activity(
+        each["id"],
+        each["step"],
+        each["stream"],
+        each.get("lasts_ms", 0),
+        tuple(each.get("after", ())),
+        tuple(each.get("resources", ())),
+        each.get("start_ms", 0),
+        each.get("timeout_ms"),
+        each.get("says", ""),
+        each.get("expects", ""),
+        each.get("asks", False),
+        each.get("rests", True),
+        each.get("process", False),
+    )
+
+
+def _step(each: Mapping[str, Any]) -> Step:
+    return Step(
+        StepId(each["id"]),
+        read_atom(each["step"]),
+        tuple(map(StepId, each.get("after", ()))),
+        tuple(map(ground_term, each.get("resources", ()))),
+        each.get("duration", 0),
+        each.get("cost", 1),
+    )
+
+
+def _change(each: Mapping[str, Any]) -> StepChange:
+    def atoms(key: str) -> Sequence[Function]:
+        return tuple(map(read_atom, each.get(key, ())))
+
+    return StepChange(tuple(atoms("adds")), tuple(atoms("ends")), tuple(atoms("events")))

@@ -1,0 +1,38 @@
+"""Which replies are normal, and what facts they give (ITA's reply and result patterns)."""
+
+from collections.abc import Mapping
+
+from engine.pipelines.execution.compiling import Compiled
+from kb.asp import AspError, ground_term
+from kb.terms import Function, Term, Variable, is_ground, match, substitute
+
+
+class Replies:
+    """The reply patterns of a program."""
+
+    def __init__(self, compiled: Compiled) -> None:
+        self.compiled = compiled
+        self._steps = {int(step.id): step.operator for step in compiled.plan.steps}
+
+    def step(self, activity: int) -> Function:
+        """The step of an activity."""
+        return self._steps[activity]
+
+    def is_normal(self, activity: int, text: str) -> bool:
+        """Whether a reply is the one that the domain expects."""
+        return self._bindings(activity, text) is not None
+
+    def result(self, activity: int, text: str) -> Term | None:
+        """The fact that a normal reply gives; None if the domain wants none."""
+        result = self.compiled.results.get(activity)
+        found = self._bindings(activity, text)
+        return None if result is None or found is None else substitute(result, found)
+
+    def _bindings(self, activity: int, text: str) -> Mapping[Variable, Term] | None:
+        pattern = self.compiled.expects[activity]
+        if is_ground(pattern):
+            return {} if str(pattern) == text else None
+        try:
+            return match(pattern, ground_term(text), {})
+        except AspError:
+            return None

@@ -1,0 +1,141 @@
+"""What steps measure, what it should be, and whether it is: the part `measures` of commands, for the steps of one problem."""
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+from kb.diagnostics import Diagnostic
+from kb.loader.amounts import amounts_of
+from kb.model.amounts import Amounts, NoAmount, NotTold, asked
+from kb.model.domain import Domain, Measure, Operator
+from kb.model.problem import Problem
+from kb.model.results import Measured
+from kb.terms import Function, Number, Substitution, Term, Text, Variable, match, substitute
+
+
+@dataclass(frozen=True, slots=True)
+class Expected:
+    """What a step measures, and what it should give; None where nobody said."""
+
+    of: str
+    quantity: str
+    unit: str
+    tool: str
+    nominal: float | None
+    lower: float | None
+    upper: float | None
+
+
+class Measuring:
+    """Judges the measurements of one problem. `amounts` are its numbers, if they have been made already."""
+
+    def __init__(self, problem: Problem, amounts: Amounts | None = None) -> None:
+        self._operators = {each.name: each for each in problem.domain.operators}
+        self._amounts = amounts or amounts_of(problem)
+
+    def expected(self, step: Function) -> Expected | None:
+        """What a step should measure; None if it measures nothing."""
+        operator = self._operators.get(step.name)
+        measure = operator.command.measures if operator and operator.command else None
+        if operator is None or measure is None:
+            return None
+        bound = dict(zip(operator.variables, step.arguments, strict=True))
+        nominal = self._number(measure.nominal, bound)
+        lower, upper = self._number(measure.lower, bound), self._number(measure.upper, bound)
+        width = self._number(measure.tolerance, bound)
+        if nominal is not None and width is not None:
+            lower, upper = nominal - width / 2, nominal + width / 2
+        said = [str(substitute(each, bound)) if each is not None else "" for each in (measure.of, measure.by)]
+        return Expected(said[0], measure.quantity, measure.unit, said[1], nominal, lower, upper)
+
+    def measured(self, step: Function, reply: Term, at_ms: int) -> Measured | None:
+        """What a step has measured by a reply to its command; None if it measures nothing or the reply has no number."""
+        expected, operator = self.expected(step), self._operators.get(step.name)
+        if expected is None or operator is None or operator.command is None:
+            return None
+        value = _value(operator, step, reply)
+        if value is None:
+            return None
+        return Measured(
+            expected.of,
+            expected.quantity,
+            value,
+            expected.unit,
+            expected.nominal,
+            expected.lower,
+            expected.upper,
+            expected.tool,
+            str(step),
+            at_ms,
+        )
+
+    def _number(self, term: Term | None, bound: Substitution) -> float | None:
+        """What a term amounts to; None if it is not given, or no fact tells it."""
+        if term is None:
+            return None
+        try:
+            found = self._amounts.of(term, bound, 0)
+        except NoAmount:
+            return None
+        return None if found is None else float(found)
+
+
+def _value(operator: Operator, step: Function, reply: Term) -> float | None:
+    """The number that a reply gives to the measured variable: a whole number, or a text such as "12.5"."""
+    command = operator.command
+    if command is None or command.measures is None:
+        return None
+    bound = dict(zip(operator.variables, step.arguments, strict=True))
+    pattern = substitute(command.reply, bound)
+    heard = (
+        match(pattern, reply, {}) if isinstance(pattern, Function) and isinstance(reply, Function) else None
+    )
+    return _plain(heard, command.measures.value) if heard is not None else None
+
+
+def _plain(heard: Mapping[Variable, Term], value: Variable) -> float | None:
+    match heard.get(value):
+        case Number(whole):
+            return float(whole)
+        case Text(text):
+            try:
+                number = float(text)
+            except ValueError:
+                return None
+            return number if math.isfinite(number) else None
+        case _:
+            return None
+
+
+def findings_of(problem: Problem) -> list[Diagnostic]:
+    """What is wrong with the nominal values and tolerances that the facts of a problem give to its measurements."""
+    measures = [each.command.measures for each in problem.domain.operators if each.command]
+    told = [each for each in measures if each is not None]
+    if not told:
+        return []
+    amounts = amounts_of(problem)
+    found = [each for measure in told for each in _nonsense(measure, problem, amounts)]
+    return list({(each.where, each.message): each for each in found}.values())
+
+
+def _nonsense(measure: Measure, problem: Problem, amounts: Amounts) -> Iterator[Diagnostic]:
+    for name, term in (("tolerance", measure.tolerance), ("nominal", measure.nominal)):
+        for fact in asked(problem.domain, term):
+            for arguments in _keys(fact, amounts, problem.domain):
+                try:
+                    value = amounts.of(Function(fact.name, arguments), {}, 0)
+                except NotTold:
+                    continue
+                except NoAmount as error:
+                    yield Diagnostic(problem.where, "K316", str(error), error.hint)
+                    continue
+                if name == "tolerance" and value is not None and value <= 0:
+                    said = f"{Function(fact.name, arguments)} is {value}, so nothing can pass"
+                    yield Diagnostic(problem.where, "K316", said, "give how wide the zone is")
+
+
+def _keys(fact: Function, amounts: Amounts, domain: Domain) -> list[tuple[Term, ...]]:
+    """For what the facts of a predicate give a number."""
+    if fact.name not in domain.predicates:
+        return []
+    return sorted({each[:-1] for each in amounts.facts(fact.name, len(fact.arguments) + 1)}, key=str)

@@ -1,0 +1,6 @@
+"""The built-in driver `sim`: a cell on a virtual clock, in which an hour takes milliseconds, and faults happen as ordered."""
+
+from engine.pipelines.simulator.driver import Simulator, simulator
+from engine.pipelines.simulator.hidden import HiddenCell, Injection, possible
+
+__all__ = ["HiddenCell", "Injection", "Simulator", "possible", "simulator"]

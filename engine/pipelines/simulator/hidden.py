@@ -1,0 +1,227 @@
+"""The true state of a simulated cell, with causes that nobody knows: what steps, tests and repairs do in it and are answered."""
+
+import random
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+
+from engine.model.cases import Hypothesis
+from engine.pipelines.simulation import Achievement, Dynamics, FaultyCell, World, WorldState
+from engine.pipelines.simulation.world import achievement
+from engine.stages.diagnosis.knowledge import CURED
+from engine.stages.diagnosis.revision import binding_of
+from engine.stages.diagnosis.world import HiddenWorld
+from engine.stages.macros.lifted.execution import Execution
+from engine.stages.macros.lifted.situation import Situation
+from engine.stages.macros.lifted.world import CellDomain, StepChange
+from kb.asp import ground_term
+from kb.model.faults import FaultModel, Interruption
+from kb.model.plan import Step, StepId
+from kb.model.problem import Problem
+from kb.terms import Function, match
+
+SILENCE = "timeout"  # the reply of the fault base for a step that is never answered
+FAILED = "failed"
+VARIABLE = re.compile(r"\b(?:[A-Z]\w*|_)\b")
+
+
+@dataclass(frozen=True, slots=True)
+class Injection:
+    """A fault that appears when a step is carried out: which step, the how-manieth time, and its cause.
+
+    `action` is the step as an instance, or the name of its operator for any step of it. `exception` is how the step fails;
+    empty for the first one of the base that the cause can have there.
+    """
+
+    action: str
+    cause: str
+    time: int = 1
+    exception: str = ""
+
+
+@dataclass
+class Fault:
+    """A cause that is there, and the exception by which it showed."""
+
+    cell: FaultyCell
+    causes: tuple[str, ...]
+    answers: HiddenWorld
+
+
+@dataclass
+class HiddenCell:
+    """A cell as it really is. `faults` are there now; the state is that of `world` as long as none is."""
+
+    problem: Problem
+    model: FaultModel | None
+    injections: Sequence[Injection] = ()
+    seed: int = 0
+    faults: list[Fault] = field(default_factory=list)
+    done: list[Achievement] = field(default_factory=list)
+    times: dict[str, int] = field(default_factory=dict)
+    helped: list[str] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        self.dynamics = Dynamics(self.problem)
+        self.domain = CellDomain(self.problem)
+        start = self.dynamics.start()
+        self._know(start)
+        spoils = [] if self.model is None else [a.name for c in self.model.causes.values() for a in c.spoils]
+        self._kept = frozenset(spoils) if self.injections else frozenset[str]()
+
+    def _know(self, state: WorldState) -> None:
+        self.world = World(self.problem.chains, set(state.facts), dict(state.reached))
+        self.situation = Situation.of(self.domain, state.facts)
+
+    def take(self, text: str, expects: str) -> str | None:
+        """Carry out a step: its reply; None if none ever comes."""
+        step = _instance(text)
+        for name in (str(step), step.name):
+            self.times[name] = self.times.get(name, 0) + 1
+        if (found := self._injected(step)) is not None:
+            return self._fail(step, *found)
+        if (failing := self._failing(step)) is not None:
+            return failing
+        return self._reply(step, expects) if not self._refused(step) else self._blind(step)
+
+    def _injected(self, step: Function) -> tuple[Injection, Interruption] | None:
+        for each in self.injections:
+            if (
+                self.model is not None
+                and self.times.get(each.action) == each.time
+                and each.action in (str(step), step.name)
+            ):
+                exception = next(_exceptions(self.model, step, each.cause, each.exception), None)
+                if exception is not None:
+                    return each, exception
+        return None
+
+    def _fail(self, step: Function, injection: Injection, exception: Interruption) -> str | None:
+        """A cause appears: the state is what it makes of the one in which the step began."""
+        assert self.model is not None
+        binding = binding_of(self.model, exception.name, step)
+        cell = FaultyCell(self.dynamics, self.model, exception.name, binding, step, tuple(self.done))
+        state = cell.begun(self.world.state, (injection.cause,))
+        self._know(state)
+        chance = random.Random(f"{self.seed} {injection.action} {injection.cause}")
+        self.faults.append(
+            Fault(cell, (injection.cause,), HiddenWorld(self.model, Hypothesis((injection.cause,)), chance))
+        )
+        return None if exception.reply == SILENCE else exception.reply
+
+    def _failing(self, step: Function) -> str | None:
+        """How a step fails because of what is there; None if nothing hinders it. Silence is answered late, as a failure."""
+        for fault in self.faults:
+            cause = fault.cell.failing(fault.causes, step)
+            if cause:
+                assert self.model is not None
+                shown = next(_exceptions(self.model, step, cause), None) or next(
+                    _exceptions(self.model, step), None
+                )
+                return shown.reply if shown is not None else FAILED
+        return None
+
+    def _refused(self, step: Function) -> bool:
+        """Take a step if it can be taken; whether it cannot."""
+        if not self.faults:
+            begun = Execution(self.domain, self.situation.facts)
+            planned = Step(StepId(1), step)
+            known = self.domain.ground_step(step)
+            wrong = begun.take_known(planned, known) if known is not None else begun.take_any(planned)
+            if not wrong:
+                self._took(step, begun.changes[StepId(1)])
+                self.situation = Situation(self.domain, begun.facts)
+            return bool(wrong)
+        state = self.world.state
+        if self.dynamics.refusal(step, state):
+            return True
+        for fault in self.faults:
+            state = fault.cell.taken(state, fault.causes, step) if fault is self.faults[0] else state
+        self._know(state)
+        return False
+
+    def _took(self, step: Function, change: StepChange) -> None:
+        new = [
+            atom
+            for atom in (*change.adds, *change.events)
+            if atom.name in self._kept and atom not in self.world.facts
+        ]
+        moved = self.world.apply(change)
+        if new or (moved and self._kept):
+            self.done.append(achievement(len(self.done) + 1, step, new, moved))
+
+    def _blind(self, step: Function) -> str:
+        """The reply to a step whose precondition does not hold: how it shows that it cannot be done."""
+        shown = None if self.model is None else next(_exceptions(self.model, step), None)
+        return shown.reply if shown is not None else FAILED
+
+    def _reply(self, step: Function, expects: str) -> str:
+        """A normal reply; what is measured is a number near to zero, the same for the same step."""
+        if expects == "done" or not expects:
+            return "done"
+        chance = random.Random(f"{self.seed} {step} {self.times[str(step)]}")
+        return VARIABLE.sub(lambda _: str(round(chance.gauss(0, 20))), expects)
+
+    def answer(self, action: str) -> str:
+        """The outcome of a test or a repair. A repair that helps puts right what it was for."""
+        assert self.model is not None
+        found = self.model.tests.get(action) or self.model.repairs[action]
+        for fault in self.faults or [self._sound()]:
+            step = fault.cell.carried_out_by(found)
+            if step is not None and not self.dynamics.refusal(step, self.world.state):
+                self._know(fault.cell.taken(self.world.state, fault.causes, step))
+        outcomes = [fault.answers.answer(action) for fault in self.faults] or [
+            self._sound().answers.answer(action)
+        ]
+        if action in self.model.repairs:
+            return self._repaired(action, outcomes)
+        test = self.model.tests[action]
+        return next((each for each in outcomes if each != test.otherwise), test.otherwise)
+
+    def _repaired(self, action: str, outcomes: Sequence[str]) -> str:
+        assert self.model is not None
+        cured = [fault for fault, outcome in zip(self.faults, outcomes, strict=False) if outcome == CURED]
+        for fault in cured:
+            self._know(fault.cell.cured(self.world.state, self.model.repairs[action]))
+            self.faults.remove(fault)
+            self.helped.append(action)
+        return CURED if cured else outcomes[0]
+
+    def _sound(self) -> Fault:
+        """A cell in which no cause is there, for tests that are made all the same."""
+        assert self.model is not None
+        name = next(iter(self.model.exceptions))
+        cell = FaultyCell(self.dynamics, self.model, name, {})
+        return Fault(cell, (), HiddenWorld(self.model, Hypothesis(()), random.Random(self.seed)))
+
+    def say(self, choices: Sequence[str]) -> str:
+        """What a person answers who looks into the cell: the causes that are there, if they are among the choices."""
+        named = " and ".join(cause for fault in self.faults for cause in fault.causes)
+        return next((each for each in choices if each == named), choices[-1] if choices else "done")
+
+
+def _exceptions(model: FaultModel, step: Function, cause: str = "", name: str = "") -> Iterator[Interruption]:
+    """The exceptions that a step can have, for a cause if it is given."""
+    for each in model.exceptions.values():
+        fits = each.operator is not None and match(each.operator, step, {}) is not None
+        if fits and (not cause or cause in each.counts) and name in ("", each.name):
+            yield each
+
+
+def possible(model: FaultModel, step: Function, cause: str) -> tuple[str, ...]:
+    """The exceptions by which a cause can show at a step."""
+    return tuple(each.name for each in _exceptions(model, step, cause))
+
+
+_read: dict[str, Function] = {}
+
+
+def _instance(text: str) -> Function:
+    """The step in a command."""
+    if text not in _read:
+        if len(_read) > 1 << 14:
+            _read.clear()
+        found = ground_term(text)
+        assert isinstance(found, Function)
+        _read[text] = found
+    return _read[text]

@@ -1,0 +1,101 @@
+"""What a simulated cell was told and what it did, one JSON object a line, so that it survives the process that it lives in."""
+
+import json
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, TextIO
+
+from engine.model.execution import Command, CommandKind
+
+
+@dataclass(frozen=True, slots=True)
+class Sent:
+    """What came from the executive at a time: commands, or that everything halts."""
+
+    at_ms: int
+    commands: tuple[Command, ...] = ()
+    halted: bool = False
+
+
+@dataclass
+class Log:
+    """The log of a simulator. Without a file nothing is kept. What was written before is read once, by `past`."""
+
+    file: str
+    _out: TextIO | None = field(default=None, init=False)
+    _repeats: bool = field(default=False, init=False)
+
+    def past(self) -> Iterator[Sent]:
+        """What was sent before, in order; nothing is written while it is carried out again."""
+        if not self.file:
+            return
+        self._repeats = True
+        latest = 0
+        if Path(self.file).is_file():
+            for entry in _entries(Path(self.file)):
+                latest = max(latest, entry["at_ms"])
+                if "sent" in entry:
+                    yield Sent(entry["at_ms"], tuple(map(_command, entry["sent"])))
+                elif "halted" in entry:
+                    yield Sent(entry["at_ms"], halted=True)
+            yield Sent(latest)
+        self._repeats = False
+        self._out = Path(self.file).open("a", encoding="utf-8")  # noqa: SIM115 - open as long as the run
+        self._out.write("\n" if latest else "")
+
+    def sent(self, at_ms: int, commands: Sequence[Command]) -> None:
+        """Commands came."""
+        self._write({"at_ms": at_ms, "sent": [_entry(each) for each in commands]})
+
+    def ended(self, at_ms: int, command: Command, reply: str | None) -> None:
+        """A command was carried out."""
+        self._write({"at_ms": at_ms, "ended": command.number, "action": command.action, "reply": reply})
+
+    def halted(self, at_ms: int) -> None:
+        """Everything was halted."""
+        self._write({"at_ms": at_ms, "halted": True})
+
+    def _write(self, entry: dict[str, Any]) -> None:
+        if self._out is not None and not self._repeats:
+            self._out.write(json.dumps(entry, ensure_ascii=False) + "\n")
+            self._out.flush()
+
+    def close(self) -> None:
+        """Close the file."""
+        if self._out is not None:
+            self._out.close()
+
+
+def _entries(file: Path) -> Iterator[dict[str, Any]]:
+    """The entries of a log; a line that was not written whole is left out."""
+    for line in file.read_text(encoding="utf-8").splitlines():
+        with suppress(ValueError):
+            yield json.loads(line)
+
+
+def _entry(command: Command) -> dict[str, Any]:
+    return {
+        "number": command.number,
+        "kind": command.kind.value,
+        "stream": command.stream,
+        "action": command.action,
+        "expects": command.expects,
+        "choices": list(command.choices),
+        "lasts_ms": command.lasts_ms,
+        "about": command.about,
+    }
+
+
+def _command(entry: dict[str, Any]) -> Command:
+    return Command(
+        entry["number"],
+        CommandKind(entry["kind"]),
+        entry["stream"],
+        entry["action"],
+        expects=entry["expects"],
+        choices=tuple(entry["choices"]),
+        lasts_ms=entry["lasts_ms"],
+        about=entry["about"],
+    )

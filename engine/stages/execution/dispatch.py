@@ -1,0 +1,147 @@
+"""Which activities begin now: those whose predecessors have ended and whose resources are free, in the forecast's order.
+
+One that stands behind others on a resource may overtake them only if it ends before the soonest of them can begin. Streams
+that take several commands at once get them ahead of time, with a WAIT before each that waits for another stream (ITA).
+"""
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+from engine.stages.execution.estimate import soonest
+from engine.stages.execution.events import Dispatch
+from engine.stages.execution.program import Activity, Program
+from engine.stages.execution.standing import Running, Standing
+
+
+def dispatched(program: Program, standing: Standing) -> tuple[Standing, tuple[Dispatch, ...]]:
+    """The standing after everything that can begin has begun, and the commands for it."""
+    board = _Board(program, standing)
+    if standing.ready:
+        for activity in sorted(standing.ready, key=lambda each: (program.activities[each].start_ms, each)):
+            board.begin(program.activities[activity])
+    if program.lookahead:
+        board.queue()
+    return board.standing(), tuple(board.sent)
+
+
+class _Board:
+    """A standing while activities are being begun on it."""
+
+    def __init__(self, program: Program, standing: Standing) -> None:
+        self.program, self.old = program, standing
+        self.ready, self.running = set(standing.ready), dict(standing.running)
+        self.busy, self.heads, self.ahead = dict(standing.busy), dict(standing.heads), set(standing.ahead)
+        self.open, self.waits, self.number = dict(standing.open), dict(standing.waits), standing.number
+        self.sent: list[Dispatch] = []
+
+    def standing(self) -> Standing:
+        """The standing that has come of it."""
+        if not self.sent:
+            return self.old
+        return replace(
+            self.old,
+            ready=frozenset(self.ready),
+            running=self.running,
+            busy=self.busy,
+            heads=self.heads,
+            ahead=frozenset(self.ahead),
+            open=self.open,
+            waits=self.waits,
+            number=self.number,
+        )
+
+    def begin(self, activity: Activity) -> None:
+        """Begin an activity that is ready, if it may begin now."""
+        old = self.old
+        early = self.program.timed and activity.start_ms > old.now_ms
+        kept = old.frozen and not activity.process
+        if early or kept or any(resource in self.busy for resource in activity.resources):
+            return
+        if self.program.lookahead.get(activity.stream, 1) > 1 and self._in_stream(activity.stream):
+            return
+        if all(self._delays_nobody(activity, resource) for resource in activity.resources):
+            self._send(activity)
+
+    def _delays_nobody(self, activity: Activity, resource: str) -> bool:
+        """Whether those that stand before an activity on a resource can begin no sooner than it ends."""
+        place, queue = self.program.places[activity.id][resource], self.program.queues[resource]
+        before = [each for each in queue[self.heads[resource] : place] if each not in self.ahead]
+        if not before:
+            return True
+        end = self.old.now_ms + activity.lasts_ms
+        return all(end <= self._soonest(each) for each in before)
+
+    def _soonest(self, activity: int) -> int:
+        ends = {
+            r.activity: r.since_ms + self.program.activities[r.activity].lasts_ms
+            for r in self.running.values()
+        }
+        return soonest(self.program, ends, frozenset(self.ready), self.old.now_ms, activity)
+
+    def _send(self, activity: Activity) -> None:
+        self.sent.append(Dispatch(self.number, activity.id, activity.stream))
+        self.running[self.number] = Running(activity.id, self.old.now_ms)
+        self.number += 1
+        self.ready.discard(activity.id)
+        self.open.pop(activity.id, None)
+        self.ahead.add(activity.id)
+        for resource in activity.resources:
+            self.busy[resource] = activity.id
+        for resource in activity.resources:
+            self._advance(resource)
+
+    def _advance(self, resource: str) -> None:
+        """Move the head of a queue behind those that have begun."""
+        queue, head = self.program.queues[resource], self.heads[resource]
+        while head < len(queue) and queue[head] in self.ahead:
+            self.heads[resource] = head = head + 1
+            passed = queue[head - 1]
+            if all(self.heads[r] > place for r, place in self.program.places[passed].items()):
+                self.ahead.discard(passed)
+        if not self.program.activities[queue[head - 1]].resources:
+            self.ahead.discard(queue[head - 1])
+
+    def _in_stream(self, stream: str) -> list[int]:
+        return [
+            r.activity for r in self.running.values() if self.program.activities[r.activity].stream == stream
+        ]
+
+    def queue(self) -> None:
+        """Fill the queues of the streams that look ahead."""
+        for stream, depth in self.program.lookahead.items():
+            if depth < 2 or self.old.frozen:
+                continue
+            while len(self._in_stream(stream)) < depth and (found := next(self._next_in(stream), None)):
+                activity, awaited = found
+                if awaited:
+                    self.sent.append(Dispatch(self.number, None, stream))
+                    self.waits[self.number] = (stream, awaited)
+                    self.number += 1
+                self._send(activity)
+
+    def _next_in(self, stream: str) -> Iterator[tuple[Activity, frozenset[int]]]:
+        """The next activity of a stream if all that it waits for is under way, and what of that is in other streams."""
+        own = frozenset(self._in_stream(stream))
+        others = frozenset(r.activity for r in self.running.values()) - own
+        for each in self._candidates(own | others):
+            activity = self.program.activities[each]
+            if activity.stream != stream or (self.program.timed and activity.start_ms > self.old.now_ms):
+                continue
+            awaited = {before for before in activity.after if before in others}
+            awaited |= {self.busy[r] for r in activity.resources if self.busy.get(r) in others}
+            if all(self._is_next(activity, resource) for resource in activity.resources):
+                yield activity, frozenset(awaited)
+
+    def _candidates(self, underway: frozenset[int]) -> list[int]:
+        """The activities that wait only for what is under way, in the forecast's order."""
+        later = {each for one in underway for each in self.program.successors[one]} - self.ahead - underway
+        waiting = {each for each in later if self._waits_only_for(each, underway)}
+        return sorted(waiting | self.ready, key=lambda each: (self.program.activities[each].start_ms, each))
+
+    def _waits_only_for(self, each: int, underway: frozenset[int]) -> bool:
+        activity = self.program.activities[each]
+        left = self.old.open.get(each, len(activity.after))
+        return left == sum(before in underway for before in activity.after)
+
+    def _is_next(self, activity: Activity, resource: str) -> bool:
+        return self.heads[resource] == self.program.places[activity.id][resource]

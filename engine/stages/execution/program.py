@@ -1,0 +1,91 @@
+"""A plan as the executive sees it: activities in streams, the order on each resource, and how long things may wait."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+
+
+@dataclass(frozen=True, slots=True)
+class Activity:
+    """A step of a plan. `start_ms` is its forecast on the run's clock; only its order behind `after` is promised.
+
+    `expects` is the pattern of a normal reply. `rests` says that nothing is left in a hand when it ends, or that it reaches
+    a goal: a run may pause behind it. A `process` goes on without a hand.
+    """
+
+    id: int
+    action: str
+    stream: str
+    lasts_ms: int = 0
+    after: tuple[int, ...] = ()
+    resources: tuple[str, ...] = ()
+    start_ms: int = 0
+    timeout_ms: int | None = None
+    says: str = ""
+    expects: str = "done"
+    asks: bool = False
+    rests: bool = True
+    process: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Dwell:
+    """What `source` has brought about may wait for `target` no longer than `most_ms`."""
+
+    source: int
+    target: int
+    most_ms: int
+
+
+@dataclass(frozen=True)
+class Program:
+    """All activities by number. Where it is `timed`, none begins before its forecast.
+
+    `lookahead` says how many commands a stream takes at once; 1 for streams that are not named.
+    """
+
+    activities: Mapping[int, Activity]
+    dwells: tuple[Dwell, ...] = ()
+    timed: bool = False
+    lookahead: Mapping[str, int] = field(default_factory=dict)
+
+    @cached_property
+    def successors(self) -> Mapping[int, tuple[int, ...]]:
+        """For each activity those that wait for it directly."""
+        found: dict[int, list[int]] = {each: [] for each in self.activities}
+        for activity in self.activities.values():
+            for before in activity.after:
+                found[before].append(activity.id)
+        return {each: tuple(later) for each, later in found.items()}
+
+    @cached_property
+    def queues(self) -> Mapping[str, tuple[int, ...]]:
+        """For each resource its activities, in the order of the forecast; those that wait for each other in that order."""
+        order = {each: place for place, each in enumerate(self.activities)}
+        found: dict[str, list[int]] = {}
+        for activity in sorted(self.activities.values(), key=lambda a: (a.start_ms, order[a.id])):
+            for resource in activity.resources:
+                found.setdefault(resource, []).append(activity.id)
+        return {resource: tuple(queue) for resource, queue in found.items()}
+
+    @cached_property
+    def places(self) -> Mapping[int, Mapping[str, int]]:
+        """For each activity its place in the queue of each of its resources."""
+        found: dict[int, dict[str, int]] = {each: {} for each in self.activities}
+        for resource, queue in self.queues.items():
+            for place, each in enumerate(queue):
+                found[each][resource] = place
+        return found
+
+    @cached_property
+    def ending_in(self) -> Mapping[int, tuple[Dwell, ...]]:
+        """For each activity the waits that begin with its end."""
+        found: dict[int, tuple[Dwell, ...]] = {}
+        for each in self.dwells:
+            found[each.source] = (*found.get(each.source, ()), each)
+        return found
+
+    @property
+    def forecast_ms(self) -> int:
+        """When the last activity is forecast to end."""
+        return max((each.start_ms + each.lasts_ms for each in self.activities.values()), default=0)

@@ -1,0 +1,101 @@
+"""How far a program is. Only what is under way or could begin is kept, so a standing stays small in the longest run."""
+
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, field
+
+from engine.model.execution import Phase
+from engine.stages.execution.events import Failure
+from engine.stages.execution.program import Activity, Dwell, Program
+
+
+@dataclass(frozen=True, slots=True)
+class Running:
+    """An activity whose command was sent. Its time counts from `since_ms`."""
+
+    activity: int
+    since_ms: int
+
+
+@dataclass(frozen=True, slots=True)
+class Standing:
+    """The state of an executive.
+
+    `ready` are the activities whose predecessors have ended; `open` counts, for the others that have lost some, how many
+    they still wait for. `heads` is the place of the first activity in the queue of each resource that has not begun, `ahead`
+    are those behind it that have. `busy` says who holds a resource (the last one, if several are queued in one stream).
+    `resting` are resources whose last activity rests; `frozen` those that an interruption keeps from beginning anything.
+    `waits` are the WAITs that were sent, with the activities that they wait for. `dwelling` are deadlines of waits.
+    """
+
+    phase: Phase
+    now_ms: int
+    number: int  # the next command
+    ready: frozenset[int]
+    open: Mapping[int, int] = field(default_factory=dict)
+    running: Mapping[int, Running] = field(default_factory=dict)
+    busy: Mapping[str, int] = field(default_factory=dict)
+    heads: Mapping[str, int] = field(default_factory=dict)
+    ahead: frozenset[int] = frozenset()
+    waits: Mapping[int, tuple[str, frozenset[int]]] = field(default_factory=dict)
+    unrested: frozenset[str] = frozenset()
+    frozen: bool = False
+    dwelling: Mapping[Dwell, int] = field(default_factory=dict)
+    warned: frozenset[Dwell] = frozenset()
+    failures: tuple[Failure, ...] = ()
+    done: int = 0
+
+    def finished(self, program: Program) -> bool:
+        """Whether every activity has ended."""
+        return self.done == len(program.activities)
+
+
+def standing_of(
+    program: Program,
+    now_ms: int,
+    number: int,
+    phase: Phase = Phase.READY,
+    done: Collection[int] = (),
+    running: Mapping[int, Running] | None = None,
+    ends: Mapping[int, int] | None = None,
+) -> Standing:
+    """The standing of a program in which some activities are done (`ends`: when, for waits) and some are running."""
+    underway = dict(running or {})
+    begun = {*done, *(each.activity for each in underway.values())}
+    ready, partly = set[int](), dict[int, int]()
+    finished = set(done)
+    for activity in program.activities.values():
+        if activity.id in begun:
+            continue
+        left = sum(before not in finished for before in activity.after)
+        if not left:
+            ready.add(activity.id)
+        elif left < len(activity.after):
+            partly[activity.id] = left
+    heads, ahead = _heads(program, begun)
+    busy = {
+        r: each.activity for each in underway.values() for r in program.activities[each.activity].resources
+    }
+    dwelling = {
+        dwell: when + dwell.most_ms
+        for each, when in (ends or {}).items()
+        for dwell in program.ending_in.get(each, ())
+        if dwell.target not in begun
+    }
+    return Standing(
+        phase, now_ms, number, frozenset(ready), partly, underway, busy, heads, ahead, {}, frozenset(),
+        False, dwelling, done=len(finished),
+    )  # fmt: skip
+
+
+def _heads(program: Program, begun: Collection[int]) -> tuple[dict[str, int], frozenset[int]]:
+    heads, ahead = {}, set[int]()
+    for resource, queue in program.queues.items():
+        place = next((n for n, each in enumerate(queue) if each not in begun), len(queue))
+        heads[resource] = place
+        ahead |= {each for each in queue[place:] if each in begun}
+    return heads, frozenset(ahead)
+
+
+def deadline(activity: Activity, since_ms: int) -> int | None:
+    """When an activity without a reply counts as failed."""
+    return None if activity.timeout_ms is None else since_ms + activity.timeout_ms

@@ -1,0 +1,78 @@
+"""What touches by intention, proved pair by pair: on the whole of a path, no pair overlaps by more than it may.
+
+The ground has the pairs that may touch, and no others. On a stretch around a configuration, two bodies come nearer by no more
+than their fastest points move; a stretch for which that leaves doubt is halved.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from itertools import pairwise
+
+from engine.model.geometry import Contact, Floats
+from engine.ports import MotionGround
+
+FINEST = 1e-5  # the least share of a line that is looked at
+LOOKS = 4000  # configurations for one line
+
+Pair = tuple[str, str]
+
+
+@dataclass(frozen=True, slots=True)
+class Touch:
+    """Two bodies that touch on a path: how deep at the most where it was looked at, and whether `allowed_m` is proved."""
+
+    first: str
+    second: str
+    deepest_m: float
+    allowed_m: float
+    proved: bool
+
+
+@dataclass(slots=True)
+class _Seen:
+    """The greatest depth that was seen of each pair, and the pairs that are not proved."""
+
+    allowed_m: float
+    deepest: dict[Pair, float] = field(default_factory=dict)
+    doubted: set[Pair] = field(default_factory=set)
+
+    def note(self, near: Sequence[Contact], half_m: float) -> set[Pair]:
+        """The pairs that may overlap too much within `half_m` of motion, without those that are known to."""
+        over = set()
+        for each in near:
+            pair = (min(each.first, each.second), max(each.first, each.second))
+            self.deepest[pair] = max(self.deepest.get(pair, 0.0), each.depth_m)
+            if each.depth_m > self.allowed_m:
+                self.doubted.add(pair)
+            elif half_m - each.distance_m > self.allowed_m:
+                over.add(pair)
+        return over - self.doubted
+
+
+def touches(ground: MotionGround, path: Floats, allowed_m: float) -> tuple[Touch, ...]:
+    """The pairs that touch on a path (m, k), and those that may for all that is known; each with its proof."""
+    seen = _Seen(allowed_m)
+    seen.note(ground.contacts(path[0]), 0.0)
+    for first, second in pairwise(path):
+        _go_through(ground, first, second, seen)
+        seen.note(ground.contacts(second), 0.0)
+    return tuple(
+        Touch(*pair, depth, allowed_m, pair not in seen.doubted)
+        for pair, depth in sorted(seen.deepest.items())
+        if depth > 0.0 or pair in seen.doubted
+    )
+
+
+def _go_through(ground: MotionGround, first: Floats, second: Floats, seen: _Seen) -> None:
+    """Look at one line by stretches."""
+    stretches, looks = [(0.0, 1.0)], 0
+    moved_m = 2.0 * ground.travel(first, second)  # both may move
+    while stretches:
+        low, high = stretches.pop()
+        middle, half_m = (low + high) / 2, moved_m * (high - low) / 2
+        looks += 1
+        over = seen.note(ground.contacts(first + middle * (second - first), half_m), half_m)
+        if over and (high - low < FINEST or looks > LOOKS):
+            seen.doubted |= over
+        elif over:
+            stretches += [(low, middle), (middle, high)]

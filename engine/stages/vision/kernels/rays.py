@@ -1,0 +1,102 @@
+# cython: language_level=3, annotation_typing=False, infer_types=True, boundscheck=False, wraparound=False
+# cython: initializedcheck=False, cdivision=True
+"""The rays of a camera's pixels on triangles: how deep the first one hit lies, and which it is.
+
+A ray meets a triangle where it passes all three planes through the eye and an edge on the same side. These tests are linear
+in the pixel, so each triangle is tried on the pixels of the box around its picture only.
+"""
+
+import cython
+import numpy as np
+
+from engine.kernels.arrays import Floats, Longs, refuse_unless
+
+NEAR = 1e-6  # metres: what is nearer to the eye's plane is not seen
+NONE = -1
+
+
+class Range:
+    """What the pixels (height, width) see: the depth along the optical axis, 0 for nothing, and the number of the owner."""
+
+    def __init__(self, shape: tuple[int, int], focal_px: float, centre_px: tuple[float, float]) -> None:
+        """An empty picture: pixel (v, u) looks along ((u - cx) / focal, (v - cy) / focal, 1)."""
+        self.depth, self.owner = np.zeros(shape), np.full(shape, NONE, dtype=np.int64)
+        self._depth, self._owner = self.depth, self.owner
+        self.height, self.width = shape
+        self.focal, (self.cx, self.cy) = focal_px, centre_px
+        self.plane = np.zeros((4, 3))  # the normals of a triangle's edge planes, and of its own plane
+
+
+def draw(r: Range, corners: Floats, owners: Longs) -> None:
+    """Look at triangles (m, 3, 3) in the camera's frame, each with its owner (m,). The nearest is kept, also of earlier calls."""
+    count = len(corners)
+    refuse_unless("corners", corners, np.float64, (count, 3, 3))
+    refuse_unless("owners", owners, np.int64, (count,))
+    triangles, numbers = corners, owners
+    with cython.nogil:
+        for t in range(count):
+            _draw(r, triangles, t, numbers[t])
+
+
+def _draw(r: Range, corners: Floats, t: int, owner: int) -> None:
+    left, right, top, bottom = 0, r.width - 1, 0, r.height - 1
+    low = min(corners[t, 0, 2], corners[t, 1, 2], corners[t, 2, 2])
+    high = max(corners[t, 0, 2], corners[t, 1, 2], corners[t, 2, 2])
+    if high <= NEAR:
+        return
+    if low > NEAR:
+        u0 = u1 = r.focal * corners[t, 0, 0] / corners[t, 0, 2]
+        v0 = v1 = r.focal * corners[t, 0, 1] / corners[t, 0, 2]
+        for i in range(1, 3):
+            across = r.focal * corners[t, i, 0] / corners[t, i, 2]
+            down = r.focal * corners[t, i, 1] / corners[t, i, 2]
+            u0, u1, v0, v1 = min(u0, across), max(u1, across), min(v0, down), max(v1, down)
+        if u1 + r.cx < left or u0 + r.cx > right or v1 + r.cy < top or v0 + r.cy > bottom:
+            return
+        left, right = _least(u0 + r.cx, left), _most(u1 + r.cx, right)
+        top, bottom = _least(v0 + r.cy, top), _most(v1 + r.cy, bottom)
+    _planes(r, corners, t)
+    offset = (
+        r.plane[3, 0] * corners[t, 0, 0] + r.plane[3, 1] * corners[t, 0, 1] + r.plane[3, 2] * corners[t, 0, 2]
+    )
+    for v in range(top, bottom + 1):
+        y = (v - r.cy) / r.focal
+        for u in range(left, right + 1):
+            x = (u - r.cx) / r.focal
+            a = r.plane[0, 0] * x + r.plane[0, 1] * y + r.plane[0, 2]
+            b = r.plane[1, 0] * x + r.plane[1, 1] * y + r.plane[1, 2]
+            c = r.plane[2, 0] * x + r.plane[2, 1] * y + r.plane[2, 2]
+            if not ((a >= 0.0 and b >= 0.0 and c >= 0.0) or (a <= 0.0 and b <= 0.0 and c <= 0.0)):
+                continue
+            slope = r.plane[3, 0] * x + r.plane[3, 1] * y + r.plane[3, 2]
+            if slope == 0.0:
+                continue
+            z = offset / slope
+            if z > NEAR and (r._owner[v, u] == NONE or z < r._depth[v, u]):
+                r._depth[v, u], r._owner[v, u] = z, owner
+
+
+def _least(pixel: float, low: int) -> int:
+    """The first whole pixel from `low` on that is not before a place."""
+    while low < pixel:
+        low += 1
+    return low
+
+
+def _most(pixel: float, high: int) -> int:
+    """The last whole pixel up to `high` that is not after a place."""
+    while high > pixel:
+        high -= 1
+    return high
+
+
+def _planes(r: Range, corners: Floats, t: int) -> None:
+    """Normals of the planes through the eye and the edges, then of the triangle's plane, which is their sum."""
+    for x in range(3):
+        r.plane[3, x] = 0.0
+    for i in range(3):
+        j = (i + 1) % 3
+        for x in range(3):
+            y, z = (x + 1) % 3, (x + 2) % 3
+            r.plane[i, x] = corners[t, i, y] * corners[t, j, z] - corners[t, i, z] * corners[t, j, y]
+            r.plane[3, x] += r.plane[i, x]

@@ -1,0 +1,161 @@
+"""Where a part is in a depth image, or why that cannot be said."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import ndimage
+
+from engine.kernels.rigid import apply, difference
+from engine.model.geometry import Floats, Truths
+from engine.model.vision import DepthImage, Hypothesis, Located, NotLocated, Sighting
+from engine.stages.vision.hypotheses import Model, hypotheses
+from engine.stages.vision.outlines import regions_of
+from engine.stages.vision.refinement import View, judged, look, refined
+
+TRIED, BETTERED, REFINED = (
+    30,
+    14,
+    5,
+)  # hypotheses that are looked at, bettered a little, and brought to the best pose
+NEAR_M, NEAR_RAD = 0.006, np.radians(8)  # hypotheses this near to each other become one
+BELOW_M = 0.004
+ABOVE_M = 0.006  # how far above what carries it a part may seem to be
+RING_PX = 12
+CARRIED = 0.1  # of the surroundings of a part that is above the floor, the share that must be high enough to carry it
+
+
+@dataclass(frozen=True, slots=True)
+class Demands:
+    """What a hypothesis must show to be believed: shares, pixels, and by how much its evidence is ahead."""
+
+    agreeing: float = 0.98
+    seen: float = 0.4
+    edged: float = 0.8
+    pixels: int = 250
+    ahead: float = 40.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Ground:
+    """What is known of the scene: where the image shows nothing new (height, width), and planes that nothing is below.
+
+    A plane is a unit normal and an offset (4,) in the camera's frame: above it is normal . x > offset.
+    """
+
+    known: Truths
+    floors: tuple[Floats, ...] = ()
+
+
+def locate(model: Model, image: DepthImage, ground: Ground, demands: Demands | None = None) -> Sighting:
+    """The pose of a part in an image; else the reason why it is not found."""
+    regions = regions_of(image, ground.known)
+    begun = hypotheses(model, regions, image, TRIED * 4)
+    if not len(begun):
+        return NotLocated("nothing in the image has edges like those of the part")
+    view = View(image, ground.known)
+    apart = _ordered(model, view, _distinct(begun, model, TRIED))[:BETTERED]
+    nearer = [refined(model, view, T, 2)[0] for T in apart]
+    final: list[tuple[Hypothesis, Floats]] = []
+    for T in _distinct(_ordered(model, view, nearer), model, REFINED):
+        pose, covariance = refined(model, view, T)
+        each = judged(model, view, pose)
+        if each is not None and not _below(model, pose, ground) and _rests(model, pose, view, ground):
+            final.append((each, covariance))
+    return _decided(model, final, demands or Demands())
+
+
+def _ordered(model: Model, view: View, poses: Sequence[Floats]) -> list[Floats]:
+    """The poses of a part in the picture, those first for which most speaks."""
+    found = [(worth(each), T) for T in poses if (each := judged(model, view, T)) is not None]
+    return [T for _, T in sorted(found, key=lambda pair: -pair[0])]
+
+
+def worth(one: Hypothesis) -> float:
+    """How much speaks for a hypothesis: the pixels that show it, less for those that contradict it, and for its outline."""
+    return one.pixels * one.agreeing**8 * (0.3 + 0.7 * one.edged) ** 2
+
+
+def _decided(model: Model, final: list[tuple[Hypothesis, Floats]], demands: Demands) -> Sighting:
+    if not final:
+        return NotLocated("the part would lie below the floor, or rest on nothing, wherever it could be")
+    final.sort(key=lambda pair: (bool(_doubt(pair[0], demands)), -pair[0].evidence))
+    best, covariance = final[0]
+    second = next(
+        (each for each, _ in final[1:] if not same(model, best.T_camera_part, each.T_camera_part)), None
+    )
+    reason = _doubt(best, demands)
+    if not reason and second is not None and not _doubt(second, demands):
+        ahead = best.evidence - second.evidence
+        reason = "two poses explain the image equally well" if ahead < demands.ahead else ""
+    if reason:
+        return NotLocated(reason, best, second)
+    poses = tuple(best.T_camera_part @ S for S in model.symmetries)
+    return Located(best, covariance, poses, second)
+
+
+def _doubt(best: Hypothesis, demands: Demands) -> str:
+    """Why a hypothesis is not believed; empty if it is."""
+    if best.pixels < demands.pixels or best.seen < demands.seen:
+        return f"too little of the part would be seen: {best.pixels} pixels, {best.seen:.0%} of its picture"
+    if best.agreeing < demands.agreeing:
+        return f"the image shows through the part: only {best.agreeing:.0%} of it agrees"
+    if best.edged < demands.edged:
+        return f"the outline does not end where the part would: only {best.edged:.0%} of it does"
+    return ""
+
+
+def same(model: Model, one: Floats, other: Floats) -> bool:
+    """Whether two poses are nearly one, but for symmetries."""
+    for S in model.symmetries:
+        metres, radians = difference(one @ S, other)
+        if metres < NEAR_M and radians < NEAR_RAD:
+            return True
+    return False
+
+
+def _distinct(poses: Iterable[Floats], model: Model, most: int) -> list[Floats]:
+    """The first of those poses that are nearly one."""
+    kept: list[Floats] = []
+    for T in poses:
+        if len(kept) >= most:
+            break
+        if not kept or not _near(np.array(kept), T, model):
+            kept.append(T)
+    return kept
+
+
+def _near(kept: Floats, T: Floats, model: Model) -> bool:
+    for S in model.symmetries:
+        other = T @ S
+        metres = np.linalg.norm(kept[:, :3, 3] - other[:3, 3], axis=1)
+        cosine = (np.einsum("nij,ij->n", kept[:, :3, :3], other[:3, :3]) - 1) / 2
+        if ((metres < NEAR_M / 2) & (cosine > np.cos(NEAR_RAD / 2))).any():
+            return True
+    return False
+
+
+def _below(model: Model, T: Floats, ground: Ground) -> bool:
+    points = apply(T, model.solid.vertices)
+    return any(bool((points @ floor[:3] - floor[3] < -BELOW_M).any()) for floor in ground.floors)
+
+
+def _rests(model: Model, T: Floats, view: View, ground: Ground) -> bool:
+    """Whether a part may rest on a floor, or on something that is seen beside it. What it hides wholly does not count."""
+    points = apply(T, model.solid.vertices)
+    heights = [points @ floor[:3] - floor[3] for floor in ground.floors]
+    if not heights or min(float(each.min()) for each in heights) < ABOVE_M:
+        return True
+    seen = look(model, view.image, T, RING_PX)
+    if seen is None:
+        return False
+    mask = seen.owner >= 0
+    ring = ndimage.binary_dilation(mask, iterations=RING_PX) & ~ndimage.binary_dilation(mask, iterations=2)
+    v, u = np.nonzero(ring)
+    depth = view.image.depth[v + seen.v0, u + seen.u0]
+    around = (view.image.camera.rays(u + float(seen.u0), v + float(seen.v0)) * depth[:, None])[depth > 0]
+    return any(
+        bool((around @ floor[:3] - floor[3] > height.min() - ABOVE_M).mean() > CARRIED)
+        for floor, height in zip(ground.floors, heights, strict=True)
+        if len(around)
+    )

@@ -1,0 +1,206 @@
+"""A hypothesis against the image: what agrees, and the pose with which most does.
+
+The surface is compared along its normals (point to plane), and the outline square to itself: the place in the picture where
+the part ends is compared with the place where the measured surface ends.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from engine.kernels.rigid import apply, turned
+from engine.model.geometry import Floats, Longs, Truths
+from engine.model.vision import DepthImage, Hypothesis
+from engine.stages.vision.hypotheses import Model
+from engine.stages.vision.kernels.rays import Range, draw
+from engine.stages.vision.outlines import beyond_plane, border, shrunk
+
+ROUNDS = 6
+AGREES = 3.5  # of the noise
+EDGE_PX = 0.5  # the standard deviation of a place where the surface ends
+REACH_PX = 5
+POINTS = 1500
+
+
+@dataclass(frozen=True, eq=False)
+class View:
+    """An image, and where it shows only what is known (height, width)."""
+
+    image: DepthImage
+    known: Truths
+
+    @cached_property
+    def inverse(self) -> Floats:
+        """The inverse depths (height, width), 0 where nothing was measured."""
+        depth = self.image.depth
+        return np.where(depth > 0, 1.0 / np.where(depth > 0, depth, 1.0), 0.0)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Look:
+    """A part's picture at a pose, in a window of the image that begins at pixel (v0, u0).
+
+    `depth` and `owner` are those of the part alone; `apart` is how much deeper the image is, nan where nothing is known.
+    """
+
+    T: Floats
+    v0: int
+    u0: int
+    depth: Floats
+    owner: Longs
+    apart: Floats
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Rim:
+    """Places of the outline: pixels (n, 2) as (u, v), outward directions (n, 2), and how far outside of them the image ends.
+
+    `shift_px` (n,) is nan where this cannot be seen; `continues` (n,) says where the surface does not end.
+    """
+
+    at: Floats
+    outward: Floats
+    shift_px: Floats
+    continues: Truths
+
+
+def look(model: Model, image: DepthImage, T: Floats, around_px: int = 8) -> Look | None:
+    """The part's picture at a pose T_camera_part (4, 4), with some pixels around; None if it lies outside the image."""
+    camera = image.camera
+    corners = apply(T, model.solid.vertices)
+    if corners[:, 2].min() < 1e-3:
+        return None
+    u, v = camera.pixels(corners)
+    u0, v0 = max(0, int(u.min()) - around_px), max(0, int(v.min()) - around_px)
+    u1, v1 = min(camera.width, int(u.max()) + around_px + 1), min(camera.height, int(v.max()) + around_px + 1)
+    if u1 - u0 < 3 or v1 - v0 < 3:
+        return None
+    seen = Range((v1 - v0, u1 - u0), camera.focal_px, (camera.centre_px[0] - u0, camera.centre_px[1] - v0))
+    draw(seen, np.ascontiguousarray(corners.reshape(-1, 3, 3)), model.solid.facet_of)
+    measured = image.depth[v0:v1, u0:u1]
+    apart = np.where((measured > 0) & (seen.owner >= 0), measured - seen.depth, np.nan)
+    return Look(T, v0, u0, seen.depth, seen.owner, apart)
+
+
+def judged(model: Model, view: View, T: Floats) -> Hypothesis | None:
+    """What an image says of a pose; None if the part would not be in it."""
+    image, seen = view.image, look(model, view.image, T)
+    if seen is None:
+        return None
+    rim = outline(model, view, seen)
+    known = ~np.isnan(seen.apart)
+    apart = seen.apart[known]
+    agree = int((np.abs(apart) <= AGREES * image.noise_m).sum())
+    within = seen.apart[known & shrunk(seen.owner >= 0)]
+    through = int((within > AGREES * image.noise_m).sum())
+    told = rim.continues | ~np.isnan(rim.shift_px)
+    shift = np.abs(np.nan_to_num(rim.shift_px, nan=99.0))
+    good = told & (shift <= 2.5)
+    explained = np.maximum(AGREES**2 - (apart / image.noise_m) ** 2, 0.0).sum()
+    ended = np.maximum(AGREES**2 - (shift / EDGE_PX) ** 2, 0.0).sum()
+    return Hypothesis(
+        T,
+        agree / max(agree + through, 1),
+        agree / max(int(known.sum()), 1),
+        float(good.sum() / max(told.sum(), 1)),
+        agree,
+        float(explained + ended),
+    )
+
+
+def outline(model: Model, view: View, seen: Look) -> Rim:
+    """The outline of a part's picture, compared with the image.
+
+    Where what is known lies beyond, the surface does not continue: there it meets the floor at a flat angle.
+    """
+    image = view.image
+    at, outward = border(seen.owner >= 0)
+    u, v = at.astype(np.int64).T
+    at = at + [seen.u0, seen.v0]
+    planes = _planes(model, image, seen.T)[seen.owner[v, u]].T
+    steps = np.arange(-REACH_PX, REACH_PX + 1)
+    places = at[:, None] + steps[:, None] * outward[:, None]
+    apart, known = beyond_plane(view.inverse, planes[:, :, None], places)
+    on = known & (np.abs(apart) <= AGREES * image.noise_m)
+    off = known & (apart > AGREES * image.noise_m)
+    hidden = known & (apart < -AGREES * image.noise_m)
+    left = off | hidden
+    first = np.argmax(left, axis=1)
+    ends, rows = left.any(axis=1), np.arange(len(at))
+    begins = on[:, :2].any(axis=1) & (on.sum(axis=1) >= 3)
+    valid = begins & ends & off[rows, first] & (first > 0)
+    shift = np.where(valid, steps[first] - 1.0, np.nan)
+    far = np.rint(at + (REACH_PX - 1) * outward).astype(np.int64)
+    known = view.known[
+        np.clip(far[:, 1], 0, image.camera.height - 1), np.clip(far[:, 0], 0, image.camera.width - 1)
+    ]
+    return Rim(at, outward, shift, begins & ~ends & ~known)
+
+
+def _planes(model: Model, image: DepthImage, T: Floats) -> Floats:
+    """For each facet, the (a, b, c) of its plane's inverse depth in the pixels (f, 3)."""
+    normals = np.array([facet.normal for facet in model.solid.facets]) @ T[:3, :3].T
+    offsets = np.array([facet.offset for facet in model.solid.facets]) + normals @ T[:3, 3]
+    safe = np.where(np.abs(offsets) > 1e-9, offsets, 1e-9)[:, None]
+    m, f, (cx, cy) = normals / safe, image.camera.focal_px, image.camera.centre_px
+    return np.stack([m[:, 0] / f, m[:, 1] / f, m[:, 2] - (m[:, 0] * cx + m[:, 1] * cy) / f], axis=1)
+
+
+def refined(model: Model, view: View, T: Floats, rounds: int = ROUNDS) -> tuple[Floats, Floats]:
+    """The pose near to one that fits the image best, and its covariance (6, 6) about the part's origin."""
+    covariance = np.full((6, 6), np.inf)
+    for round_ in range(rounds):
+        seen = look(model, view.image, T)
+        if seen is None:
+            break
+        rows, lacks, weights = _equations(model, view, seen, max(3.0, 8.0 - 2.0 * round_))
+        if len(lacks) < 12:
+            break
+        normal = (rows * weights[:, None]).T @ rows
+        values, vectors = np.linalg.eigh(normal)
+        covariance = (vectors / np.maximum(values, 1e-6)) @ vectors.T
+        step = covariance @ (rows.T @ (weights * lacks))
+        T = T.copy()
+        T[:3, 3] += step[:3]
+        T[:3, :3] = turned(step[3:]) @ T[:3, :3]
+        if np.abs(step[:3]).max() < 2e-5 and np.abs(step[3:]).max() < 2e-4 and round_ > 2:
+            break
+    return T, covariance
+
+
+def _equations(model: Model, view: View, seen: Look, within: float) -> tuple[Floats, Floats, Floats]:
+    """Rows (n, 6), what they lack in metres (n,), and weights (n,), for a displacement and a turn about the part's origin."""
+    surface = _surface(model, view.image, seen, within)
+    rim = _rim(view.image, seen, outline(model, view, seen))
+    return tuple(np.concatenate(pair) for pair in zip(surface, rim, strict=True))  # type: ignore[return-value]
+
+
+def _surface(model: Model, image: DepthImage, seen: Look, within: float) -> tuple[Floats, Floats, Floats]:
+    v, u = np.nonzero(np.abs(np.nan_to_num(seen.apart, nan=9.0)) < within * image.noise_m)
+    if len(v) > POINTS:
+        some = np.linspace(0, len(v) - 1, POINTS).astype(int)
+        gain, v, u = len(v) / POINTS, v[some], u[some]
+    else:
+        gain = 1.0
+    rays = image.camera.rays(u + float(seen.u0), v + float(seen.v0))
+    normals = np.array([facet.normal for facet in model.solid.facets]) @ seen.T[:3, :3].T
+    n = normals[seen.owner[v, u]]
+    slope = (n * rays).sum(axis=1)
+    points = rays * seen.depth[v, u][:, None] - seen.T[:3, 3]
+    lacks = slope * seen.apart[v, u]
+    weights = gain / (image.noise_m * np.maximum(np.abs(slope), 0.05)) ** 2
+    return np.concatenate([n, np.cross(points, n)], axis=1), lacks, weights
+
+
+def _rim(image: DepthImage, seen: Look, rim: Rim) -> tuple[Floats, Floats, Floats]:
+    told = ~np.isnan(rim.shift_px)
+    at, outward, shift = rim.at[told], rim.outward[told], rim.shift_px[told]
+    rays = image.camera.rays(at[:, 0], at[:, 1])
+    v, u = (at - [seen.u0, seen.v0]).astype(int).T[::-1]
+    depth = seen.depth[v, u]
+    m = np.column_stack([outward, -(outward * rays[:, :2]).sum(axis=1)])
+    pitch = depth / image.camera.focal_px
+    points = rays * depth[:, None] - seen.T[:3, 3]
+    weights = 1.0 / (EDGE_PX * pitch) ** 2
+    return np.concatenate([m, np.cross(points, m)], axis=1), shift * pitch, weights

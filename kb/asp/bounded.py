@@ -1,0 +1,85 @@
+"""Grounding within limits of time and memory.
+
+clingo listens to nobody while it grounds. So it grounds in a thread of its own, and the thread that waits for it looks at
+the clock and at the memory, and asks whether to stop. A grounding that is given up goes on in the background until it
+ends by itself or the process does: `is_left_behind` tells the command line to end the process at once.
+"""
+
+import os
+import threading
+import time
+from collections.abc import Callable
+
+from kb import stopping
+
+SECONDS = 15.0  # of processor time
+MEGABYTES = 2000  # more than the process had before
+PAUSE = 0.02  # seconds between two looks
+
+_left_behind: list[threading.Thread] = []
+
+
+class TooLarge(Exception):
+    """A grounding that took more than its time or its memory."""
+
+
+def run_bounded(ground: Callable[[], None]) -> None:
+    """Call `ground`, and raise what it raises.
+
+    Raises `TooLarge`, `MemoryError` if the operating system gives no more memory, and `kb.stopping.Stopped`.
+    """
+    watch = _Grounding(ground)
+    watch.start()
+    try:
+        _wait(watch)
+    except BaseException:
+        if watch.is_alive():
+            _left_behind.append(watch)
+        raise
+    if watch.error is not None:
+        raise MemoryError if "bad_alloc" in str(watch.error) else watch.error
+
+
+def is_left_behind() -> bool:
+    """Whether a grounding that was given up still runs."""
+    return any(each.is_alive() for each in _left_behind)
+
+
+class _Grounding(threading.Thread):
+    """A thread that keeps what its function raised."""
+
+    def __init__(self, ground: Callable[[], None]) -> None:
+        super().__init__(daemon=True)
+        self.ground = ground
+        self.error: BaseException | None = None
+        self.done = threading.Event()
+
+    def run(self) -> None:
+        try:
+            self.ground()
+        except BaseException as error:
+            self.error = error
+        finally:
+            self.done.set()
+
+
+def _wait(watch: _Grounding) -> None:
+    if watch.done.wait(PAUSE):
+        watch.join()
+        return
+    spent, size = time.process_time() + SECONDS, _resident() + MEGABYTES * 2**20
+    while not watch.done.wait(PAUSE):
+        if stopping.wanted():
+            raise stopping.Stopped
+        if time.process_time() > spent or _resident() > size:
+            raise TooLarge
+    watch.join()
+
+
+def _resident() -> int:
+    """Bytes of memory in use; 0 if the system does not report them."""
+    try:
+        with open("/proc/self/statm", encoding="ascii") as file:
+            return int(file.read().split()[1]) * os.sysconf("SC_PAGE_SIZE")
+    except OSError:
+        return 0

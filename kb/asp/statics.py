@@ -1,0 +1,112 @@
+"""The static facts of a problem, evaluated by clingo, and what is likely to blame where they are too many."""
+
+import re
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from math import inf, prod
+
+from kb.asp import AspError, Grounder, ground_term
+from kb.asp.bounded import TooLarge
+from kb.asp.vocabulary import static_program
+from kb.diagnostics import Diagnostic, InvalidInput, Source
+from kb.model.problem import Problem
+from kb.model.statement import Sign, Signature, Statement
+from kb.terms import Number
+
+MANY = 1e18  # instances: more than that is not told apart
+ROUNDS = 4  # rules that build on one another, in a row
+RANGE = re.compile(r"([^\s(,;:{]+)\s*\.\.\s*([^\s),;.}]+)")
+
+
+@dataclass(frozen=True, slots=True)
+class Suspect:
+    """An operator, rule or consequence with an upper bound on the number of its instances; infinite if there is none."""
+
+    what: str
+    where: Source
+    bound: float
+
+
+def evaluated(problem: Problem, further: Iterable[str] = ()) -> Grounder:
+    """The static facts of a problem, with `further` rules. Raises `InvalidInput` if they take too long or too much memory."""
+    grounder = Grounder()
+    evaluate(grounder, problem, further)
+    return grounder
+
+
+def evaluate(grounder: Grounder, problem: Problem, further: Iterable[str] = ()) -> None:
+    """Evaluate the static facts of a problem in a new grounder, with `further` rules. Raises `InvalidInput` as above."""
+    with within_limits(lambda: static_suspects(problem)):
+        grounder.ground("\n".join([static_program(problem), *further]))
+
+
+@contextmanager
+def within_limits(suspects: Callable[[], Iterable[Suspect]]) -> Iterator[None]:
+    """A context in which a grounding that is too large is told, with the place of the worst suspect.
+
+    Raises `InvalidInput`.
+    """
+    try:
+        yield
+    except TooLarge:
+        worst = max(suspects(), key=lambda each: each.bound, default=Suspect("", Source("grounding"), inf))
+        count = "no upper bound" if worst.bound == inf else f"up to {worst.bound:.0e} instances"
+        said = f"; the most likely cause is {worst.what} ({count})" if worst.what else ""
+        message = f"grounding exceeds its limit of time or memory{said}"
+        hint = "constrain its variables with types or static facts"
+        raise InvalidInput([Diagnostic(worst.where, "K307", message, hint)]) from None
+
+
+def static_suspects(problem: Problem) -> Iterator[Suspect]:
+    """The rules of a problem's domain, each with an upper bound on its instances."""
+    rules = problem.domain.asp
+    count = _Extents(problem)
+    for _ in range(ROUNDS):
+        count.grow(rules)
+    for each in rules:
+        yield Suspect(each.text, each.where, inf if _is_endless(each) else count.of(each))
+
+
+class _Extents:
+    """Upper bounds on the number of atoms of each predicate, from what rules make of each other."""
+
+    def __init__(self, problem: Problem) -> None:
+        self.objects = float(len(problem.domain.objects) + len(problem.objects))
+        self.facts = Counter((fact.name, len(fact.arguments)) for fact in problem.statics)
+        self.made: dict[Signature, float] = dict(self.facts)
+
+    def grow(self, rules: Iterable[Statement]) -> None:
+        """Count what the rules make of what is counted so far."""
+        made: dict[Signature, float] = dict(self.facts)
+        for each in rules:
+            if each.defines is not None:
+                made[each.defines] = made.get(each.defines, 0.0) + self.of(each)
+        self.made = made
+
+    def of(self, rule: Statement) -> float:
+        """An upper bound on the instances of a rule."""
+        read = (self.made.get(use.predicate, self.objects) for use in rule.uses if use.sign is Sign.POSITIVE)
+        return min(_ranges(rule.text) * prod(read), MANY)
+
+
+def _ranges(text: str) -> float:
+    """How many values the ranges in a rule have together; very many if a bound is a name."""
+    product = 1.0
+    for low, high in RANGE.findall(text):
+        try:
+            first, last = ground_term(low), ground_term(high)
+        except AspError:
+            return MANY
+        if not (isinstance(first, Number) and isinstance(last, Number)):
+            return MANY
+        product *= max(last.value - first.value + 1, 1)
+    return product
+
+
+def _is_endless(rule: Statement) -> bool:
+    """Whether a rule makes new terms, or counts, from what it has derived itself."""
+    if rule.defines is None or rule.defines not in {use.predicate for use in rule.uses}:
+        return False
+    return rule.counts or "(" in rule.head[len(rule.defines[0]) + 1 :]

@@ -1,0 +1,181 @@
+"""Journals of runs, in the same database as the MACROPs: what was appended is on the disk when `append` returns.
+
+A journal is only appended to. Its lines count from 1 without gaps, so what is missing would be seen.
+"""
+
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from types import TracebackType
+from typing import Any
+
+from sqlalchemy import (
+    Column,
+    Engine,
+    Integer,
+    MetaData,
+    PoolProxiedConnection,
+    String,
+    Table,
+    Text,
+    func,
+    select,
+)
+
+from kb.store.engines import refusal, transaction
+from kb.store.opening import opened
+
+metadata = MetaData()
+runs = Table(
+    "runs",
+    metadata,
+    Column("run", String, primary_key=True),
+    Column("begun", String, nullable=False),  # date and time, UTC
+    Column("document", Text, nullable=False),
+)
+lines = Table(
+    "journal",
+    metadata,
+    Column("run", String, primary_key=True),
+    Column("number", Integer, primary_key=True, autoincrement=False),
+    Column("at_ms", Integer, nullable=False),
+    Column("kind", String, nullable=False),
+    Column("content", Text, nullable=False),
+    sqlite_with_rowid=False,
+)
+PAGE = 5_000  # lines that are read at once
+
+
+class JournalFailure(Exception):
+    """A journal cannot be written: the disk is full, or the database does not answer. The message says why."""
+
+
+@dataclass(frozen=True, slots=True)
+class Line:
+    """One line of a journal: its number, the run's clock, what kind it is, and its content as plain JSON."""
+
+    number: int
+    at_ms: int
+    kind: str
+    content: Mapping[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class Begun:
+    """A run that has a journal: its name, when it began (UTC), and what it was begun with."""
+
+    run: str
+    begun: str
+    document: Mapping[str, Any]
+
+
+class Journal:
+    """The journals in a database, given by a file or a URL. Raises `InvalidInput` if the database cannot be opened."""
+
+    def __init__(self, target: str) -> None:
+        self.target = target
+        self._engine: Engine = opened(target)
+        self._held: PoolProxiedConnection | None = None
+        with transaction(self._engine, target, writes=True) as connection:
+            metadata.create_all(connection)
+
+    def __enter__(self) -> "Journal":
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Give back the connection."""
+        if self._held is not None:
+            self._held.close()
+        self._engine.dispose()
+
+    def begin(self, run: str, begun: str, document: Mapping[str, Any]) -> bool:
+        """Make a journal; False if there is one of this name already."""
+        if self.run(run) is not None:
+            return False
+        with transaction(self._engine, self.target, writes=True) as connection:
+            row = {"run": run, "begun": begun, "document": json.dumps(document, ensure_ascii=False)}
+            connection.execute(runs.insert(), [row])
+        return True
+
+    def append(self, run: str, group: Sequence[Line]) -> None:
+        """Append lines in one transaction, and have them written to the disk. Raises `JournalFailure`."""
+        errors = self._engine.dialect.loaded_dbapi.Error
+        lite = self._engine.dialect.name == "sqlite"
+        marks = "?, ?, ?, ?, ?" if lite else "%s, %s, %s, %s, %s"
+        try:
+            held = self._writing()
+            cursor = held.cursor()
+            if lite:
+                cursor.execute("BEGIN IMMEDIATE")
+            cursor.executemany(
+                f"INSERT INTO journal (run, number, at_ms, kind, content) VALUES ({marks})",
+                [(run, *_row(line)) for line in group],
+            )
+            held.commit()
+        except errors as error:
+            self._forget()
+            raise JournalFailure(" ".join(str(error).split())[:200]) from error
+
+    def _writing(self) -> PoolProxiedConnection:
+        """The connection that appends. SQLite waits for the disk at each commit, as other databases do anyway."""
+        if self._held is None:
+            self._held = self._engine.raw_connection()
+            if self._engine.dialect.name == "sqlite":
+                self._held.cursor().execute("PRAGMA synchronous = FULL")
+        return self._held
+
+    def _forget(self) -> None:
+        """Give up the connection, and with it what was not committed."""
+        held, self._held = self._held, None
+        if held is not None:
+            held.invalidate()
+
+    def run(self, name: str) -> Begun | None:
+        """The run of this name; None if there is none."""
+        return next((each for each in self.begun() if each.run == name), None)
+
+    def begun(self) -> tuple[Begun, ...]:
+        """All runs, the oldest first."""
+        with transaction(self._engine, self.target) as connection:
+            rows = connection.execute(select(runs).order_by(runs.c.begun, runs.c.run)).all()
+        return tuple(Begun(run, begun, _content(self.target, text)) for run, begun, text in rows)
+
+    def last(self, run: str, kind: str = "") -> int:
+        """The number of the last line, or of the last one of a kind; 0 if there is none."""
+        asked = select(func.max(lines.c.number)).where(lines.c.run == run)
+        asked = asked.where(lines.c.kind == kind) if kind else asked
+        with transaction(self._engine, self.target) as connection:
+            return int(connection.execute(asked).scalar() or 0)
+
+    def lines(self, run: str, after: int = 0, kinds: Sequence[str] = ()) -> Iterator[Line]:
+        """The lines of a run behind a number, in order; only those of some kinds, if they are named."""
+        while True:
+            asked = select(lines.c.number, lines.c.at_ms, lines.c.kind, lines.c.content)
+            asked = asked.where((lines.c.run == run) & (lines.c.number > after))
+            asked = asked.where(lines.c.kind.in_(kinds)) if kinds else asked
+            with transaction(self._engine, self.target) as connection:
+                page = connection.execute(asked.order_by(lines.c.number).limit(PAGE)).all()
+            for number, at_ms, kind, text in page:
+                yield Line(number, at_ms, kind, _content(self.target, text))
+                after = number
+            if len(page) < PAGE:
+                return
+
+
+def _row(line: Line) -> tuple[int, int, str, str]:
+    return line.number, line.at_ms, line.kind, json.dumps(line.content, ensure_ascii=False)
+
+
+def _content(target: str, text: str) -> dict[str, Any]:
+    try:
+        found = json.loads(text)
+    except ValueError as error:
+        raise refusal(
+            target, f"a line of the journal cannot be read: {error}", "give another file"
+        ) from error
+    return found if isinstance(found, dict) else {}

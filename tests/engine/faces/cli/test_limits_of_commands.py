@@ -1,0 +1,75 @@
+"""Limits bound whole commands, also where nothing asks whether to stop; Ctrl-C is heard everywhere."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+ENDLESS = {
+    "domain.yaml": """
+domain: endless
+include: [rules.lp]
+types: {item: object}
+objects: {item: [bolt]}
+statics:
+  n(int): {}
+fluents:
+  done(item): {}
+operators:
+  act(Item):
+    adds: done(Item)
+""",
+    "rules.lp": "n(1..30000*30000).\n",
+    "problem.yaml": "problem: p\ndomain: domain.yaml\ngoals: [done(bolt)]\n",
+}
+COMMAND = [sys.executable, "-m", "engine.faces.cli"]
+
+
+@pytest.fixture
+def cell(tmp_path: Path) -> Path:
+    for name, text in ENDLESS.items():
+        (tmp_path / name).write_text(text)
+    return tmp_path
+
+
+@pytest.mark.parametrize("verb", ["plan", "check", "schedule", "explain", "prepare"])
+def test_the_time_limit_bounds_every_command(verb: str, cell: Path) -> None:
+    wanted = [*COMMAND, verb, str(cell / "problem.yaml"), "--time-limit", "0.3"]
+    wanted += ["--store", str(cell / "library.db")] if verb == "prepare" else []
+    before = os.times()
+    ran = subprocess.run(wanted, capture_output=True, text=True, check=False)
+    after = os.times()
+    assert ran.returncode == 23, ran.stderr
+    assert "K420" in ran.stderr
+    assert after.children_user - before.children_user < 4  # asked 0.3 s, after the start of the process
+
+
+def test_the_end_of_the_time_is_told_as_data(cell: Path) -> None:
+    wanted = [*COMMAND, "plan", str(cell / "problem.yaml"), "--time-limit", "0.3", "--format", "json"]
+    ran = subprocess.run(wanted, capture_output=True, text=True, check=False)
+    found = json.loads(ran.stdout)
+    assert (ran.returncode, found["status"], found["diagnostics"][0]["code"]) == (23, "stopped", "K420")
+
+
+def test_ctrl_c_ends_a_command_that_grounds(cell: Path) -> None:
+    running = subprocess.Popen(
+        [*COMMAND, "check", str(cell / "problem.yaml")],
+        stderr=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+    time.sleep(3)
+    running.send_signal(signal.SIGINT)
+    _, said = running.communicate(timeout=30)
+    assert (running.returncode, said.strip().splitlines()[-1]) == (130, "interrupted")
+
+
+def test_a_problem_that_needs_no_grounding_keeps_its_answer(cell: Path) -> None:
+    (cell / "rules.lp").write_text("n(1..3).\n")
+    wanted = [*COMMAND, "plan", str(cell / "problem.yaml"), "--time-limit", "60", "--memory-limit", "4000"]
+    assert subprocess.run(wanted, capture_output=True, check=False).returncode == 0

@@ -1,0 +1,102 @@
+"""Results as CSV, JSON and QIF: read back equal, and QIF as its schema wants it."""
+
+import os
+from pathlib import Path
+from xml.etree import ElementTree
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from engine.formats.interop.results import ResultForm, read, written
+from kb.model.results import Measured, Results, Treated
+
+SCHEMA = Path(os.environ.get("CELLWRIGHT_DATA", "../shared/data")) / "qif/xsd/QIFApplications/QIFDocument.xsd"
+SPACE = "{http://qifstandards.org/xsd/qif3}"
+TEXTS = st.text(st.characters(codec="utf-8", exclude_categories=["Cc", "Cs", "Cn", "Co"]), max_size=8)
+NUMBERS = st.floats(-1e9, 1e9) | st.integers(-1000, 1000).map(float)
+MAYBE = st.none() | NUMBERS
+MEASURED = st.builds(
+    Measured, TEXTS, TEXTS, NUMBERS, st.sampled_from(["um", "mm", "g", "N cm"]), MAYBE, MAYBE, MAYBE, TEXTS, TEXTS,
+    st.integers(0, 10**9),
+)  # fmt: skip
+TREATED = st.builds(
+    Treated, TEXTS, TEXTS, st.integers(0, 99), st.integers(0, 99), st.lists(TEXTS, max_size=2).map(tuple)
+)
+STARTED = st.sampled_from(["", "2026-11-22T10:00:00+00:00"])
+RESULTS = st.builds(
+    Results,
+    TEXTS,
+    STARTED,
+    st.lists(MEASURED, max_size=3).map(tuple),
+    st.lists(TREATED, max_size=2).map(tuple),
+)
+SOME = Results(
+    "monday_1",
+    "2026-11-22T10:00:00+00:00",
+    (
+        Measured("m1", "thickness", 6342.5, "um", 6350, 6340, 6360, "us_probe", "us_measure(m1)", 42_000),
+        Measured("m4", "profile", 31, "um", 0, -25, 25, "slra", "laser_measure(m4)", 48_000),
+        Measured("m5", "profile", 3, "um", None, None, None, "slra", "laser_measure(m5)", 49_000),
+        Measured("b1", "torque", 148, "N*cm", 150, 140, 160, "capper", "tighten(b1)", 50_000),
+        Measured("b2", "torque", 148, "N*cm", 150, None, None, "", "tighten(b2)", 51_000),
+        Measured("b3", "torque", 12, "mm", None, 10, None, "", "tighten(b3)", 51_000),
+    ),
+)
+
+
+@given(RESULTS)
+def test_json_is_read_back_equal(results: Results) -> None:
+    assert read(written(results, ResultForm.JSON), ResultForm.JSON) == results
+
+
+@given(RESULTS)
+@pytest.mark.parametrize("form", [ResultForm.CSV, ResultForm.QIF])
+def test_measured_values_are_read_back_equal(form: ResultForm, results: Results) -> None:
+    back = read(written(results, form), form)
+    assert back.measured == results.measured
+    if results.measured or form is ResultForm.QIF:
+        assert (back.run, back.started) == (results.run, results.started)
+
+
+def test_a_verdict_is_written_for_people_and_other_programs() -> None:
+    table = written(SOME, ResultForm.CSV).splitlines()
+    assert table[1].startswith(
+        "monday_1,2026-11-22T10:00:00+00:00,42000,m1,thickness,6342.5,um,6350,6340,6360,yes"
+    )
+    assert [line.split(",")[10] for line in table[1:]] == ["yes", "no", "", "yes", "", "yes"]
+    root = ElementTree.fromstring(written(SOME, ResultForm.QIF).encode())
+    told = [each.text for each in root.iter(f"{SPACE}CharacteristicStatusEnum")]
+    assert told == ["PASS", "FAIL", "NOT_ANALYZED", "PASS", "NOT_ANALYZED", "PASS"]
+    assert [each.text for each in root.iter(f"{SPACE}InspectionStatusEnum")] == ["FAIL"]
+
+
+@given(RESULTS)
+def test_ids_in_qif_are_unique_and_refer_to_what_is_there(results: Results) -> None:
+    root = ElementTree.fromstring(written(results, ResultForm.QIF).encode())
+    ids = [each.attrib["id"] for each in root.iter() if "id" in each.attrib]
+    assert len(ids) == len({*ids})
+    assert max(map(int, ids)) <= int(root.attrib["idMax"])
+    refers = [each.text for each in root.iter() if each.tag.endswith("Id") and each.tag != f"{SPACE}QPId"]
+    assert {*refers} <= {*ids}
+    for each in root.iter():
+        if "n" in each.attrib:
+            assert int(each.attrib["n"]) == len(each) > 0
+
+
+@pytest.mark.skipif(not SCHEMA.is_file(), reason="the schemas of QIF are not there")
+@pytest.mark.parametrize("results", [SOME, Results("empty"), Results("one", "", SOME.measured[4:5])])
+def test_qif_is_valid_against_its_schema(results: Results, tmp_path: Path) -> None:
+    xmlschema = pytest.importorskip("xmlschema")
+    document = tmp_path / "results.qif"
+    document.write_text(written(results, ResultForm.QIF), "utf-8")
+    assert [str(each.reason) for each in xmlschema.XMLSchema(str(SCHEMA)).iter_errors(str(document))] == []
+
+
+@pytest.mark.parametrize(("form", "text"), [
+    (ResultForm.JSON, "[]"), (ResultForm.JSON, '{"version": 2}'), (ResultForm.CSV, "a,b\n1,2\n"),
+    (ResultForm.QIF, "<a/>"), (ResultForm.QIF, "<a"), (ResultForm.QIF, "<!DOCTYPE a><a/>"),
+])  # fmt: skip
+def test_another_text_is_refused(form: ResultForm, text: str) -> None:
+    with pytest.raises(ValueError, match=r"."):
+        read(text, form)
