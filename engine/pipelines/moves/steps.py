@@ -77,7 +77,7 @@ class StepMotion:
         free = self._free_poses()
         if isinstance(free, Unmoved):
             return free
-        found: Leg | Blocked | None = None
+        blocked: Blocked | None = None
         for tried, goals, budget in zip(TRIED, GOALS, BUDGET, strict=True):
             ready = self._ready(free[:tried], goals)
             fronts = [path[0] for path in ready] or self._fronts_alone(tried)[:goals]
@@ -86,7 +86,8 @@ class StepMotion:
             found = self.hands.way(self.before, self.arm, np.array(fronts), budget)
             if isinstance(found, Leg):
                 return self._arrived(found, ready)
-        return self._no_way(found) if fronts else self._no_straight(free)
+            blocked = found
+        return self._no_way(blocked) if fronts else self._no_straight(free)
 
     def _as_known(self) -> MovedStep | None:
         """The step by one of the straight ways that are known; None if none serves it now."""

@@ -201,8 +201,9 @@ class _Stage:
 def _between(leg: Leg, t: float) -> Floats:
     """The configuration on a leg at a time (s): from corner to corner, from rest to rest."""
     n = min(int(np.searchsorted(leg.corners_s, t, side="right")) - 1, len(leg.path) - 2)
+    end: Floats = leg.path[-1]
     if n < 0:
-        return leg.path[-1]
+        return end
     lasts = float(leg.corners_s[n + 1] - leg.corners_s[n])
     s = min(1.0, (t - float(leg.corners_s[n])) / lasts) if lasts > 0 else 1.0
     smooth = s**3 * (10 - 15 * s + 6 * s * s)
