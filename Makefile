@@ -19,6 +19,7 @@ and store them in the drawer again
 demo: $(VENV)/ready
 	$(BIN)/cellwright plan themse --command "$(SENTENCE)"
 	$(BIN)/cellwright plan bulkhead/twelve_points --stats
+	$(BIN)/cellwright run themse --command "$(SENTENCE)" --fault "pick#3=not_gripped" --watch --store .venv/demo.db
 
 test: $(VENV)/ready
 	$(BIN)/python -m compileall -q kb engine
@@ -43,7 +44,7 @@ golden: $(VENV)/ready
 # Measured on CELLWRIGHT_DATA, beside other planners and geometry libraries that are installed for this alone.
 export CELLWRIGHT_DATA ?= ../shared/data
 PEERS := .peers
-MEASURED := kinematics collision scheduling poses diagnosis macros reuse states
+MEASURED := kinematics collision scheduling poses diagnosis macros reuse states execution
 
 $(PEERS)/ready: $(VENV)/ready
 	$(PYTHON) -m venv $(PEERS)
