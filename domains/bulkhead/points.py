@@ -1,6 +1,6 @@
-"""Writes `problems/thousand.yaml`: a thousand points on the web of the bulkhead, for measurements of thickness and of profile.
+"""Writes `large/thousand.yaml`: a thousand points on the web of the bulkhead, for measurements of thickness and of profile.
 
-    python domains/bulkhead/points.py [COUNT] > domains/bulkhead/problems/thousand.yaml
+    python domains/bulkhead/points.py [COUNT] > domains/bulkhead/large/thousand.yaml
 
 The points stand in a grid, between the ribs and beside the holes of `cell.yaml`, far enough from both for the ultrasonic probe.
 The stations that reach them are not written: `plan --motion` and `prepare` find them.

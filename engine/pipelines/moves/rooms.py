@@ -125,7 +125,8 @@ def nearest_turns(model: ArmModel, q: Floats, now: Floats) -> Floats:
     far = np.where(within, np.abs(values - now), np.inf)
     best = np.argmin(far, axis=0)
     found: Floats = np.take_along_axis(values, best[None], axis=0)[0]
-    return found[np.isfinite(far.min(axis=0)).all(axis=1)]
+    inside: Floats = found[np.isfinite(far.min(axis=0)).all(axis=1)]
+    return inside
 
 
 def _thinned(model: ArmModel, path: Floats, poses: Floats) -> Floats:

@@ -1,7 +1,7 @@
 """The motion of one step at a place: a way to its front, straight in, what is done there, and straight out again."""
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -38,6 +38,7 @@ class StepMotion:
     before: Room
     after: Room
     known: Sequence[Floats] = ()
+    _straight: dict[bytes, Floats | None] = field(default_factory=dict)
 
     @property
     def arm(self) -> str:
@@ -76,7 +77,7 @@ class StepMotion:
         free = self._free_poses()
         if isinstance(free, Unmoved):
             return free
-        found: Leg | Blocked | None = None
+        blocked: Blocked | None = None
         for tried, goals, budget in zip(TRIED, GOALS, BUDGET, strict=True):
             ready = self._ready(free[:tried], goals)
             fronts = [path[0] for path in ready] or self._fronts_alone(tried)[:goals]
@@ -85,7 +86,8 @@ class StepMotion:
             found = self.hands.way(self.before, self.arm, np.array(fronts), budget)
             if isinstance(found, Leg):
                 return self._arrived(found, ready)
-        return self._no_way(found) if fronts else self._no_straight(free)
+            blocked = found
+        return self._no_way(blocked) if fronts else self._no_straight(free)
 
     def _as_known(self) -> MovedStep | None:
         """The step by one of the straight ways that are known; None if none serves it now."""
@@ -123,12 +125,19 @@ class StepMotion:
         """The straight ways into the place that serve the whole step; of many the first."""
         found: list[Floats] = []
         for q in poses:
-            path = self.before.straight(self.place, q, self.place.approach_m)
+            path = self._straight_to(q)
             if path is not None and self._serves(path):
                 found.append(path)
             if len(found) == most:
                 break
         return found
+
+    def _straight_to(self, q: Floats) -> Floats | None:
+        """The straight way to a configuration in the place; None if the arm cannot follow it."""
+        key = q.tobytes()
+        if key not in self._straight:
+            self._straight[key] = self.before.straight(self.place, q, self.place.approach_m)
+        return self._straight[key]
 
     def _serves(self, path: Floats) -> bool:
         """Whether the whole step can be taken by a straight way into the place."""
@@ -223,7 +232,7 @@ class StepMotion:
         """
         culprits, sure = set[str](), not self.operation.drags
         for q in poses:
-            path = self.before.straight(self.place, q, self.place.approach_m)
+            path = self._straight_to(q)
             touched = set(self._touched_along(path)) if path is not None else set()
             sure = sure and (path is None or bool(touched))
             culprits |= touched

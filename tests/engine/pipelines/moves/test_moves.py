@@ -118,6 +118,7 @@ def test_where_the_obstacle_cannot_be_put_anywhere_it_is_proved_that_there_is_no
     assert "brick" in found.run.outcome.reason
 
 
+@pytest.mark.slow
 def test_a_place_under_a_low_lintel_is_never_reached_whatever_is_moved(tmp_path: Path) -> None:
     problem, cell = kiln_room(tmp_path, lintel_m=0.22)
     found = moving(problem, cell)
@@ -147,6 +148,7 @@ def test_what_is_gripped_rides_with_the_arm_until_it_is_left(fired: Moving) -> N
     assert held == [[(), ("brick",)], [("brick",), ()], [(), ("bolt",)], [("bolt",), ()]]
 
 
+@pytest.mark.slow
 def test_the_same_problem_has_the_same_motions(fired: Moving, tmp_path: Path) -> None:
     one, other = fired, moving(*kiln_room(tmp_path))
     for first, second in zip(one.steps, other.steps, strict=True):
