@@ -23,14 +23,14 @@ BELOW_M = 0.004
 UNSOUND = 0.005  # of the share that agrees, and a tenth of the share of the outline
 ABOVE_M = 0.006  # how far above what carries it a part may seem to be
 RING_PX = 12
-CARRIED = 0.1  # of the surroundings of a part that is above the floor, the share that must be high enough to carry it
+CARRIED = 0.35  # of the surroundings of a part that is above the floor, the share that must be high enough to carry it
 
 
 @dataclass(frozen=True, slots=True)
 class Demands:
     """What a hypothesis must show to be believed: shares, pixels, and by how much its evidence is ahead."""
 
-    agreeing: float = 0.98
+    agreeing: float = 0.99
     seen: float = 0.4
     edged: float = 0.88
     pixels: int = 250
