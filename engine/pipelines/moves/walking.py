@@ -26,7 +26,10 @@ from kb.model.plan import Plan, Step
 from kb.syntax import SECONDS
 from kb.terms import Atom, Function, Term, match, substitute
 
-TRIED = (24, 192)  # configurations at a place that are tried, the nearest first: at once, and if no way leads to those
+TRIED = (
+    24,
+    192,
+)  # configurations at a place that are tried, the nearest first: at once, and if no way leads to those
 GOALS = (4, 32)  # of them, those that a way is planned to
 BUDGET = (40_000, 400_000)  # configurations that the search for a way looks at
 DRAG_STEPS = 24
@@ -61,7 +64,9 @@ class Walk:
     def __post_init__(self) -> None:
         problem = self.semantics.problem
         chosen = self.semantics.statics.named(problem.domain.conventions.chosen)
-        tools = {str(each.arguments[1]): str(each.arguments[0]) for each in chosen if len(each.arguments) == 2}
+        tools = {
+            str(each.arguments[1]): str(each.arguments[0]) for each in chosen if len(each.arguments) == 2
+        }
         self.cell = with_measured_places(self.cell, problem, tools)
         world = World.of(self.cell)
         self._kinematics = {name: InverseKinematics(model) for name, model in world.models.items()}
@@ -147,7 +152,9 @@ class Walk:
     def _driven(self, step: Step, operation: Operation, before: State, after: State) -> MovedStep | Unmoved:
         """The arm rests while the body that carries it goes along its joint; it goes home first if it would touch something."""
         arm = next(
-            name for name in self.cell.arms if operation.drives in World.of(self.cell).supports(f"{name}.base")
+            name
+            for name in self.cell.arms
+            if operation.drives in World.of(self.cell).supports(f"{name}.base")
         )
         rooms = self.room(before, arm), self.room(after, arm)
         legs: list[Leg] = []
@@ -228,7 +235,11 @@ class _Step:
 
     def _anew(self) -> MovedStep | Unmoved:
         poses = self.before.poses(self.place, self.walk.now(self.arm))
-        free = poses[~self.before.checker(self.place).collides(self.before.whole(self.arm, poses))] if len(poses) else poses
+        free = (
+            poses[~self.before.checker(self.place).collides(self.before.whole(self.arm, poses))]
+            if len(poses)
+            else poses
+        )
         optional = self.operation.ends is Ends.BEFORE
         if not len(free) and not optional:
             return self._unreached(poses)
@@ -273,8 +284,12 @@ class _Step:
 
     def _fronts_alone(self, tried: int) -> list[Floats]:
         """Configurations before the place; whether the arm gets in from there is not asked."""
-        away = transforms.of_pose(self.place.placement.pose) @ transforms.translation(0, 0, -self.place.approach_m)
-        before = replace(self.place, placement=Placement(self.place.placement.parent, transforms.to_pose(away)))
+        away = transforms.of_pose(self.place.placement.pose) @ transforms.translation(
+            0, 0, -self.place.approach_m
+        )
+        before = replace(
+            self.place, placement=Placement(self.place.placement.parent, transforms.to_pose(away))
+        )
         poses = self.before.poses(before, self.walk.now(self.arm))[:tried]
         return [q for q in poses if self._front_is_free(q)]
 
@@ -329,7 +344,9 @@ class _Step:
         return self.walk.leg(kind, self.arm, path, room, factor=CAREFUL)
 
     def _made(self, legs: list[Leg]) -> MovedStep:
-        return MovedStep(self.step.id, self.step.operator, self.place.name, tuple(legs), self.operation.takes_s)
+        return MovedStep(
+            self.step.id, self.step.operator, self.place.name, tuple(legs), self.operation.takes_s
+        )
 
     def _unreached(self, poses: Floats) -> Unmoved:
         """No configuration at the place is free, or there is none."""
@@ -360,7 +377,9 @@ class _Step:
         return Unmoved(self.step.id, self.step.operator, self.place.name, level, reason, bodies)
 
 
-def walked(semantics: Semantics, cell: Cell, backend: GeometryBackend, plan: Plan, seed: int = 0) -> list[MovedStep | Unmoved]:
+def walked(
+    semantics: Semantics, cell: Cell, backend: GeometryBackend, plan: Plan, seed: int = 0
+) -> list[MovedStep | Unmoved]:
     """The motion of each step of a plan that has one; the last is the first that has none, if there is such a step."""
     return list(Walk(semantics, cell, backend, seed).steps(plan))
 
@@ -396,4 +415,3 @@ def _value(cell: Cell, world: World, body: str) -> float:
     moved = transforms.inverse(home) @ world.placed[body].T_parent_frame
     along = moved[:3, 3] if guide.kind.value == "prismatic" else transforms.rotation_vector(moved[:3, :3])
     return float(along @ np.array(guide.axis))
-
