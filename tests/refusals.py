@@ -44,7 +44,8 @@ REFUSALS = {
     "K416": ["macros list --store {other}", "macros list --store {closed}/a.db", "macros list --store x://y"],
     "K417": ["macros show 7 --store {store}"],
     "K418": ["measurement remove {problem} m1"],
+    "K421": ["resume none --store {store}", "stop none", "run themse/one --store {store} --fault 3"],
     "K906": ["diagnose bulkhead --exception no_echo --step tidy"],
 }
 
-ENVIRONMENT = ("K414", "K419", "K420")  # what the machine lacks: a package, memory, time
+ENVIRONMENT = ("K414", "K419", "K420", "K425")  # what is missing: a package, memory, time, a controller

@@ -143,16 +143,16 @@ class RecordKind(StrEnum):
 
     RUN: target, problem, domain, goals, command, driver, seed, factor, options, version; it is the first record.
     PLAN: why (first, recovery, reschedule, or the order that asked for it), steps [{id, step, stream, says, after, resources,
-          start_ms, lasts_ms, ...; keys that say nothing are left out}], order, forecast_ms (the end), goals, given_up; it
-          replaces the steps that have not begun.
+          start_ms, lasts_ms, ...; keys that say nothing are left out}], order, forecast_ms (the end), goals, chains
+          {name: stages pursued}, given_up, lost, blocked; it replaces the steps that have not begun.
     COMMAND: command (its number), command_kind, stream, action, says, expects, choices, lasts_ms, timeout_ms, about, asks,
           step (id in the plan, or null).
     REPLY: command, text, data. A command that got none in time has the text `timeout`.
     TROUBLE: trouble (its kind), text, command.
     DONE: step (id), command, action, started_ms, adds, ends, events: what the step changed in the world model; moved: the
           stages that were reached, [[chain, number, atom]].
-    RESULT: command, action, result (the fact of the result pattern), and where the domain says so value, nominal, lower,
-            upper, passed.
+    RESULT: command, action, result (the fact of the result pattern, or empty), and where the domain says what is measured of,
+            quantity, value, unit, nominal, lower, upper, passed, tool.
     EXCEPTION: exception (its name in the fault base, else the reply), known, step, action, command, reply.
     FINDING: exception, action (test, repair or question), outcome, belief [[hypothesis, probability]] before it, expected_cost.
     DIAGNOSIS: exception, causes [[hypothesis, probability]], cured, isolated, cost.
@@ -243,7 +243,7 @@ class Finish:
     """How a run ended: `reached`, `partly`, `stopped`, `aborted` or `paused`, and why. Stopped and paused runs can be resumed.
 
     `goals` are reached, `open_goals` are not; `given_up` says which of them were given up, and why. Times are of the run's
-    clock; `forecast_ms` is what the first plan was to take.
+    clock; `forecast_ms` is what the first plan was to take. `story` says of each exception what was found and done.
     """
 
     run: str
@@ -256,3 +256,4 @@ class Finish:
     forecast_ms: int = 0
     exceptions: int = 0
     steps: int = 0
+    story: tuple[str, ...] = ()

@@ -45,6 +45,19 @@ def deviations(kind: str, content: Any) -> list[Deviation]:
     return []
 
 
+MODELS = {
+    "domain": ("domain", "DomainFile"),
+    "problem": ("problem", "ProblemFile"),
+    "plan": ("plan", "PlanFile"),
+    "cell": ("cell", "CellFile"),
+    "arm": ("cell", "ArmFile"),
+    "faults": ("faults", "FaultsFile"),
+    "contacts": ("contacts", "ContactsFile"),
+    "events": ("events", "EventLine"),
+}
+"""For each kind of file, the module of its form and the name of it there."""
+
+
 def model_of(kind: str) -> type[BaseModel]:
     """The model of a kind of file, imported when it is needed. Raises `KeyError`."""
     module, name = MODELS[kind]

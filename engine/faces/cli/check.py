@@ -49,6 +49,7 @@ class SchemaKind(StrEnum):
     FAULTS = "faults"
     CONTACTS = "contacts"
     SCENE = "scene"
+    EVENTS = "events"
 
 
 def schema(kind: Annotated[SchemaKind, typer.Argument(help="the kind of file")]) -> None:

@@ -23,6 +23,7 @@ from engine.pipelines.execution.compiling import Compiled
 from engine.pipelines.execution.orders import Given, Orders
 from engine.pipelines.execution.recorder import Recorder
 from engine.pipelines.execution.replies import Replies
+from engine.pipelines.measuring import Measuring
 from engine.pipelines.simulation import Achievement, World
 from engine.pipelines.simulation.world import achievement
 from engine.ports import Driver
@@ -31,6 +32,7 @@ from engine.stages.execution import Failure, Standing
 
 QUIET_MS = 1_000  # a driver may take so long to drop what is queued
 LOST = "the controller does not answer any more"
+VERDICT = ("of", "quantity", "value", "unit", "nominal", "lower", "upper", "passed", "tool")
 STUCK = "nothing is under way and nothing can begin"
 
 
@@ -57,6 +59,7 @@ class Course:
     standing: Standing
     history: list[Achievement] = field(default_factory=list)
     keeps_history: bool = True
+    measuring: Measuring | None = None
     done: set[int] = field(default_factory=set)
     outbox: list[Command] = field(default_factory=list)
     pending: list[Given] = field(default_factory=list)  # orders that came while an exception was handled
@@ -74,13 +77,14 @@ class Course:
 
     def go(self) -> Turn:
         """Execute until something needs more than the table, or the program is done."""
-        self.turn = None
-        self._take(executive.Began() if self.standing.phase is Phase.READY else executive.Passed())
+        if self.turn is None:
+            self._take(executive.Began() if self.standing.phase is Phase.READY else executive.Passed())
         self.flush()
         while self.turn is None:
             self.wait()
             self.flush()
-        return self.turn
+        turn, self.turn = self.turn, None
+        return turn
 
     def wait(self) -> None:
         """Wait for what comes next, and take it in."""
@@ -165,8 +169,8 @@ class Course:
                 self._quiesce()
             case executive.Handle(failures):
                 self.turn = Turn(Phase.HANDLING, failures)
-            case executive.Threatened(dwell, late_ms):
-                self._threatened(dwell, late_ms)
+            case executive.Threatened():
+                self._threatened(effect)
             case _:
                 self._came_to_rest(effect)
 
@@ -250,10 +254,14 @@ class Course:
             self.recorder.note(RecordKind.GOAL, goal=f"{atom} of {chain}")
 
     def _result(self, activity: int, reply: Reply) -> None:
-        result = self.replies.result(activity, reply.text)
-        if result is not None:
+        """Note the fact that a reply gives, and the value that was measured with its verdict."""
+        result, step = self.replies.result(activity, reply.text), self.replies.step(activity)
+        found = self.measuring.heard(step, reply.text, reply.at_ms) if self.measuring is not None else None
+        verdict = {} if found is None else {name: getattr(found, name) for name in VERDICT}
+        if result is not None or found is not None:
+            said = "" if result is None else str(result)
             action = self.compiled.program.activities[activity].action
-            self.recorder.note(RecordKind.RESULT, command=reply.number, action=action, result=str(result))
+            self.recorder.note(RecordKind.RESULT, command=reply.number, action=action, result=said, **verdict)
 
     def _quiesce(self) -> None:
         self.recorder.note(RecordKind.PHASE, phase=Phase.QUIESCING.value, why="a step has failed")
@@ -268,15 +276,17 @@ class Course:
         for message in came:
             self.hear(message)
 
-    def _threatened(self, dwell: executive.Dwell, late_ms: int) -> None:
-        target = self.compiled.program.activities[dwell.target]
+    def _threatened(self, threat: executive.Threatened) -> None:
+        target = self.compiled.program.activities[threat.dwell.target]
+        said = "it stays too long" if threat.over else "as things stand, it will stay too long"
         self.recorder.note(
             RecordKind.EXCEPTION,
             exception="stays_too_long",
-            step=dwell.target,
+            known=True,
+            step=threat.dwell.target,
             action=target.action,
             command=None,
-            reply=f"as things stand, {round(late_ms / 1000, 3)} s longer than it may",
+            reply=f"{said}: by {round(threat.late_ms / 1000, 3)} s at least",
         )
 
     def state(self) -> RunState:

@@ -1,12 +1,13 @@
 """The exception handler of a run: find the cause with tests, put it right, and plan on for the original goals (ITA)."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from engine.model.cases import Diagnosis
 from engine.model.execution import Command, CommandKind, RecordKind
 from engine.model.outcome import Found, Infeasible
 from engine.model.troubleshooting import Action, Advice
+from engine.model.wording import counted
 from engine.pipelines.execution.compiling import GRACE_MS, PATIENCE, stream_of, unit_ms
 from engine.pipelines.execution.course import Course
 from engine.pipelines.execution.hands import Interruption, Performed, perform
@@ -48,6 +49,7 @@ class ExceptionHandler:
     base: FaultModel | None
     limits: Limits = field(default_factory=Limits)
     cases: dict[tuple[str, str], int] = field(default_factory=dict)
+    story: list[str] = field(default_factory=list)
 
     def handle(self, failures: Sequence[Failure]) -> Ready | GivesUp:
         """How the run goes on after failures. The first is looked into; the others show again if their causes are there."""
@@ -55,11 +57,12 @@ class ExceptionHandler:
         step = self.course.replies.step(failure.activity)
         done = frozenset(StepId(each) for each in self.course.done)
         left = left_over(self.course.compiled.plan, done)
-        return self._handled(step, failure.activity, failure.number, failure.reply, left, 0)
+        return self.handled(step, failure.activity, failure.number, failure.reply, left)
 
-    def _handled(
-        self, step: Function, activity: int | None, number: int, reply: str, left: Plan | None, depth: int
+    def handled(
+        self, step: Function, activity: int | None, number: int, reply: str, left: Plan | None, depth: int = 0
     ) -> Ready | GivesUp:
+        """How the run goes on after a step got a bad reply. `left` are the steps that were left of the plan."""
         exception = exception_of(self.base, step, reply)
         self.course.recorder.note(
             RecordKind.EXCEPTION,
@@ -86,8 +89,8 @@ class ExceptionHandler:
         case = Opened(self.base, exception, step, Objective.REPAIR, expansions=EXPANSIONS)
         desk = opened(case, self.scope.problem.domain, moment)
         try:
-            made = run(desk.session, lambda action, advice: self._answer(desk, action, advice))
-            self._diagnosed(made)
+            made = self._looked_into(desk)
+            self._diagnosed(made, step)
             recovery = desk.recover(made, limits=self.limits)
             if recovery.repair is not None:
                 self._prepare(recovery.repair.prepared.steps)
@@ -95,8 +98,29 @@ class ExceptionHandler:
         except Interruption as other:
             believed = Findings(desk.beliefs, desk.session.diagnosis()).believed if desk.beliefs else world
             self._believe(believed, f"while {exception} was looked into, {other.step} failed")
-            return self._handled(other.step, None, other.number, other.reply, None, depth + 1)
+            return self.handled(other.step, None, other.number, other.reply, None, depth + 1)
         return self._goes_on(exception, made, recovery, world)
+
+    def _looked_into(self, desk: Desk) -> Diagnosis:
+        """The end of a case. A test that cannot be prepared, or that nobody answers, is left out, and others are tried."""
+        unable: list[str] = []
+
+        def answer(action: Action, advice: Advice) -> str | None:
+            try:
+                said = self._answer(desk, action, advice)
+            except Interruption as other:
+                if exception_of(self.base, other.step, other.reply) is not None:
+                    raise
+                said = None
+            unable.extend([action.name] if said is None and action.name != QUESTION else [])
+            return said
+
+        while True:
+            unable.clear()
+            made = run(desk.session, answer)
+            if not unable:
+                return made
+            desk.session.leave_out(unable[0])
 
     def _goes_on(
         self, exception: str, made: Diagnosis, recovery: Recovery, before: WorldState
@@ -108,13 +132,15 @@ class ExceptionHandler:
             self.course.recorder.note(RecordKind.GIVEN_UP, goal=goal.goal, why=goal.why)
         outcome = recovery.outcome
         if not isinstance(outcome, Found):
-            self.scope = Scope(self.scope.problem, (*self.scope.given_up, *recovery.given_up))
+            self.scope = replace(self.scope, given_up=(*self.scope.given_up, *recovery.given_up))
             causes = {cause for hypothesis, _ in made.hypotheses for cause in hypothesis.causes}
             stops = not isinstance(outcome, Infeasible) or any(
                 self.base.causes[each].stops for each in causes
             )
             return GivesUp(outcome.reason, stops and not made.cured)
-        self.scope = self.scope.narrowed(recovery.problem, now, recovery.given_up)
+        found = self.scope if recovery.change is None else self.scope.changed(recovery.change)
+        self.scope = found.narrowed(recovery.problem, now, recovery.given_up)
+        self.course.world.chains = self.scope.problem.chains
         return again(recovery.problem, outcome.plan, self.course.driver.now_ms(), self.limits)
 
     def _believe(self, state: WorldState, why: str) -> None:
@@ -128,7 +154,12 @@ class ExceptionHandler:
                 reached=dict(state.reached),
             )
 
-    def _diagnosed(self, made: Diagnosis) -> None:
+    def _diagnosed(self, made: Diagnosis, step: Function) -> None:
+        likely = [str(hypothesis) for hypothesis, _ in made.hypotheses[:3]]
+        cause = likely[0] if made.isolated and likely else f"not certain ({' or '.join(likely)})"
+        ended = f"{made.cured} put it right" if made.cured else "nothing put it right"
+        tests = f"{counted(len(made.stages), 'action')} of diagnosis"
+        self.story.append(f"{step}: {made.exception}; {tests}; cause: {cause}; {ended}")
         self.course.recorder.note(
             RecordKind.DIAGNOSIS,
             exception=made.exception,

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, replace
 
-from engine.model.execution import Command, Order, Phase, RecordKind, Trouble, TroubleKind
+from engine.model.execution import Command, Fate, Order, Phase, RecordKind, Trouble, TroubleKind
 from engine.pipelines.execution.course import LOST, TABLE, Course, Turn
 from engine.stages.execution.machine import TIMEOUT
 from kb.terms import Function
@@ -37,24 +37,47 @@ def perform(course: Course, command: Command) -> Performed:
     number = course.standing.number
     course.standing = replace(course.standing, number=number + 1)
     command = replace(command, number=number)
+    known = course.recorder.told(RecordKind.COMMAND)
     course.post(command)
+    if known is not None:
+        course.outbox.clear()
+        if (reply := _known(course, number)) is not None:
+            return Performed(command, reply)
+        if course.driver.report([number])[0].fate in (Fate.UNKNOWN, Fate.DROPPED):
+            return perform(course, command)
     course.flush()
-    sent = course.driver.now_ms()
-    due = None if command.timeout_ms is None else sent + command.timeout_ms
+    return Performed(command, _awaited(course, command))
+
+
+def _known(course: Course, number: int) -> str | None:
+    """The reply to a command that was sent before the run was taken up again; None if it has not come yet."""
+    told = course.recorder.told(RecordKind.REPLY)
+    if told is not None:
+        course.recorder.note(RecordKind.REPLY)
+        return str(told.content["text"])
+    reply = course.driver.report([number])[0].reply
+    if reply is not None:
+        course.recorder.note(RecordKind.REPLY, command=number, text=reply.text, data=dict(reply.data))
+        return reply.text
+    return None
+
+
+def _awaited(course: Course, command: Command) -> str:
+    """The reply to a command that was sent; `timeout` if none comes in time. Raises `Ended`."""
+    due = None if command.timeout_ms is None else course.driver.now_ms() + command.timeout_ms
     while True:
         _hear_orders(course)
         times = [each for each in (due, course.orders.next_ms()) if each is not None]
         for message in course.driver.receive(min(times, default=None)):
             if isinstance(message, Trouble):
                 _trouble(course, message)
-            elif message.number == number:
-                course.recorder.note(
-                    RecordKind.REPLY, command=number, text=message.text, data=dict(message.data)
-                )
-                return Performed(command, message.text)
+            elif message.number == command.number:
+                data = dict(message.data)
+                course.recorder.note(RecordKind.REPLY, command=command.number, text=message.text, data=data)
+                return message.text
         if due is not None and course.driver.now_ms() >= due:
-            course.recorder.note(RecordKind.REPLY, command=number, text=TIMEOUT, data={})
-            return Performed(command, TIMEOUT)
+            course.recorder.note(RecordKind.REPLY, command=command.number, text=TIMEOUT, data={})
+            return TIMEOUT
 
 
 def _hear_orders(course: Course) -> None:

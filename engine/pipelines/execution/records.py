@@ -1,15 +1,21 @@
 """Plans in the journal: enough to execute them again without planning, and to show them."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from functools import lru_cache
 from typing import Any
 
+from engine.model.cases import Revision
+from engine.pipelines.attainment import GivenUp
 from engine.pipelines.execution.compiling import Compiled
 from engine.pipelines.execution.planned import Ready
 from engine.pipelines.execution.scope import Scope
 from engine.stages.execution import Activity, Dwell, Program
 from engine.stages.macros.lifted.world import StepChange
 from kb.asp import ground_term
+from kb.model.conditions import goal_parts
 from kb.model.plan import Plan, Step, StepId
+from kb.store.notation import read_atom as read_pattern
 from kb.store.notation import read_term
 from kb.terms import Function
 
@@ -24,12 +30,11 @@ def plan_entry(ready: Ready, why: str, scope: Scope) -> dict[str, Any]:
         "dwells": [[d.source, d.target, d.most_ms] for d in program.dwells],
         "timed": program.timed,
         "forecast_ms": program.forecast_ms,
-        "goals": [
-            str(scope.problem.goal),
-            *(f"{s} of {c.name}" for c in scope.problem.chains for s in c.stages),
-        ],
+        "goals": list(map(str, goal_parts(scope.problem.goal))),
         "given_up": [[each.goal, each.why] for each in scope.given_up],
         "chains": {c.name: len(c.stages) for c in scope.problem.chains},
+        "lost": list(scope.lost),
+        "blocked": list(map(str, scope.blocked)),
     }
 
 
@@ -60,6 +65,7 @@ def _step_entry(a: Activity, step: Step, compiled: Compiled) -> dict[str, Any]:
     return {key: value for key, value in found.items() if value not in (None, "", [])}
 
 
+@lru_cache(1 << 14)
 def read_atom(text: str) -> Function:
     """The ground atom in a text of the journal."""
     found = ground_term(text)
@@ -80,6 +86,14 @@ def compiled_of(entry: Mapping[str, Any]) -> Compiled:
         {number: read_term(each["expects"]) for number, each in steps.items()},
         {number: read_term(each["result"]) for number, each in steps.items() if "result" in each},
     )
+
+
+def scope_of(scope: Scope, entry: Mapping[str, Any]) -> Scope:
+    """The scope that a plan had, from the one before it."""
+    blocked = tuple(read_pattern(each) for each in entry["blocked"])
+    found = scope.changed(Revision(lost=tuple(entry["lost"]), blocked=tuple((each, "") for each in blocked)))
+    given_up = tuple(GivenUp(goal, why) for goal, why in entry["given_up"])
+    return replace(found.cut(entry["chains"], entry["goals"]), given_up=given_up)
 
 
 def _activity(each: Mapping[str, Any]) -> Activity:

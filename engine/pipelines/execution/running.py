@@ -1,10 +1,9 @@
 """A whole run: plan, execute, handle exceptions, plan on, until the goals are reached or nothing more can be done."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 from engine.model.execution import Finish, Order, Phase, RecordKind
-from engine.pipelines.attainment import GivenUp
+from engine.pipelines.execution.compiling import Compiled
 from engine.pipelines.execution.course import Course, Turn
 from engine.pipelines.execution.handling import ExceptionHandler, GivesUp
 from engine.pipelines.execution.hands import Ended
@@ -12,13 +11,18 @@ from engine.pipelines.execution.orders import Given, Orders
 from engine.pipelines.execution.pauses import Refused, changed
 from engine.pipelines.execution.planned import Ready
 from engine.pipelines.execution.recorder import Recorder
-from engine.pipelines.execution.records import plan_entry
+from engine.pipelines.execution.records import compiled_of, plan_entry, read_atom
+from engine.pipelines.execution.resuming import Past
 from engine.pipelines.execution.scope import Scope
+from engine.pipelines.execution.settling import settle
+from engine.pipelines.measuring import Measuring
+from engine.pipelines.revision.remaining import left_over
 from engine.pipelines.simulation import World
 from engine.ports import Driver
-from engine.stages.execution import Program, standing_of
+from engine.stages.execution import Program, Running, Standing, standing_of
 from engine.stages.planning import Limits
 from kb.model.faults import FaultModel
+from kb.model.plan import StepId
 from kb.model.problem import Problem
 from kb.store.journal import JournalFailure
 
@@ -39,17 +43,40 @@ class Execution:
     steps: int = 0
     exceptions: int = 0
     forecast_ms: int = 0
+    story: list[str] = field(default_factory=list)
 
     def start(self, ready: Ready, world: World, approve: bool = False) -> Finish:
         """Execute a first plan to the end of the run."""
-        course = self._course(ready, world)
+        compiled = self._queued(ready.compiled)
+        standing = standing_of(compiled.program, self.driver.now_ms(), 1)
+        course = self._course(compiled, standing, world)
         self.forecast_ms = ready.compiled.program.forecast_ms
         self.recorder.note(RecordKind.PLAN, **plan_entry(ready, "first", Scope(self.problem)))
         return self.guarded(course, Scope(self.problem), approve)
 
-    def _course(self, ready: Ready, world: World) -> Course:
-        compiled = self._queued(ready)
-        standing = standing_of(compiled.compiled.program, self.driver.now_ms(), 1)
+    def resume(self, past: Past) -> Finish:
+        """Go on with a run whose journal was read. What was under way is settled with the driver first."""
+        self.forecast_ms, self.exceptions, self.steps = past.forecast_ms, past.exceptions, past.steps
+        assert past.plan is not None
+        compiled = self._queued(compiled_of(past.plan))
+        running = {
+            number: Running(entry["step"], at_ms) for number, (entry, at_ms) in past.under_way().items()
+        }
+        standing = standing_of(
+            compiled.program,
+            self.driver.now_ms(),
+            past.next_number,
+            Phase.RUNNING,
+            past.done,
+            running,
+            past.done,
+        )
+        course = self._course(compiled, standing, past.world)
+        course.done, course.history = set(past.done), past.history if course.keeps_history else []
+        handler = ExceptionHandler(course, past.scope, self.base, self.limits, dict(past.cases))
+        return self.guarded(course, past.scope, handler=handler, past=past)
+
+    def _course(self, compiled: Compiled, standing: Standing, world: World) -> Course:
         spoils = self.base is not None and any(cause.spoils for cause in self.base.causes.values())
         return Course(
             self.run,
@@ -57,26 +84,37 @@ class Execution:
             self.recorder,
             self.orders,
             world,
-            compiled.compiled,
+            compiled,
             standing,
             keeps_history=spoils,
+            measuring=Measuring(self.problem),
         )
 
-    def _queued(self, ready: Ready) -> Ready:
+    def _queued(self, compiled: Compiled) -> Compiled:
         """The program with the queues that the driver's devices have."""
-        program = ready.compiled.program
+        program = compiled.program
         streams = {a.stream for a in program.activities.values() if not a.process}
         depths = {stream: self.driver.lookahead(stream) for stream in sorted(streams)}
         queues = {stream: depth for stream, depth in depths.items() if depth > 1}
         made: Program = replace(program, lookahead=queues)
-        return replace(ready, compiled=replace(ready.compiled, program=made))
+        return replace(compiled, program=made)
 
-    def guarded(self, course: Course, scope: Scope, approve: bool = False) -> Finish:
+    def guarded(
+        self,
+        course: Course,
+        scope: Scope,
+        approve: bool = False,
+        handler: ExceptionHandler | None = None,
+        past: Past | None = None,
+    ) -> Finish:
         """Run to the end. If the journal cannot be written, everything halts: nothing is done that is not noted."""
-        handler = ExceptionHandler(course, scope, self.base, self.limits)
+        handler = handler or ExceptionHandler(course, scope, self.base, self.limits)
+        handler.story = self.story
         try:
             if approve and not self._approved(course):
                 return self._end(course, handler.scope, ABORTED, "the plan was not approved")
+            if past is not None and (over := self._taken_up(course, handler, past)) is not None:
+                return over
             return self._run(course, handler)
         except Ended as over:
             return self._end(course, handler.scope, STOPPED, over.turn.why)
@@ -112,6 +150,23 @@ class Execution:
             if ended is not None:
                 return ended
 
+    def _taken_up(self, course: Course, handler: ExceptionHandler, past: Past) -> Finish | None:
+        """Settle what was under way when the run ended; the ending if it cannot go on."""
+        if past.case:
+            self.recorder.known = list(past.case)
+            first = past.case[0].content
+            left = left_over(course.compiled.plan, {StepId(each) for each in course.done})
+            step = read_atom(first["action"])
+            found = handler.handled(step, first["step"], first["command"], first["reply"], left)
+            if isinstance(found, GivesUp):
+                return self._gives_up(course, handler, found)
+            self.follow(course, handler.scope, found, "recovery")
+            return None
+        settle(course, past)
+        if past.replans:
+            return self._changed(course, handler, Given(Order.RETRY, origin="resume"))
+        return None
+
     def _handled(self, course: Course, handler: ExceptionHandler, turn: Turn) -> Finish | None:
         """Handle failures; the ending if nothing more can be done."""
         if not turn.failures:
@@ -130,7 +185,7 @@ class Execution:
 
     def follow(self, course: Course, scope: Scope, found: Ready, why: str) -> None:
         """Go on with another plan."""
-        compiled = self._queued(found).compiled
+        compiled = self._queued(found.compiled)
         now = self.driver.now_ms()
         self.recorder.note(RecordKind.PLAN, **plan_entry(found, why, scope))
         course.follow(compiled, standing_of(compiled.program, now, course.standing.number))
@@ -183,9 +238,5 @@ class Execution:
             self.forecast_ms,
             self.exceptions,
             self.steps,
+            tuple(self.story),
         )
-
-
-def given_up(entries: Sequence[Sequence[str]]) -> tuple[GivenUp, ...]:
-    """The goals given up, as the journal has them."""
-    return tuple(GivenUp(goal, why) for goal, why in entries)

@@ -1,8 +1,11 @@
 """What a run is still after: the original goals without those that were given up, and the domain without what is lost."""
 
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 
+from engine.model.cases import Revision
 from engine.pipelines.attainment import GivenUp
+from engine.pipelines.barring import barred
 from engine.pipelines.gate import PlanGate
 from engine.pipelines.revision.remaining import remaining
 from engine.pipelines.simulation import WorldState
@@ -10,37 +13,64 @@ from engine.stages.validation.datalog import holds
 from kb.model.conditions import TRUE, And, goal_parts
 from kb.model.problem import Problem
 from kb.model.workflow import finished
+from kb.terms import Atom
 
 
 @dataclass(frozen=True, slots=True)
 class Scope:
-    """The original problem with the goals that are pursued, and what was given up of them so far, with reasons."""
+    """The original problem with the goals that are pursued, and what was given up of them so far, with reasons.
+
+    `lost` are resources that cannot be used any more, `blocked` are patterns of steps that are not taken any more.
+    """
 
     problem: Problem
     given_up: tuple[GivenUp, ...] = ()
+    lost: tuple[str, ...] = ()
+    blocked: tuple[Atom, ...] = ()
 
     def rest(self, state: WorldState) -> Problem:
         """What is left of it in a state."""
         return remaining(self.problem, state.reached, state.facts)
 
+    def changed(self, found: Revision) -> "Scope":
+        """The scope without what a case has found to be lost, or to fail."""
+        lost = tuple(dict.fromkeys((*self.lost, *found.lost)))
+        blocked = tuple(dict.fromkeys((*self.blocked, *(pattern for pattern, _ in found.blocked))))
+        if (lost, blocked) == (self.lost, self.blocked):
+            return self
+        more = [each for each in blocked if each not in self.blocked]
+        problem = barred(self.problem, [each for each in lost if each not in self.lost], more)
+        return Scope(problem, self.given_up, lost, blocked)
+
     def narrowed(self, left: Problem, state: WorldState, given_up: tuple[GivenUp, ...]) -> "Scope":
-        """The scope after a recovery: `left` is what it plans for from a state on, and how its domain is now."""
-        kept = {chain.name: len(chain.stages) for chain in left.chains}
-        parts = set(map(str, goal_parts(left.goal)))
+        """The scope after a recovery: `left` is what it plans for from a state on."""
+        lengths = {chain.name: state.reached[chain.name] + len(chain.stages) for chain in left.chains}
         done = finished(self.problem.chains, state.reached)
+        lengths |= {chain.name: len(chain.stages) for chain in self.problem.chains if chain.name in done}
+        lengths |= {
+            chain.name: state.reached[chain.name]
+            for chain in self.problem.chains
+            if chain.name not in lengths and state.reached[chain.name]
+        }
+        return replace(
+            self.cut(lengths, frozenset(map(str, goal_parts(left.goal)))),
+            given_up=(*self.given_up, *given_up),
+        )
+
+    def cut(self, lengths: Mapping[str, int], goals: Collection[str]) -> "Scope":
+        """The scope with chains of so many stages, and with those of its goals that are named."""
         chains = tuple(
             replace(
                 chain,
-                stages=chain.stages[: state.reached[chain.name] + kept.get(chain.name, 0)],
-                after=tuple(name for name in chain.after if name in done or name in kept),
+                stages=chain.stages[: lengths[chain.name]],
+                after=tuple(name for name in chain.after if name in lengths),
             )
             for chain in self.problem.chains
-            if chain.name in done or state.reached[chain.name] + kept.get(chain.name, 0)
+            if lengths.get(chain.name)
         )
-        wanted = tuple(part for part in goal_parts(self.problem.goal) if str(part) in parts)
+        wanted = tuple(part for part in goal_parts(self.problem.goal) if str(part) in goals)
         goal = And(wanted) if wanted else TRUE
-        problem = replace(self.problem, domain=left.domain, chains=chains, goal=goal)
-        return Scope(problem, (*self.given_up, *given_up))
+        return replace(self, problem=replace(self.problem, chains=chains, goal=goal))
 
     def reached(self, original: Problem, state: WorldState) -> tuple[list[str], list[str]]:
         """The goals of the original problem that are reached in a state, and the others."""

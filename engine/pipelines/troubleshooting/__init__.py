@@ -85,7 +85,7 @@ class Desk:
         problem = moment.rest if same else remaining(moment.problem, now.reached, now.facts)
         found = recover(problem, change, limits, moment.left, now.facts, executable=same)
         found = told(found, problem, change.lost, store) if store else found
-        return replace(found, repair=first, now=now)
+        return replace(found, repair=first, now=now, change=change)
 
     def _revised(self, beliefs: Beliefs, made: Diagnosis) -> Revision:
         repaired = made.cured if made.cured in self.model.repairs else None

@@ -40,7 +40,8 @@ class Recovery:
     `way` is `planned` where no plan had failed, else what became of its remaining steps: done (nothing is left to do),
     continued, repaired, or replanned where no repair was found or a new plan is cheaper. `given_up` are the goals that
     cannot be reached any more: the answer is for the others. `repair` comes before everything else. `sequence` is the kept sequence
-    after it was told what was lost. `now` is the state from which the work goes on, with the stages that are reached.
+    after it was told what was lost. `now` is the state from which the work goes on,
+    with the stages that are reached, and `change` what was found to be different there.
     """
 
     problem: Problem
@@ -53,6 +54,7 @@ class Recovery:
     repair: FirstRepair | None = None
     sequence: Progress | None = None
     now: WorldState | None = None
+    change: Revision | None = None
 
 
 def recover(

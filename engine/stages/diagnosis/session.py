@@ -109,10 +109,14 @@ class Session:
         name = self.case.problem.actions[action].name
         self.prepared = self.hands.prepare(self, name)
         if self.prepared is None:
-            self.left_out.append(name)
-            belief = self.belief()
-            self._go_on(tuple(h for h, _ in belief), [p for _, p in belief], self.standing.situation)
+            self.leave_out(name)
         return self.prepared is not None
+
+    def leave_out(self, name: str) -> None:
+        """Go on without a test or repair that cannot be done."""
+        self.left_out.append(name)
+        belief = self.belief()
+        self._go_on(tuple(h for h, _ in belief), [p for _, p in belief], self.standing.situation)
 
     def _go_on(self, hypotheses: tuple[Hypothesis, ...], weights: list[float], situation: int) -> None:
         """Go on with other hypotheses or other actions; what was done or left out is not asked again."""

@@ -98,10 +98,11 @@ class Handle:
 
 @dataclass(frozen=True, slots=True)
 class Threatened:
-    """Something is about to wait longer than it may: `late_ms` beyond the end of its window, as things stand."""
+    """Something will wait `late_ms` longer than it may, as things stand; or it does already (`over`)."""
 
     dwell: Dwell
     late_ms: int
+    over: bool = False
 
 
 @dataclass(frozen=True, slots=True)

@@ -33,7 +33,7 @@ def next_time(program: Program, standing: Standing) -> int | None:
         )
     if standing.phase is Phase.RUNNING and program.timed:
         times += [program.activities[each].start_ms for each in standing.ready]
-    times += [when + 1 for when in standing.dwelling.values()]
+    times += [moment for when in standing.dwelling.values() for moment in (when, when + 1)]
     return min((each for each in times if each > now), default=None)
 
 
@@ -61,19 +61,27 @@ def _is_still(program: Program, standing: Standing) -> bool:
 
 
 def _watched(program: Program, standing: Standing) -> tuple[Standing, tuple[e.Threatened, ...]]:
-    """The waits that will last too long as things stand; each is told once."""
+    """The waits that will last too long as things stand, and those that have; each is told once as such."""
+    if not standing.dwelling:
+        return standing, ()
+    begun = {each.activity for each in standing.running.values()}
+    dwelling = {dwell: until for dwell, until in standing.dwelling.items() if dwell.target not in begun}
+    ends = {r.activity: _end(program, r, standing.now_ms) for r in standing.running.values()}
     found = []
-    ends = {
-        r.activity: r.since_ms + program.activities[r.activity].lasts_ms for r in standing.running.values()
-    }
-    for dwell, until in standing.dwelling.items():
-        if dwell in standing.warned:
-            continue
+    for dwell, until in dwelling.items():
+        over = standing.now_ms > until
         late = soonest(program, ends, standing.ready, standing.now_ms, dwell.target) - until
-        if late > 0:
-            found.append(e.Threatened(dwell, late))
-    warned = standing.warned.union(threat.dwell for threat in found)
-    return (replace(standing, warned=warned) if found else standing), tuple(found)
+        if late > 0 and (dwell, over) not in standing.warned:
+            found.append(e.Threatened(dwell, late, over))
+    warned = standing.warned.union((threat.dwell, threat.over) for threat in found)
+    return replace(standing, dwelling=dwelling, warned=warned), tuple(found)
+
+
+def _end(program: Program, running: Running, now_ms: int) -> int:
+    """When an activity that is under way will end; one that is late takes a tenth longer than it has, from now on."""
+    lasts = program.activities[running.activity].lasts_ms
+    end = running.since_ms + lasts
+    return end if end > now_ms else now_ms + max(1, (now_ms - running.since_ms) // 10)
 
 
 def _replied(program: Program, standing: Standing, event: e.Event) -> Step:

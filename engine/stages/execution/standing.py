@@ -40,7 +40,7 @@ class Standing:
     unrested: frozenset[str] = frozenset()
     frozen: bool = False
     dwelling: Mapping[Dwell, int] = field(default_factory=dict)
-    warned: frozenset[Dwell] = frozenset()
+    warned: frozenset[tuple[Dwell, bool]] = frozenset()
     failures: tuple[Failure, ...] = ()
     done: int = 0
 

@@ -1,0 +1,176 @@
+"""Takes a run up again from its journal, after a stop, a crash or a power failure.
+
+What the journal says is believed. What became of the commands that were under way, the driver is asked; none of them is sent
+again unless the driver says that it never came.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+from engine.model.execution import Order, Phase, Record, RecordKind
+from engine.pipelines.execution.pauses import merged
+from engine.pipelines.execution.records import read_atom, scope_of
+from engine.pipelines.execution.scope import Scope
+from engine.pipelines.simulation import Achievement, World
+from engine.pipelines.simulation.world import achievement
+
+Content = Mapping[str, Any]
+REPEATED = (  # what a case notes in the same order whenever it is taken up again
+    RecordKind.EXCEPTION,
+    RecordKind.COMMAND,
+    RecordKind.REPLY,
+    RecordKind.FINDING,
+    RecordKind.DIAGNOSIS,
+    RecordKind.WORLD,
+    RecordKind.GIVEN_UP,
+)
+
+
+@dataclass
+class Past:
+    """What a journal says of a run, up to its last record.
+
+    `plan` is the last one, `done` its steps that have ended (with when), `sent` the commands of it that have no reply.
+    `case` are the records since the exception that was being handled when the run ended; empty if none was.
+    """
+
+    world: World
+    scope: Scope
+    plan: Content | None = None
+    done: dict[int, int] = field(default_factory=dict)
+    sent: dict[int, tuple[Content, int]] = field(default_factory=dict)
+    history: list[Achievement] = field(default_factory=list)
+    case: list[Record] = field(default_factory=list)
+    cases: dict[tuple[str, str], int] = field(default_factory=dict)
+    number: int = 1  # of the next command
+    last: int = 0
+    at_ms: int = 0
+    forecast_ms: int = 0
+    exceptions: int = 0
+    steps: int = 0
+    ended: str = ""
+    paused: bool = False
+    run: Content = field(default_factory=dict)  # what it was begun with
+    replans: bool = False  # the last plan leads nowhere any more
+    added: str = ""
+
+    def take(self, record: Record) -> None:
+        """Take in a record."""
+        self.last, self.at_ms = record.number, record.at_ms
+        if record.kind is not RecordKind.END and self.case:
+            self._in_case(record)
+        move = MOVES.get(record.kind)
+        if move is not None:
+            move(self, record)
+
+    def _in_case(self, record: Record) -> None:
+        if record.kind in REPEATED:
+            self.case.append(record)
+
+    def begun(self, record: Record) -> None:
+        """The run begins."""
+        self.run = record.content
+
+    def planned(self, record: Record) -> None:
+        """Another plan: what was left of the old one is forgotten."""
+        content = record.content
+        self.forecast_ms = self.forecast_ms or content["forecast_ms"]
+        self.steps += len(self.done)
+        self.plan, self.done, self.sent, self.case = content, {}, {}, []
+        self.paused = self.replans = False
+        if content["why"] == Order.ADD.value:
+            from kb.commands import understand
+
+            joined = merged(self.scope.problem, understand(self.scope.problem, self.added))
+            self.scope = replace(self.scope, problem=joined)
+        self.scope = scope_of(self.scope, content)
+        self.world.chains = self.scope.problem.chains
+        for chain in self.world.chains:
+            self.world.reached.setdefault(chain.name, 0)
+
+    def ordered(self, record: Record) -> None:
+        """An order was given; a further command is understood again where a plan took it up."""
+        if record.content["order"] == Order.ADD.value:
+            self.added = record.content["given"]
+
+    def command(self, record: Record) -> None:
+        """A command was noted; it may have been sent."""
+        self.number = max(self.number, record.content["command"] + 1)
+        self.sent[record.content["command"]] = (record.content, record.at_ms)
+
+    def reply(self, record: Record) -> None:
+        """A single command was answered. That of a step is settled when the step is done."""
+        content, _ = self.sent.get(record.content["command"], ({}, 0))
+        if content.get("step") is None:
+            self.sent.pop(record.content["command"], None)
+
+    def did(self, record: Record) -> None:
+        """A step has changed the world."""
+        content = record.content
+        new = [read_atom(each) for each in (*content["adds"], *content["events"])]
+        fresh = [atom for atom in new if atom not in self.world.facts]
+        self.world.facts -= {read_atom(each) for each in content["ends"]}
+        self.world.facts |= {read_atom(each) for each in content["adds"]}
+        moved = [(chain, number, read_atom(atom)) for chain, number, atom in content["moved"]]
+        for chain, number, _ in moved:
+            self.world.reached[chain] = number
+        self.done[content["step"]] = record.at_ms
+        self.sent.pop(content["command"], None)
+        self.history.append(achievement(len(self.history) + 1, read_atom(content["action"]), fresh, moved))
+
+    def corrected(self, record: Record) -> None:
+        """The world model was corrected."""
+        if self.case:
+            return  # the case is taken up again from its beginning, and notes this again
+        self._become(record.content)
+
+    def _become(self, content: Content) -> None:
+        self.world.facts -= {read_atom(each) for each in content["ends"]}
+        self.world.facts |= {read_atom(each) for each in content["adds"]}
+        self.world.reached.update(content["reached"])
+
+    def failed(self, record: Record) -> None:
+        """An exception: what follows belongs to its case, until there is a plan again."""
+        if record.content["exception"] == "stays_too_long" or self.case:
+            return
+        self.exceptions += 1
+        self.case = [record]
+        self.sent.pop(record.content["command"], None)
+
+    def phase(self, record: Record) -> None:
+        """The run paused or went on."""
+        self.paused = record.content["phase"] == Phase.PAUSED.value
+
+    def end(self, record: Record) -> None:
+        """The run ended. A case that ended it is over: what it has found in the world counts."""
+        self.ended = record.content["outcome"]
+        self.replans = self.replans or bool(self.case)
+        for each in self.case:
+            if each.kind is RecordKind.WORLD:
+                self._become(each.content)
+        self.case = []
+
+    def under_way(self) -> Mapping[int, tuple[Content, int]]:
+        """The commands for steps that have not been settled, and when they were sent."""
+        return {number: each for number, each in self.sent.items() if each[0].get("step") is not None}
+
+    @property
+    def next_number(self) -> int:
+        """The number of the next command; a case that is taken up again begins with the number it had."""
+        numbers = [each.content["command"] for each in self.case if each.kind is RecordKind.COMMAND]
+        return min(numbers, default=self.number)
+
+
+MOVES = {
+    RecordKind.RUN: Past.begun,
+    RecordKind.PLAN: Past.planned,
+    RecordKind.COMMAND: Past.command,
+    RecordKind.REPLY: Past.reply,
+    RecordKind.DONE: Past.did,
+    RecordKind.WORLD: Past.corrected,
+    RecordKind.EXCEPTION: Past.failed,
+    RecordKind.PHASE: Past.phase,
+    RecordKind.ORDER: Past.ordered,
+    RecordKind.END: Past.end,
+}

@@ -1,0 +1,74 @@
+"""Settles with the driver what became of the commands that were under way when a run was broken off."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from engine.model.execution import Command, CommandKind, Fate, Reply, Report
+from engine.pipelines.execution.course import Course
+from engine.pipelines.execution.resuming import Content, Past
+from engine.stages import execution as executive
+
+
+def settle(course: Course, past: Past) -> None:
+    """Take in what has ended meanwhile, send what never came, and wait on for what goes on.
+
+    The clock is brought to where the journal ends first. Failures are taken in before anything else, so that nothing begins.
+    """
+    heard: list[Reply] = []
+    while course.driver.now_ms() < past.at_ms:
+        came = course.driver.receive(past.at_ms)
+        heard += [each for each in came if isinstance(each, Reply)]
+        if not came and course.driver.tick_ms is None:
+            break
+    course.standing = replace(course.standing, now_ms=course.driver.now_ms())
+    numbers = sorted(past.under_way())
+    reports = course.driver.report(numbers)
+    ended = {
+        each.number: each.reply for each in reports if each.fate is Fate.ENDED and each.reply is not None
+    }
+    ended |= {each.number: each for each in heard if each.number in course.standing.running}
+    _send_again(course, past, reports)
+    for reply in sorted(ended.values(), key=lambda each: (_is_normal(course, each), each.at_ms, each.number)):
+        course.hear(reply)
+    course.flush()
+
+
+def _is_normal(course: Course, reply: Reply) -> bool:
+    running = course.standing.running.get(reply.number)
+    return running is not None and course.replies.is_normal(running.activity, reply.text)
+
+
+def _send_again(course: Course, past: Past, reports: Sequence[Report]) -> None:
+    """Send the commands that the driver has never received; those that it has dropped can begin anew."""
+    under_way = past.under_way()
+    lost = [each.number for each in reports if each.fate is Fate.UNKNOWN]
+    course.outbox += [_command(under_way[number][0]) for number in lost]
+    dropped = {each.number for each in reports if each.fate is Fate.DROPPED}
+    if dropped:
+        standing = course.standing
+        running = {n: each for n, each in standing.running.items() if n not in dropped}
+        course.standing = executive.standing_of(
+            course.compiled.program,
+            standing.now_ms,
+            standing.number,
+            standing.phase,
+            past.done,
+            running,
+            past.done,
+        )
+
+
+def _command(entry: Content) -> Command:
+    return Command(
+        entry["command"],
+        CommandKind(entry["command_kind"]),
+        entry["stream"],
+        entry["action"],
+        entry["says"],
+        entry["expects"],
+        tuple(entry["choices"]),
+        entry["lasts_ms"],
+        entry["timeout_ms"],
+        entry["about"],
+        entry["asks"],
+    )

@@ -1,0 +1,48 @@
+"""A run that is killed is taken up again: it reaches the same goals, and nothing is done twice."""
+
+from pathlib import Path
+
+import pytest
+
+from engine.model.execution import Order
+from engine.pipelines.execution import Given, Timed, Wanted, begin, named, resume
+from kb.diagnostics import InvalidInput
+from tests.engine.pipelines.execution.cells import killed_and_resumed, planned
+
+FAULT = "pick(probe_1, slot(drawer, 1))=not_gripped"
+
+
+def check(folder: Path, group: int, written: bool, fault: str) -> bool:
+    """Kill a run once and compare; whether it was killed at all."""
+    ending, did = killed_and_resumed("themse/one", folder, group, written, fault)
+    assert len({each.split(" ")[0] for each in did}) == len(did)
+    if ending is not None:
+        assert (ending.outcome, len(ending.goals)) == ("reached", 3)
+    return ending is not None
+
+
+@pytest.mark.parametrize(("group", "written"), [(2, True), (5, False), (6, True), (9, True), (27, False)])
+def test_a_run_killed_with_a_fault_in_it_reaches_its_goals(tmp_path: Path, group: int, written: bool) -> None:
+    assert check(tmp_path, group, written, FAULT)
+
+
+@pytest.mark.slow
+def test_a_run_can_be_killed_at_every_group_of_records(tmp_path: Path) -> None:
+    group = 2
+    while True:
+        for written in (False, True):
+            folder = tmp_path / f"{group}{written}"
+            folder.mkdir()
+            if not check(folder, group, written, FAULT):
+                return
+        group += 1
+
+
+def test_a_stopped_run_is_taken_up_again(tmp_path: Path) -> None:
+    problem, _ = planned("themse/one")
+    wanted = named(Wanted("themse/one", store=str(tmp_path / "j.db")), problem)
+    ending = begin(wanted, problem, Timed([(20_000, Given(Order.STOP))]))
+    assert ending.outcome == "stopped"
+    assert resume(wanted.store, wanted.run, Timed()).outcome == "reached"
+    with pytest.raises(InvalidInput, match="is over"):
+        resume(wanted.store, wanted.run, Timed())
