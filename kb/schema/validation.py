@@ -22,19 +22,6 @@ class Deviation:
     at_key: bool = False
 
 
-MODELS = {
-    "domain": ("domain", "DomainFile"),
-    "problem": ("problem", "ProblemFile"),
-    "plan": ("plan", "PlanFile"),
-    "cell": ("cell", "CellFile"),
-    "arm": ("cell", "ArmFile"),
-    "faults": ("faults", "FaultsFile"),
-    "contacts": ("contacts", "ContactsFile"),
-    "scene": ("scene", "SceneFile"),
-}
-"""For each kind of file, the module and the name of its model."""
-
-
 def deviations(kind: str, content: Any) -> list[Deviation]:
     """The differences of plain content (strings, lists, dicts, None for an empty scalar) from the form of its kind."""
     model = model_of(kind)
@@ -53,6 +40,7 @@ MODELS = {
     "arm": ("cell", "ArmFile"),
     "faults": ("faults", "FaultsFile"),
     "contacts": ("contacts", "ContactsFile"),
+    "scene": ("scene", "SceneFile"),
     "events": ("events", "EventLine"),
 }
 """For each kind of file, the module of its form and the name of it there."""
