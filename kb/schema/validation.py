@@ -40,6 +40,7 @@ MODELS = {
     "arm": ("cell", "ArmFile"),
     "faults": ("faults", "FaultsFile"),
     "contacts": ("contacts", "ContactsFile"),
+    "scene": ("scene", "SceneFile"),
     "events": ("events", "EventLine"),
     "scene": ("scene", "SceneFile"),
 }

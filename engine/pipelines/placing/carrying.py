@@ -14,7 +14,8 @@ from engine.stages.motion.planner import plan
 
 LIFT_M = 0.08
 FINEST_M = 1e-4  # a motion so small need not be halved for a proof
-CHOICES = 4  # configurations that are tried for an end
+BUDGET = 20_000  # configurations that the search for one motion looks at
+CHOICES = 3  # configurations that are tried for an end
 
 
 def carried(
@@ -81,8 +82,9 @@ def _ends(reach: Reach, T_world_hand: Floats, near: Floats) -> Floats:
 
 def _gross(reach: Reach, start: Floats, goal: Floats) -> Moved | None:
     """A proved motion between two configurations (k,); None if none is found."""
+    own = reach.hand.own
     found = plan(
         Ground(reach.checker),
-        Query(start, goal[None], moving=tuple(range(reach.hand.own.start, reach.hand.own.stop))),
+        Query(start, goal[None], budget=BUDGET, moving=tuple(range(own.start, own.stop))),
     )
     return found if isinstance(found, Moved) else None

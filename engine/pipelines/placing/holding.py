@@ -4,7 +4,7 @@ A hold is a grasp with one of its turns. It is possible at a pose of the part wh
 """
 
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cache, cached_property
 
 import numpy as np
 
@@ -13,7 +13,7 @@ from engine.model.geometry import Floats, Truths
 from engine.model.grasping import Grasp, ParallelJaws
 from engine.model.solid import Solid
 from engine.plugins import geometry_backend
-from engine.ports import CollisionChecker
+from engine.ports import CollisionChecker, GeometryBackend
 from engine.stages.geometry.reach.hand import ArmHand
 from engine.stages.geometry.shapes.solids import solid_of
 from engine.stages.geometry.world.model import World
@@ -62,6 +62,12 @@ class Holds:
             found[numbers == n] = False
             found[mine] = True
         return found
+
+
+@cache
+def _backend() -> GeometryBackend:
+    """The backend, found once."""
+    return geometry_backend()
 
 
 def holds_of(scene: Scene, body: Body) -> Holds:
@@ -121,7 +127,7 @@ class Reach:
     @cached_property
     def checker(self) -> CollisionChecker:
         """What says what collides."""
-        return geometry_backend().checker(scene_of(self.world, self.leave_out, self.allowed))
+        return _backend().checker(scene_of(self.world, self.leave_out, self.allowed))
 
     @cached_property
     def hand(self) -> ArmHand:

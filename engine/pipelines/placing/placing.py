@@ -27,6 +27,7 @@ from kb.model.scene import Scene
 
 UNKNOWN = "unknown_things"  # the body that stands for all that is only seen
 TRIED = 6  # holds whose motions are planned before others are given up
+NEAREST = 4  # configurations that are looked at, to find out whether the arm reaches
 PHIS = 8  # turns of a placement about the vertical
 BACKS = (0.0, 0.03, 0.06, BACK_M)
 
@@ -92,21 +93,26 @@ def possible(task: Task, T_world_part: Floats, seen: Floats) -> Truths:
 
 def reached(task: Task, T_world_part: Floats, which: Truths) -> Truths:
     """Which of some holds (h,) the arm reaches without touching anything, with the part at a pose."""
-    found, numbers = which.copy(), np.array(task.holds.grasp_of, dtype=int)
+    found = which.copy()
+    widths = np.array([round(task.holds.grasps[n].width_m, 6) for n in task.holds.grasp_of])
     world = task.world.put(task.part, "world", T_world_part)
-    for n, grasp in enumerate(task.holds.grasps):
-        mine = np.nonzero(which & (numbers == n))[0]
-        if not len(mine):
-            continue
-        reach = Reach(with_hand(world, task.scene, task.holds.jaws, grasp.width_m), task.scene.hand.arm)
-        near = reach.world.configuration
-        every = reach.hand.reaching(T_world_part @ task.holds.poses[mine], near)
-        whole = np.concatenate([np.zeros((0, len(near))), *(each[:4] for each in every)])
-        free = ~reach.checker.collides(whole) if len(whole) else np.zeros(0, dtype=bool)
-        ends = np.cumsum([min(len(each), 4) for each in every])
-        for hold, last, each in zip(mine, ends, every, strict=True):
-            found[hold] = bool(free[last - min(len(each), 4) : last].any())
+    for width in np.unique(widths[which]):
+        mine = np.nonzero(which & (widths == width))[0]
+        reach = Reach(with_hand(world, task.scene, task.holds.jaws, float(width)), task.scene.hand.arm)
+        found[mine] = _any_free(reach, T_world_part @ task.holds.poses[mine])
     return found
+
+
+def _any_free(reach: Reach, T_world_hand: Floats) -> Truths:
+    """For which poses of the hand (n, 4, 4) one of the nearest configurations touches nothing (n,)."""
+    near = reach.world.configuration
+    every = [each[:NEAREST] for each in reach.hand.reaching(T_world_hand, near)]
+    whole = np.concatenate([np.zeros((0, len(near))), *every])
+    free = ~reach.checker.collides(whole) if len(whole) else np.zeros(0, dtype=bool)
+    ends = np.cumsum([len(each) for each in every])
+    return np.array(
+        [free[end - len(each) : end].any() for end, each in zip(ends, every, strict=True)], dtype=bool
+    )
 
 
 def _way(task: Task, start: Truths, goal: Truths) -> tuple[Carry, ...] | NotPlaced:

@@ -23,14 +23,14 @@ BELOW_M = 0.004
 UNSOUND = 0.005  # of the share that agrees, and a tenth of the share of the outline
 ABOVE_M = 0.006  # how far above what carries it a part may seem to be
 RING_PX = 12
-CARRIED = 0.1  # of the surroundings of a part that is above the floor, the share that must be high enough to carry it
+CARRIED = 0.15  # of the surroundings of a part that is above the floor, the share that must be as high as what carries it
 
 
 @dataclass(frozen=True, slots=True)
 class Demands:
     """What a hypothesis must show to be believed: shares, pixels, and by how much its evidence is ahead."""
 
-    agreeing: float = 0.98
+    agreeing: float = 0.99
     seen: float = 0.4
     edged: float = 0.88
     pixels: int = 250
@@ -168,7 +168,7 @@ def _rests(model: Model, T: Floats, view: View, ground: Ground) -> bool:
         view.image.camera.rays((u + seen.u0).astype(float), (v + seen.v0).astype(float)) * depth[:, None]
     )[depth > 0]
     return any(
-        bool((around @ floor[:3] - floor[3] > height.min() - ABOVE_M).mean() > CARRIED)
+        bool((np.abs(around @ floor[:3] - floor[3] - height.min()) < ABOVE_M).mean() > CARRIED)
         for floor, height in zip(ground.floors, heights, strict=True)
         if len(around)
     )

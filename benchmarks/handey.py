@@ -1,0 +1,186 @@
+"""Handey's figures: relations, localisation, grasps and regrasps, and PLACE as a whole.
+
+    python benchmarks/handey.py [--part relations|localisation|regrasps|place ...] [--number N] [--first SEED] [--json FILE]
+
+Relations: transforms are recovered from random consistent sets, by the worst entry. Localisation: N random scenes, of which the part
+must be found within 2 mm and 1 degree, and as many without the part, in which nothing must be found; processor time of each. Regrasps: the
+shortest sequence of random graphs beside brute force, and how often a grasp that was chosen without the goal's obstacles fails
+there. PLACE: the bundled scene with the part in N drawn places. Exits with 1 where an answer is wrong.
+"""
+
+import argparse
+import json
+import sys
+import time
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import replace
+from itertools import product
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from handey_scenes import trial
+from rich.console import Console
+
+from engine.kernels.rigid import apply, difference, turned
+from engine.model.assembly import Assembled, Feature, FeatureKind, Relation, RelationKind
+from engine.model.grasping import Regrasps
+from engine.model.vision import Located
+from engine.pipelines.placing.answers import Placed
+from engine.pipelines.placing.placing import place
+from engine.stages.assembly.relations import assemble
+from engine.stages.geometry import transforms
+from engine.stages.grasping.regrasps import regrasps
+from engine.stages.vision.hypotheses import Model
+from engine.stages.vision.localisation import locate
+from kb.loader.scene import load_scene
+from kb.model.cell import Placement
+from kb.targets import BUNDLED
+
+Figures = dict[str, Any]
+
+
+def relations(number: int, first: int) -> Figures:
+    """The worst entry by which transforms from three relations differ from those that the relations were made with."""
+    worst, wrong = 0.0, 0
+    for seed in range(first, first + number):
+        random = np.random.default_rng(seed)
+        T = np.eye(4)
+        T[:3, :3], T[:3, 3] = turned(random.normal(size=3)), random.uniform(-0.5, 0.5, 3)
+        found = assemble(_consistent(random, T), "b")
+        apart = np.abs(found.poses["a"] - T).max() if isinstance(found, Assembled) else np.inf
+        worst, wrong = max(worst, float(apart)), wrong + int(apart > 1e-9)
+    return {"sets": number, "worst": worst, "wrong": wrong}
+
+
+def _consistent(random: np.random.Generator, T: Any) -> list[Relation]:
+    """Three faces against or in one plane with others, at a pose T_b_a."""
+    normals = turned(random.normal(size=3))
+    made = []
+    for n, normal in enumerate(normals):
+        kind = RelationKind.AGAINST if random.random() < 0.5 else RelationKind.COPLANAR
+        own = Feature("a", f"f{n}", FeatureKind.PLANE, normal * random.uniform(-0.1, 0.1), normal)
+        outward = T[:3, :3] @ normal
+        at = apply(T, own.point[None])[0] + np.cross(outward, random.normal(size=3))
+        sense = -outward if kind is RelationKind.AGAINST else outward
+        made.append(Relation(kind, own, Feature("b", f"g{n}", FeatureKind.PLANE, at, sense)))
+    return made
+
+
+def localisation(number: int, first: int) -> Figures:
+    """How many parts are found within 2 mm and 1 degree, how many wrongly, and the processor times in seconds."""
+    counts: Counter[str] = Counter()
+    times, wrong, metres_all, radians_all = [], [], [], []
+    for seed, present in product(range(first, first + number), (True, False)):
+        made = trial(seed, present)
+        model = Model(made.part)
+        started = time.process_time()
+        found = locate(model, made.image, made.ground)
+        times.append(time.process_time() - started)
+        if not isinstance(found, Located):
+            counts["not found, is there" if present else "not found, is not there"] += 1
+        elif made.T_camera_part is None:
+            counts["found, is not there"] += 1
+            wrong.append(seed)
+        else:
+            apart = [difference(each, made.T_camera_part) for each in found.equivalent]
+            metres, radians = min(apart, key=lambda pair: pair[0] + 0.05 * pair[1])
+            good = metres < 0.002 and radians < np.radians(1)
+            counts["right" if good else "wrong"] += 1
+            if good:
+                metres_all.append(float(metres))
+                radians_all.append(float(radians))
+            else:
+                wrong.append(seed)
+    return {
+        **counts,
+        "median_s": float(np.median(times)),
+        "p95_s": float(np.quantile(times, 0.95)),
+        "median_mm": 1000 * float(np.median(metres_all)),
+        "median_degrees": float(np.degrees(np.median(radians_all))),
+        "wrong seeds": wrong,
+        "wrong in all": len(wrong),
+    }
+
+
+def sequences(number: int, first: int) -> Figures:
+    """Shortest sequences of regrasps in random graphs, beside brute force."""
+    counts: Counter[str] = Counter()
+    for seed in range(first, first + number):
+        random = np.random.default_rng(seed)
+        holds, rests = random.integers(2, 8), random.integers(1, 5)
+        start, goal = random.random((2, holds)) < 0.25
+        possible = random.random((holds, rests)) < random.uniform(0.1, 0.5)
+        found, least = regrasps(start, goal, possible), _brute_force(start, goal, possible)
+        mine = len(found.then) if isinstance(found, Regrasps) else None
+        counts["impossible" if mine is None else f"{mine} regrasps"] += 1
+        counts["wrong"] += int(mine != least)
+    return dict(counts)
+
+
+def _brute_force(start: Any, goal: Any, possible: Any) -> int | None:
+    for count in range(possible.shape[1] + 1):
+        for sequence in product(range(possible.shape[1]), repeat=count):
+            held = start
+            for rest in sequence:
+                held = possible[:, rest] & (held & possible[:, rest]).any()
+            if (held & goal).any():
+                return count
+    return None
+
+
+def placing(number: int, first: int) -> Figures:
+    """The bundled scene with the part in drawn places: what comes of it, and processor times in seconds."""
+    scene = load_scene(BUNDLED / "handey" / "scene.yaml")
+    counts: Counter[str] = Counter()
+    times = []
+    for seed in range(first, first + number):
+        random = np.random.default_rng(seed)
+        body = scene.cell.bodies["angle"]
+        T = np.eye(4)
+        T[:3, :3] = turned(np.array([0, 0, random.uniform(-np.pi, np.pi)]))
+        T[:3, 3] = random.uniform(0.40, 0.52), random.uniform(0.08, 0.19), 0.025
+        moved = replace(body, placement=Placement("world", transforms.to_pose(T)))
+        drawn = replace(scene, cell=replace(scene.cell, bodies={**scene.cell.bodies, "angle": moved}))
+        started = time.process_time()
+        found, _ = place(drawn, "angle", "base", seed)
+        times.append(time.process_time() - started)
+        if not isinstance(found, Placed):
+            counts[f"stopped by {found.step}"] += 1
+            continue
+        legs = [leg for carry in found.carries for leg in carry.legs]
+        counts["placed"] += 1
+        counts["all legs proved"] += int(all(leg.proved for leg in legs))
+        counts[f"{len(found.carries) - 1} regrasps"] += 1
+        metres, _ = difference(found.T_world_part, T)
+        counts["wrong"] += int(metres > 0.002)
+    return {**counts, "median_s": float(np.median(times)), "p95_s": float(np.quantile(times, 0.95))}
+
+
+PARTS: dict[str, Callable[[int, int], Figures]] = {
+    "relations": relations,
+    "localisation": localisation,
+    "regrasps": sequences,
+    "place": placing,
+}
+
+
+def main() -> int:
+    """Run the parts asked for; 1 if an answer is wrong."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--part", nargs="*", choices=PARTS, default=list(PARTS))
+    parser.add_argument("--number", type=int, default=50)
+    parser.add_argument("--first", type=int, default=0)
+    parser.add_argument("--json", type=Path)
+    asked = parser.parse_args()
+    figures = {part: PARTS[part](asked.number, asked.first) for part in asked.part}
+    for part, found in figures.items():
+        Console().print(part, found)
+    if asked.json:
+        asked.json.write_text(json.dumps(figures, indent=1))
+    return int(any(found.get("wrong", 0) or found.get("wrong in all", 0) for found in figures.values()))
+
+
+if __name__ == "__main__":
+    sys.exit(main())
