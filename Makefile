@@ -11,7 +11,6 @@ TYPED := $(shell find engine -name '*.pxd')
 $(VENV)/ready: pyproject.toml constraints.txt setup.py compiling.py $(TYPED) $(TYPED:.pxd=.py)
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt --config-settings editable_mode=compat -e '.[dev]'
-	$(BIN)/python -m compileall -q kb engine
 	touch $@
 
 SENTENCE := process probes 1 and 2 in the furnace for 15 min, cool them down in the freezer for 5 min \
@@ -20,8 +19,10 @@ and store them in the drawer again
 demo: $(VENV)/ready
 	$(BIN)/cellwright plan themse --command "$(SENTENCE)"
 	$(BIN)/cellwright plan bulkhead/twelve_points --stats
+	$(BIN)/cellwright run themse --command "$(SENTENCE)" --fault "pick#3=not_gripped" --watch --store .venv/demo.db
 
 test: $(VENV)/ready
+	$(BIN)/python -m compileall -q kb engine
 	$(BIN)/python -m pytest -n auto
 
 slow: $(VENV)/ready
@@ -43,7 +44,7 @@ golden: $(VENV)/ready
 # Measured on CELLWRIGHT_DATA, beside other planners and geometry libraries that are installed for this alone.
 export CELLWRIGHT_DATA ?= ../shared/data
 PEERS := .peers
-MEASURED := kinematics collision scheduling poses diagnosis macros reuse states
+MEASURED := kinematics collision scheduling poses diagnosis macros reuse states execution
 
 $(PEERS)/ready: $(VENV)/ready
 	$(PYTHON) -m venv $(PEERS)

@@ -48,4 +48,4 @@ REFUSALS = {
     "K906": ["diagnose bulkhead --exception no_echo --step tidy"],
 }
 
-ENVIRONMENT = ("K414", "K419", "K420")  # what the machine lacks: a package, memory, time
+ENVIRONMENT = ("K414", "K419", "K420", "K425")  # what is missing: a package, memory, time, a controller

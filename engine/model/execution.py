@@ -151,8 +151,8 @@ class RecordKind(StrEnum):
     TROUBLE: trouble (its kind), text, command.
     DONE: step (id), command, action, started_ms, adds, ends, events: what the step changed in the world model; moved: the
           stages that were reached, [[chain, number, atom]].
-    RESULT: command, action, result (the fact of the result pattern), and where the domain says so value, nominal, lower,
-            upper, passed.
+    RESULT: command, action, result (the fact of the result pattern, or empty), and where the domain says what is measured of,
+            quantity, value, unit, nominal, lower, upper, passed, tool.
     EXCEPTION: exception (its name in the fault base, else the reply), known, step, action, command, reply.
     FINDING: exception, action (test, repair or question), outcome, belief [[hypothesis, probability]] before it, expected_cost.
     DIAGNOSIS: exception, causes [[hypothesis, probability]], cured, isolated, cost.

@@ -4,6 +4,7 @@ import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
+from kb.asp import AspError, ground_term
 from kb.diagnostics import Diagnostic
 from kb.loader.amounts import amounts_of
 from kb.model.amounts import Amounts, NoAmount, NotTold, asked
@@ -68,6 +69,16 @@ class Measuring:
             str(step),
             at_ms,
         )
+
+    def heard(self, step: Function, reply: str, at_ms: int) -> Measured | None:
+        """What a step has measured by the text of a reply."""
+        operator = self._operators.get(step.name)
+        if operator is None or operator.command is None or operator.command.measures is None:
+            return None
+        try:
+            return self.measured(step, ground_term(reply), at_ms)
+        except AspError:
+            return None
 
     def _number(self, term: Term | None, bound: Substitution) -> float | None:
         """What a term amounts to; None if it is not given, or no fact tells it."""

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from importlib import import_module
 from typing import Any
 
 from pydantic import BaseModel, ValidationError
@@ -21,6 +22,19 @@ class Deviation:
     at_key: bool = False
 
 
+MODELS = {
+    "domain": ("domain", "DomainFile"),
+    "problem": ("problem", "ProblemFile"),
+    "plan": ("plan", "PlanFile"),
+    "cell": ("cell", "CellFile"),
+    "arm": ("cell", "ArmFile"),
+    "faults": ("faults", "FaultsFile"),
+    "contacts": ("contacts", "ContactsFile"),
+    "scene": ("scene", "SceneFile"),
+}
+"""For each kind of file, the module and the name of its model."""
+
+
 def deviations(kind: str, content: Any) -> list[Deviation]:
     """The differences of plain content (strings, lists, dicts, None for an empty scalar) from the form of its kind."""
     model = model_of(kind)
@@ -31,39 +45,24 @@ def deviations(kind: str, content: Any) -> list[Deviation]:
     return []
 
 
+MODELS = {
+    "domain": ("domain", "DomainFile"),
+    "problem": ("problem", "ProblemFile"),
+    "plan": ("plan", "PlanFile"),
+    "cell": ("cell", "CellFile"),
+    "arm": ("cell", "ArmFile"),
+    "faults": ("faults", "FaultsFile"),
+    "contacts": ("contacts", "ContactsFile"),
+    "events": ("events", "EventLine"),
+}
+"""For each kind of file, the module of its form and the name of it there."""
+
+
 def model_of(kind: str) -> type[BaseModel]:
     """The model of a kind of file, imported when it is needed. Raises `KeyError`."""
-    match kind:
-        case "domain":
-            from kb.schema.domain import DomainFile
-
-            return DomainFile
-        case "problem":
-            from kb.schema.problem import ProblemFile
-
-            return ProblemFile
-        case "plan":
-            from kb.schema.plan import PlanFile
-
-            return PlanFile
-        case "cell":
-            from kb.schema.cell import CellFile
-
-            return CellFile
-        case "arm":
-            from kb.schema.cell import ArmFile
-
-            return ArmFile
-        case "faults":
-            from kb.schema.faults import FaultsFile
-
-            return FaultsFile
-        case "contacts":
-            from kb.schema.contacts import ContactsFile
-
-            return ContactsFile
-        case _:
-            raise KeyError(kind)
+    module, name = MODELS[kind]
+    found: type[BaseModel] = getattr(import_module(f"kb.schema.{module}"), name)
+    return found
 
 
 def _merged(errors: Sequence[Any], model: type[BaseModel], content: Any) -> Iterator[Deviation]:

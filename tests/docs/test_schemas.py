@@ -8,8 +8,12 @@ from typing import Any
 
 import pytest
 from golden_texts import compare_with_golden
+from typer.testing import CliRunner
 
+from engine.faces.cli import app
+from engine.model.execution import RecordKind
 from kb.schema import json_schema
+from kb.schema.validation import deviations
 
 TOP = Path(__file__).parents[2]
 DOCS = TOP / "docs"
@@ -51,3 +55,21 @@ def _undescribed(part: Any, path: str) -> Iterator[str]:
     elif isinstance(part, list):
         for index, value in enumerate(part):
             yield from _undescribed(value, f"{path}/{index}")
+
+
+def test_every_event_of_a_run_fits_the_schema_of_events(tmp_path: Path) -> None:
+    events = tmp_path / "events.jsonl"
+    line = ["run", "themse/one", "--store", str(tmp_path / "runs.db"), "--events", str(events)]
+    ran = CliRunner().invoke(app, [*line, "--fault", "pick#2=not_gripped"])
+    assert ran.exit_code == 0, ran.output
+    lines = [json.loads(each) for each in events.read_text("utf-8").splitlines()]
+    assert [each["number"] for each in lines] == list(range(1, len(lines) + 1))
+    assert {"run", "plan", "command", "reply", "done", "exception", "diagnosis", "end"} <= {
+        each["kind"] for each in lines
+    }
+    assert [each for one in lines for each in deviations("events", one)] == []
+
+
+def test_every_kind_of_record_has_a_form() -> None:
+    text = json.dumps(json_schema("events"))
+    assert all(f'"const": "{kind.value}"' in text for kind in RecordKind)

@@ -7,10 +7,13 @@ import pytest
 from typer.testing import CliRunner
 
 from engine.faces.cli import app
+from engine.model.execution import RecordKind
 from engine.model.outcome import Found
 from engine.pipelines import checking, planning
+from engine.pipelines.simulator import Injection
 from kb.loader import load
 from kb.loader.faults import load_faults
+from tests.engine.pipelines.execution.cells import executed
 
 CELL = Path(__file__).parents[1] / "domains" / "capping"
 PROBLEMS = sorted(path.stem for path in (CELL / "problems").glob("*.yaml"))
@@ -54,3 +57,28 @@ def test_every_cause_is_found_and_recovered_from(exception: str, cause: str, tmp
     answer = CliRunner().invoke(app, [*line, "--recover", "--plan", str(plan), "--format", "json"])
     assert answer.exit_code == 0, answer.output
     assert json.loads(answer.stdout)["data"]
+
+
+def test_it_runs_to_the_end_and_what_it_measures_is_in_the_journal() -> None:
+    ending, records, _ = executed(str(CELL / "problems" / "three.yaml"))
+    assert ending.outcome == "reached"
+    assert ending.makespan_ms == ending.forecast_ms
+    replies = [each.content["text"] for each in records if each.kind is RecordKind.REPLY]
+    assert sum(each.startswith("torque(") for each in replies) == 3
+    assert sum(each.startswith("mass(") for each in replies) == 3
+    results = [each.content for each in records if each.kind is RecordKind.RESULT]
+    assert [each["quantity"] for each in results].count("excess") == 3
+    assert all(each["passed"] is (each["lower"] <= each["value"] <= each["upper"]) for each in results)
+
+
+@pytest.mark.parametrize(("exception", "cause"), CASES)
+def test_a_run_with_any_cause_recovers_or_gives_up_what_is_lost(exception: str, cause: str) -> None:
+    step = STEPS[exception]
+    ending, records, _ = executed(
+        str(CELL / "problems" / "three.yaml"), [Injection(step, cause, exception=exception)]
+    )
+    told = [each.content["exception"] for each in records if each.kind is RecordKind.EXCEPTION]
+    assert exception in told
+    lost = cause == "bottle_fallen" or MODEL.causes[cause].stops
+    assert ending.outcome in (("partly", "stopped") if lost else ("reached",))
+    assert all("b1" in goal for goal in ending.open_goals) or MODEL.causes[cause].stops

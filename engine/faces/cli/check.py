@@ -48,6 +48,8 @@ class SchemaKind(StrEnum):
     ARM = "arm"
     FAULTS = "faults"
     CONTACTS = "contacts"
+    SCENE = "scene"
+    EVENTS = "events"
 
 
 def schema(kind: Annotated[SchemaKind, typer.Argument(help="the kind of file")]) -> None:

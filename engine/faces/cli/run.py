@@ -2,6 +2,7 @@
 
 import sys
 from collections.abc import Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -54,6 +55,13 @@ Approve = Annotated[bool, typer.Option("--approve", help="show the plan and ask 
 Events = Annotated[
     str, typer.Option("--events", help="write each event as a line of JSON to this file; - is the output")
 ]
+Watch = Annotated[
+    bool,
+    typer.Option(
+        "--watch",
+        help="show how the run goes: on a terminal with --factor a live display with keys, else plain lines",
+    ),
+]
 
 
 def run(
@@ -68,6 +76,7 @@ def run(
     option: Options = None,
     approve: Approve = False,
     events: Events = "",
+    watch: Watch = False,
     expansions: Expansions = 1_000_000,
     seed: Seed = 0,
     format: Format = Form.TEXT,
@@ -76,7 +85,7 @@ def run(
     asked = Asked(target, goals, command, driver, store, name, factor, seed, approve, expansions)
     if events == "-" and format is Form.JSON:
         raise typer.BadParameter("--events - writes lines of JSON to the output: leave out --format json")
-    give(lambda: _run(asked, fault or [], option or [], events), format)
+    give(lambda: _run(asked, fault or [], option or [], events, watch), format)
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,7 +113,7 @@ def default_store() -> str:
     return str(folder / "runs.db")
 
 
-def _run(asked: Asked, faults: Sequence[str], options: Sequence[str], events: str) -> Answer:
+def _run(asked: Asked, faults: Sequence[str], options: Sequence[str], events: str, shown: bool) -> Answer:
     from engine.pipelines.execution import Wanted, begin, named
     from engine.pipelines.planning import problem_of
     from engine.stages.planning import Limits
@@ -117,7 +126,11 @@ def _run(asked: Asked, faults: Sequence[str], options: Sequence[str], events: st
         asked.approve,
     )  # fmt: skip
     wanted = named(wanted, problem)
-    with Watching(wanted.run, events, asked.approve) as watch:
+    if shown:
+        from engine.formats.report.narration import understood
+
+        sys.stderr.write("\n".join(understood(problem)) + "\n")
+    with Watching(wanted.run, events, asked.approve, shown, asked.factor) as watch:
         ending = begin(
             wanted, problem, watch.channel, watch.watchers, Limits(asked.expansions, seed=asked.seed)
         )
@@ -138,7 +151,9 @@ def options_of(given: Sequence[str]) -> dict[str, str]:
 class Watching:
     """What watches a run from this process: its events, and the orders of the terminal (Ctrl-C) and of the socket."""
 
-    def __init__(self, run: str, events: str, approve: bool) -> None:
+    def __init__(
+        self, run: str, events: str, approve: bool, shown: bool = False, factor: float = 0.0
+    ) -> None:
         from engine.pipelines.execution.channel import Channel
 
         self.channel: Channel = Channel(run)
@@ -147,11 +162,14 @@ class Watching:
         self._out: Any = None
         self._before: Any = None
         self._presses = 0
+        self._shown, self._factor = shown, factor
+        self._display = ExitStack()
+        self._look: list[Watcher] = []
 
     @property
     def watchers(self) -> "Sequence[Watcher]":
         """What is shown each record once it is on the disk."""
-        return [self._follow]
+        return [self._follow, *self._look]
 
     def __enter__(self) -> "Watching":
         import signal
@@ -163,11 +181,22 @@ class Watching:
         self._before = signal.signal(signal.SIGINT, self._pressed)
         if watch := current():
             watch.waiting, watch.time_is_up = True, self._stop
+        if self._shown:
+            from engine.faces.cli.watching import watched
+
+            self._look.append(self._display.enter_context(watched(self._run, self._tell, self._factor)))
         return self
+
+    def _tell(self, order: str) -> None:
+        from engine.model.execution import Order
+        from engine.pipelines.execution import Given
+
+        self.channel.give(Given(Order(order), "", "terminal"))
 
     def __exit__(self, *error: object) -> None:
         import signal
 
+        self._display.close()
         signal.signal(signal.SIGINT, self._before)
         if watch := current():
             watch.waiting = False

@@ -24,6 +24,7 @@ from engine.pipelines.execution.compiling import Compiled
 from engine.pipelines.execution.orders import Given, Orders
 from engine.pipelines.execution.recorder import Recorder
 from engine.pipelines.execution.replies import Replies
+from engine.pipelines.measuring import Measuring
 from engine.pipelines.simulation import Achievement, World
 from engine.pipelines.simulation.world import achievement
 from engine.ports import Driver
@@ -33,6 +34,7 @@ from engine.stages.execution import Failure, Standing
 EVERY = 5_000  # records from one checkpoint to the next
 QUIET_MS = 1_000  # a driver may take so long to drop what is queued
 LOST = "the controller does not answer any more"
+VERDICT = ("of", "quantity", "value", "unit", "nominal", "lower", "upper", "passed", "tool")
 STUCK = "nothing is under way and nothing can begin"
 
 
@@ -59,6 +61,7 @@ class Course:
     standing: Standing
     history: list[Achievement] = field(default_factory=list)
     keeps_history: bool = True
+    measuring: Measuring | None = None
     done: set[int] = field(default_factory=set)
     outbox: list[Command] = field(default_factory=list)
     pending: list[Given] = field(default_factory=list)  # orders that came while an exception was handled
@@ -270,10 +273,14 @@ class Course:
             self.recorder.note(RecordKind.GOAL, goal=f"{atom} of {chain}")
 
     def _result(self, activity: int, reply: Reply) -> None:
-        result = self.replies.result(activity, reply.text)
-        if result is not None:
+        """Note the fact that a reply gives, and the value that was measured with its verdict."""
+        result, step = self.replies.result(activity, reply.text), self.replies.step(activity)
+        found = self.measuring.heard(step, reply.text, reply.at_ms) if self.measuring is not None else None
+        verdict = {} if found is None else {name: getattr(found, name) for name in VERDICT}
+        if result is not None or found is not None:
+            said = "" if result is None else str(result)
             action = self.compiled.program.activities[activity].action
-            self.recorder.note(RecordKind.RESULT, command=reply.number, action=action, result=str(result))
+            self.recorder.note(RecordKind.RESULT, command=reply.number, action=action, result=said, **verdict)
 
     def _quiesce(self) -> None:
         self.recorder.note(RecordKind.PHASE, phase=Phase.QUIESCING.value, why="a step has failed")

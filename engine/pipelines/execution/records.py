@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import lru_cache
 from typing import Any
 
 from engine.model.cases import Revision
@@ -64,6 +65,7 @@ def _step_entry(a: Activity, step: Step, compiled: Compiled) -> dict[str, Any]:
     return {key: value for key, value in found.items() if value not in (None, "", [])}
 
 
+@lru_cache(1 << 14)
 def read_atom(text: str) -> Function:
     """The ground atom in a text of the journal."""
     found = ground_term(text)

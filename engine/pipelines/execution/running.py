@@ -17,6 +17,7 @@ from engine.pipelines.execution.records import compiled_of, plan_entry, read_ato
 from engine.pipelines.execution.resuming import Past
 from engine.pipelines.execution.scope import Scope
 from engine.pipelines.execution.settling import settle
+from engine.pipelines.measuring import Measuring
 from engine.pipelines.revision.remaining import left_over
 from engine.pipelines.simulation import World
 from engine.ports import Driver
@@ -96,6 +97,7 @@ class Execution:
             standing,
             keeps_history=spoils,
             every=EVERY,
+            measuring=Measuring(self.problem),
         )
 
     def _queued(self, compiled: Compiled) -> Compiled:

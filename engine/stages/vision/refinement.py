@@ -18,6 +18,7 @@ from engine.stages.vision.outlines import beyond_plane, border, shrunk
 
 ROUNDS = 6
 AGREES = 3.5  # of the noise
+BEFORE = 10.0  # of the noise: what lies nearer than this before the part hides it; else it contradicts it
 EDGE_PX = 0.5  # the standard deviation of a place where the surface ends
 REACH_PX = 5
 POINTS = 1500
@@ -93,7 +94,8 @@ def judged(model: Model, view: View, T: Floats) -> Hypothesis | None:
     apart = seen.apart[known]
     agree = int((np.abs(apart) <= AGREES * image.noise_m).sum())
     within = seen.apart[known & shrunk(seen.owner >= 0)]
-    through = int((within > AGREES * image.noise_m).sum())
+    beyond = np.abs(within) > AGREES * image.noise_m
+    through = int((beyond & (within > -BEFORE * image.noise_m)).sum())
     told = rim.continues | ~np.isnan(rim.shift_px)
     shift = np.abs(np.nan_to_num(rim.shift_px, nan=99.0))
     good = told & (shift <= 2.5)
@@ -117,7 +119,7 @@ def outline(model: Model, view: View, seen: Look) -> Rim:
     image = view.image
     at, outward = border(seen.owner >= 0)
     u, v = at.astype(np.int64).T
-    at = at + [seen.u0, seen.v0]
+    at += [float(seen.u0), float(seen.v0)]
     planes = _planes(model, image, seen.T)[seen.owner[v, u]].T
     steps = np.arange(-REACH_PX, REACH_PX + 1)
     places = at[:, None] + steps[:, None] * outward[:, None]
@@ -132,7 +134,9 @@ def outline(model: Model, view: View, seen: Look) -> Rim:
     valid = begins & ends & off[rows, first] & (first > 0)
     shift = np.where(valid, steps[first] - 1.0, np.nan)
     far = np.rint(at + (REACH_PX - 1) * outward).astype(np.int64)
-    known = view.known[np.clip(far[:, 1], 0, image.camera.height - 1), np.clip(far[:, 0], 0, image.camera.width - 1)]
+    known = view.known[
+        np.clip(far[:, 1], 0, image.camera.height - 1), np.clip(far[:, 0], 0, image.camera.width - 1)
+    ]
     return Rim(at, outward, shift, begins & ~ends & ~known)
 
 
@@ -145,9 +149,7 @@ def _planes(model: Model, image: DepthImage, T: Floats) -> Floats:
     return np.stack([m[:, 0] / f, m[:, 1] / f, m[:, 2] - (m[:, 0] * cx + m[:, 1] * cy) / f], axis=1)
 
 
-def refined(
-    model: Model, view: View, T: Floats, rounds: int = ROUNDS
-) -> tuple[Floats, Floats]:
+def refined(model: Model, view: View, T: Floats, rounds: int = ROUNDS) -> tuple[Floats, Floats]:
     """The pose near to one that fits the image best, and its covariance (6, 6) about the part's origin."""
     covariance = np.full((6, 6), np.inf)
     for round_ in range(rounds):
@@ -169,9 +171,7 @@ def refined(
     return T, covariance
 
 
-def _equations(
-    model: Model, view: View, seen: Look, within: float
-) -> tuple[Floats, Floats, Floats]:
+def _equations(model: Model, view: View, seen: Look, within: float) -> tuple[Floats, Floats, Floats]:
     """Rows (n, 6), what they lack in metres (n,), and weights (n,), for a displacement and a turn about the part's origin."""
     surface = _surface(model, view.image, seen, within)
     rim = _rim(view.image, seen, outline(model, view, seen))
@@ -185,7 +185,7 @@ def _surface(model: Model, image: DepthImage, seen: Look, within: float) -> tupl
         gain, v, u = len(v) / POINTS, v[some], u[some]
     else:
         gain = 1.0
-    rays = image.camera.rays(u + float(seen.u0), v + float(seen.v0))
+    rays = image.camera.rays((u + seen.u0).astype(float), (v + seen.v0).astype(float))
     normals = np.array([facet.normal for facet in model.solid.facets]) @ seen.T[:3, :3].T
     n = normals[seen.owner[v, u]]
     slope = (n * rays).sum(axis=1)

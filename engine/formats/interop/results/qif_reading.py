@@ -33,16 +33,19 @@ def _measured(element: Element, known: dict[str, Element]) -> Measured:
     definition = known[_text(nominal, "CharacteristicDefinitionId")]
     limits = definition.find(f"{SPACE}Tolerance")
     limits = nominal if limits is None else limits
-    numbers = {
-        "nominal": _number(nominal, "TargetValue"),
-        "lower": _number(limits, "MinValue"),
-        "upper": _number(limits, "MaxValue"),
-    }
-    numbers |= {name: float(said[name]) for name in numbers if name in said}
-    texts = {name: said.get(name, "") for name in ("of", "quantity", "tool", "action", "unit")}
-    return Measured(
-        value=float(_text(element, "Value")), at_ms=int(said.get("at_ms", "0")), **texts, **numbers
+    nominal_value, lower, upper = (
+        float(said[name]) if name in said else _number(where, tag)
+        for name, where, tag in (
+            ("nominal", nominal, "TargetValue"),
+            ("lower", limits, "MinValue"),
+            ("upper", limits, "MaxValue"),
+        )
     )
+    of, quantity, unit, tool, action = (
+        said.get(name, "") for name in ("of", "quantity", "unit", "tool", "action")
+    )
+    value, at_ms = float(_text(element, "Value")), int(said.get("at_ms", "0"))
+    return Measured(of, quantity, value, unit, nominal_value, lower, upper, tool, action, at_ms)
 
 
 def _beside(element: Element) -> dict[str, str]:

@@ -37,9 +37,10 @@ def read_csv(text: str) -> Results:
 
 
 def _measured(row: Mapping[str, str]) -> Measured:
-    limits = {name: float(row[name]) if row[name] else None for name in NUMBERS}
-    texts = {name: row[name] for name in TEXTS}
-    return Measured(value=float(row["value"]), at_ms=int(row["at_ms"]), **texts, **limits)
+    nominal, lower, upper = (float(row[name]) if row[name] else None for name in NUMBERS)
+    of, quantity, unit, tool, action = (row[name] for name in TEXTS)
+    value, at_ms = float(row["value"]), int(row["at_ms"])
+    return Measured(of, quantity, value, unit, nominal, lower, upper, tool, action, at_ms)
 
 
 def _number(value: float | None) -> str:

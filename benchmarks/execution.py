@@ -1,0 +1,190 @@
+"""What the executive and its journal cost: events a second, memory of a long run, and how long a resumed run takes to begin.
+
+    python benchmarks/execution.py [--steps N] [--records N] [--folder DIR] [--json FILE]
+
+The journal lies in a file on a disk (--folder; else in the folder for temporary files) and is synced as in a real run. Four
+devices switch lamps on and off on a virtual clock. Exits with 1 when a bar is missed: 2,000 events a second with group commit,
+200 records a second with one sync each, memory that grows by less than a tenth in the second half of a long run, and a resume
+after --records records within 5 s.
+"""
+
+import argparse
+import json
+import resource
+import sys
+import tempfile
+import time
+from pathlib import Path
+from typing import Any
+
+from engine.model.execution import Record, RecordKind
+from engine.pipelines.execution import Execution, Timed
+from engine.pipelines.execution.begin import Ledger
+from engine.pipelines.execution.compiling import situation_of
+from engine.pipelines.execution.planned import ready
+from engine.pipelines.execution.recorder import Recorder
+from engine.pipelines.execution.resuming import Past
+from engine.pipelines.execution.scope import Scope
+from engine.pipelines.simulation import World
+from engine.pipelines.simulator import HiddenCell, Simulator
+from engine.pipelines.simulator.driver import Settings
+from kb.loader import load
+from kb.model.plan import Plan, Step, StepId
+from kb.model.problem import Problem
+from kb.store.journal import Journal, Line
+from kb.terms import Function
+
+LAMPS = 4
+GROUPED, SINGLE, GROWTH, RESUME_S = 2_000, 200, 1.1, 5.0
+DOMAIN = """domain: lamps
+types: {lamp: object}
+objects: {lamp: [lamp_1..4]}
+fluents:
+  lit(lamp): {}
+  dark(lamp): {}
+operators:
+  on(Lamp):
+    preconditions: dark(Lamp)
+    adds: lit(Lamp)
+    deletes: dark(Lamp)
+    resources: Lamp
+    duration: 1 s
+    command: {stream: switch(Lamp), reply: done}
+  off(Lamp):
+    preconditions: lit(Lamp)
+    adds: dark(Lamp)
+    deletes: lit(Lamp)
+    resources: Lamp
+    duration: 1 s
+    command: {stream: switch(Lamp), reply: done}
+defaults:
+  - dark(Lamp)
+"""
+PROBLEM = "problem: blink\ndomain: lamps\ngoals:\n  - dark(lamp_1)\n"
+
+
+def problem_in(folder: Path) -> Problem:
+    """Four lamps that are dark."""
+    (folder / "domain.yaml").write_text(DOMAIN, "utf-8")
+    (folder / "problem.yaml").write_text(PROBLEM, "utf-8")
+    found = load(folder / "problem.yaml").problem
+    assert found is not None
+    return found
+
+
+def blinking(steps: int) -> Plan:
+    """Each lamp goes on and off, beside the others."""
+    made = []
+    for place in range(steps):
+        lamp = Function(f"lamp_{place % LAMPS + 1}")
+        after = (StepId(place + 1 - LAMPS),) if place >= LAMPS else ()
+        name = "on" if place // LAMPS % 2 == 0 else "off"
+        made.append(Step(StepId(place + 1), Function(name, (lamp,)), after, (lamp,), 1))
+    return Plan(tuple(made))
+
+
+def memory_mb() -> float:
+    """The memory that the process holds now."""
+    pages = int(Path("/proc/self/statm").read_text("ascii").split()[1])
+    return pages * resource.getpagesize() / 1e6
+
+
+class Meter:
+    """Counts records, and looks at the memory at the middle and at the end."""
+
+    def __init__(self, steps: int) -> None:
+        self.steps, self.records, self.done = steps, 0, 0
+        self.middle = self.last = 0.0
+
+    def __call__(self, record: Record) -> None:
+        self.records += 1
+        if record.kind is RecordKind.DONE:
+            self.done += 1
+            if self.done == self.steps // 2:
+                self.middle = memory_mb()
+        if record.kind is RecordKind.END:
+            self.last = memory_mb()
+
+
+def run(folder: Path, steps: int) -> dict[str, float]:
+    """A run of many steps with its journal on the disk."""
+    problem = problem_in(folder)
+    program = ready(problem, blinking(steps), None, 0)
+    meter = Meter(steps)
+    with Journal(str(folder / "runs.db")) as journal:
+        journal.begin("blink", "2026-01-01T00:00:00+00:00", {})
+        driver = Simulator(HiddenCell(problem, None), Settings())
+        recorder = Recorder(Ledger(journal, "blink"), driver.now_ms, [meter])
+        execution = Execution("blink", problem, driver, recorder, Timed())
+        started, worked = time.perf_counter(), time.process_time()
+        ending = execution.start(program, World.of(problem, situation_of(problem).state))
+        seconds, work = time.perf_counter() - started, time.process_time() - worked
+    assert ending.outcome == "reached", ending
+    return {
+        "records": meter.records,
+        "seconds": seconds,
+        "events a second": meter.records / seconds,
+        "events a second of the processor": meter.records / work,
+        "memory at half (MB)": meter.middle,
+        "memory at the end (MB)": meter.last,
+    }
+
+
+def synced_one_by_one(folder: Path, records: int = 1_000) -> float:
+    """Records a second, each on the disk before the next."""
+    with Journal(str(folder / "single.db")) as journal:
+        journal.begin("one", "2026-01-01T00:00:00+00:00", {})
+        started = time.perf_counter()
+        for number in range(1, records + 1):
+            journal.append("one", [Line(number, number, "goal", {"goal": "lit(lamp_1)"})])
+        return records / (time.perf_counter() - started)
+
+
+def resumed(folder: Path, records: int) -> float:
+    """Seconds to read a journal of so many records and to rebuild where the run stands."""
+    problem = problem_in(folder)
+    content = {"step": 1, "command": 1, "action": "on(lamp_1)", "started_ms": 0, "adds": ["lit(lamp_1)"],
+               "ends": ["dark(lamp_1)"], "events": [], "moved": []}  # fmt: skip
+    with Journal(str(folder / "long.db")) as journal:
+        journal.begin("long", "2026-01-01T00:00:00+00:00", {})
+        for first in range(1, records + 1, 5_000):
+            group = range(first, min(first + 5_000, records + 1))
+            journal.append("long", [Line(n, n, "done", {**content, "command": n}) for n in group])
+        started = time.perf_counter()
+        past = Past(World.of(problem, situation_of(problem).state), Scope(problem))
+        for line in journal.lines("long"):
+            past.take(Record(line.number, line.at_ms, RecordKind(line.kind), line.content))
+        assert past.last == records
+        return time.perf_counter() - started
+
+
+def main() -> int:
+    """Print the figures; 1 if a bar is missed."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--steps", type=int, default=100_000)
+    parser.add_argument("--records", type=int, default=1_000_000)
+    parser.add_argument("--folder", type=Path)
+    parser.add_argument("--json", type=Path)
+    asked = parser.parse_args()
+    with tempfile.TemporaryDirectory(dir=asked.folder) as name:
+        figures: dict[str, Any] = run(Path(name), asked.steps)
+        figures["records a second, one sync each"] = synced_one_by_one(Path(name))
+        figures["resume (s)"] = resumed(Path(name), asked.records)
+        figures["records of the journal"] = asked.records
+    for what, value in figures.items():
+        sys.stdout.write(f"{what:<36} {value:>12,.1f}\n")
+    if asked.json:
+        asked.json.write_text(json.dumps(figures, indent=1) + "\n", "utf-8")
+    missed = [
+        figures["events a second"] < GROUPED,
+        figures["records a second, one sync each"] < SINGLE,
+        figures["memory at the end (MB)"] > GROWTH * figures["memory at half (MB)"],
+        figures["resume (s)"] > RESUME_S,
+    ]
+    return int(any(missed))
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,70 @@
+"""`cellwright results`: what a run has measured, and what it did to each object."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from engine.faces.cli.answers import Answer, Form, give
+from engine.faces.cli.options import Format
+from engine.faces.cli.run import Store, default_store
+
+if TYPE_CHECKING:
+    from engine.formats.interop.results import ResultForm
+
+RunName = Annotated[
+    str, typer.Argument(metavar="[RUN]", help="the name of a run; without it, all runs are listed")
+]
+Output = Annotated[
+    Path | None,
+    typer.Option("--output", "-o", metavar="FILE", help="write them there: FILE.csv, FILE.json or FILE.qif"),
+]
+
+
+def results(run: RunName = "", store: Store = "", output: Output = None, format: Format = Form.TEXT) -> None:
+    """Show what RUN has measured, and the history of each object; or write it as CSV, JSON or QIF Results."""
+    if output is not None and not run:
+        raise typer.BadParameter("--output needs the name of a run")
+    where = store or default_store()
+    give(lambda: _results(run, where, output) if run else _runs(where), format)
+
+
+def _results(run: str, store: str, output: Path | None) -> Answer:
+    from rich.text import Text
+
+    from engine.formats.interop.results import written
+    from engine.formats.interop.results.notation import entry
+    from engine.formats.report import results as report
+    from engine.pipelines.results import results_of
+
+    form = None if output is None else _form(output)
+    found = results_of(store, run)
+    if output is None or form is None:
+        return Answer("ok", entry(found), lambda: report.text(found))
+    output.write_bytes(written(found, form).encode("utf-8"))
+    content = {"file": str(output), "measured": len(found.measured)}
+    return Answer("ok", content, lambda: Text(str(output)))
+
+
+def _form(output: Path) -> "ResultForm":
+    from engine.formats.interop.results import ResultForm as Forms
+    from kb.diagnostics import Diagnostic, InvalidInput, Source
+
+    known = [each.value for each in Forms]
+    if output.suffix[1:].lower() not in known:
+        hint = f"one of {', '.join(f'{output.stem}.{each}' for each in known)}"
+        raise InvalidInput([Diagnostic(Source(str(output)), "K406", "results have no such form", hint)])
+    return Forms(output.suffix[1:].lower())
+
+
+def _runs(store: str) -> Answer:
+    from rich.text import Text
+
+    from engine.formats.report.rows import TextTable
+    from engine.pipelines.results import runs_in
+
+    found = runs_in(store)
+    content = {"runs": [{"run": each.run, "begun": each.begun, **each.document} for each in found]}
+    rows = [(each.run, each.begun, str(each.document.get("target", ""))) for each in found]
+    table = TextTable(("run", "begun", "target"), rows)
+    return Answer("ok", content, lambda: table if rows else Text(f"no runs in {store}"))

@@ -1,0 +1,163 @@
+"""The live display of a run: devices and their current steps, a chart with a line at now, the world's last changes, and a log.
+
+`Display` takes in one record after another. What is shown follows from these, and from the time that has passed since the last.
+"""
+
+from collections import deque
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
+from itertools import groupby
+from typing import Any
+
+from rich.console import Console, ConsoleOptions, Group, RenderableType
+from rich.panel import Panel
+from rich.table import Table
+from rich.text import Text
+
+from engine.formats.report.execution import duration
+from engine.formats.report.narration import narrated
+from engine.model.execution import Record, RecordKind
+from engine.model.wording import counted
+
+LOG, FACTS = 8, 6  # lines of the log, last changes of the world
+NAME = 16  # columns for the name of a device
+KEYS = "p pause or continue   i interrupt   s stop   q leave the display"
+STYLES = {"done": "green", "running": "bold yellow", "failed": "bold red", "planned": "dim"}
+
+
+@dataclass
+class Bar:
+    """A step in the chart: where it is drawn, and how it stands."""
+
+    step: str
+    stream: str
+    start_ms: int
+    lasts_ms: int
+    standing: str = "planned"
+
+
+@dataclass
+class Display:
+    """How a run stands, as its records tell."""
+
+    run: str
+    passed_ms: Callable[[], float] = lambda: 0.0  # on the run's clock since the last record
+    phase: str = "ready"
+    now_ms: int = 0
+    end_ms: int = 0
+    bars: dict[int, Bar] = field(default_factory=dict)
+    past: list[Bar] = field(default_factory=list)
+    under_way: dict[int, tuple[str, str, int, int]] = field(
+        default_factory=dict
+    )  # stream, action, since, lasts
+    facts: deque[str] = field(default_factory=lambda: deque(maxlen=FACTS))
+    log: deque[str] = field(default_factory=lambda: deque(maxlen=LOG))
+
+    def take(self, record: Record) -> None:
+        """Take in a record."""
+        self.now_ms = record.at_ms
+        content = record.content
+        match record.kind:
+            case RecordKind.PLAN:
+                self._plan(content)
+            case RecordKind.COMMAND:
+                self._command(record)
+            case RecordKind.REPLY:
+                self.under_way.pop(content["command"], None)
+            case RecordKind.DONE:
+                self._done(content)
+            case RecordKind.EXCEPTION:
+                self._stand(content.get("step"), "failed")
+            case RecordKind.PHASE:
+                self.phase = content["phase"]
+            case RecordKind.END:
+                self.phase = content["outcome"]
+            case _:
+                pass
+        self.log.extend(narrated(record))
+
+    def _plan(self, content: Mapping[str, Any]) -> None:
+        self.phase = "running"
+        self.past += [each for each in self.bars.values() if each.standing != "planned"]
+        self.end_ms = content["forecast_ms"]
+        self.bars = {
+            each["id"]: Bar(each["step"], each["stream"], each.get("start_ms", 0), each.get("lasts_ms", 0))
+            for each in content["steps"]
+        }
+
+    def _command(self, record: Record) -> None:
+        content = record.content
+        if content["command_kind"] in ("wait", "continue"):
+            return
+        said = (content["stream"], content["action"], record.at_ms, content["lasts_ms"])
+        self.under_way[content["command"]] = said
+        self._stand(content.get("step"), "running", record.at_ms)
+
+    def _done(self, content: Mapping[str, Any]) -> None:
+        self._stand(content["step"], "done", content["started_ms"])
+        if (bar := self.bars.get(content["step"])) is not None:
+            bar.lasts_ms = self.now_ms - content["started_ms"]
+        self.facts.extend(
+            [*(f"+ {each}" for each in content["adds"]), *(f"- {each}" for each in content["ends"])]
+        )
+
+    def _stand(self, step: int | None, standing: str, start_ms: int | None = None) -> None:
+        bar = self.bars.get(step) if step is not None else None
+        if bar is not None:
+            bar.standing = standing
+            bar.start_ms = bar.start_ms if start_ms is None else start_ms
+
+    def __rich_console__(self, console: Console, options: ConsoleOptions) -> Iterator[RenderableType]:
+        now = self._shown_ms()
+        title = f"{self.run}: {self.phase}, {duration(now)} of about {duration(max(self.end_ms, now))}"
+        done = sum(each.standing == "done" for each in (*self.past, *self.bars.values()))
+        head = Text(f"{counted(done, 'step')} done, {len(self.bars)} in the plan")
+        chart = Group(*self._chart(max(10, options.max_width - NAME - 6)))
+        world = Group(*(Text(each) for each in self.facts))
+        log = Group(*(Text(each, no_wrap=True, overflow="ellipsis") for each in self.log))
+        yield Panel(
+            Group(
+                head, self._current(), Text(), chart, Text(), Text("last changes", "bold"), world, Text(), log
+            ),
+            title=title,
+            subtitle=KEYS,
+        )
+
+    def _shown_ms(self) -> int:
+        """The time now, in whole seconds: while something is under way, the clock goes on without records."""
+        passed = self.passed_ms() if self.under_way else 0.0
+        return self.now_ms if not passed else round((self.now_ms + passed) / 1000) * 1000
+
+    def _current(self) -> Table:
+        """What each device does now."""
+        table = Table("device", "current step", "since", box=None, pad_edge=False)
+        for stream, action, since, _ in self.under_way.values():
+            table.add_row(Text(stream), Text(action), duration(since))
+        return table
+
+    def _chart(self, width: int) -> Iterator[Text]:
+        """A line for each device, and one with a mark at now."""
+        bars = [*self.past, *self.bars.values()]
+        last = max((each.start_ms + each.lasts_ms for each in bars), default=0)
+        scale = width / max(1, last, self.now_ms)
+        for stream in dict.fromkeys(each.stream for each in bars):
+            line = Text(f"{stream[: NAME - 1]:<{NAME}}")
+            line.append_text(_lane([each for each in bars if each.stream == stream], scale, width))
+            yield line
+        now = min(width - 1, int(self._shown_ms() * scale))
+        mark = "| now" if now < width - 6 else "now |"
+        yield Text(" " * (NAME + now - (0 if mark[0] == "|" else len(mark) - 1)) + mark, "bold")
+
+
+def _lane(bars: list[Bar], scale: float, width: int) -> Text:
+    cells, styles = [" "] * width, [""] * width
+    for each in sorted(bars, key=lambda bar: bar.standing != "planned"):
+        first = min(width - 1, int(each.start_ms * scale))
+        last = min(width - 1, max(first, int((each.start_ms + each.lasts_ms) * scale) - 1))
+        for place in range(first, last + 1):
+            cells[place] = "." if each.standing == "planned" else "X" if each.standing == "failed" else "="
+            styles[place] = STYLES[each.standing]
+    text = Text()
+    for style, places in groupby(range(width), styles.__getitem__):
+        text.append("".join(cells[place] for place in places), style)
+    return text

@@ -1,0 +1,84 @@
+"""The results of a run, from its journal: what was measured, and what was done to each object."""
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field
+
+from engine.model.execution import RecordKind
+from engine.pipelines.measuring import Measuring
+from engine.pipelines.planning import problem_of
+from kb.asp import ground_term
+from kb.diagnostics import Diagnostic, InvalidInput, Source, nearest
+from kb.model.problem import Problem
+from kb.model.results import Measured, Results, Treated
+from kb.store.journal import Begun, Journal, Line
+from kb.terms import Function, Term
+
+KINDS = (RecordKind.REPLY.value, RecordKind.DONE.value)
+
+
+def runs_in(store: str) -> tuple[Begun, ...]:
+    """The runs that have a journal in a store, the oldest first. Raises `InvalidInput`."""
+    with Journal(store) as journal:
+        return journal.begun()
+
+
+def results_of(store: str, run: str) -> Results:
+    """What a run has given until now. Raises `InvalidInput` if there is no such run, or its target is no longer there."""
+    with Journal(store) as journal:
+        begun = journal.run(run)
+        if begun is None:
+            known = [each.run for each in journal.begun()]
+            hint = nearest(run, known) or "`cellwright results` lists the runs of a store"
+            raise InvalidInput([Diagnostic(Source(run), "K401", f"no run of this name in {store}", hint)])
+        about = begun.document
+        problem = problem_of(about["target"], about.get("goals", ""), about.get("command", ""))
+        return read(begun, problem, journal.lines(run, kinds=KINDS))
+
+
+def read(begun: Begun, problem: Problem, lines: Iterable[Line]) -> Results:
+    """The results in the lines of a journal."""
+    reader = _Reader(problem)
+    for line in lines:
+        reader.take(line)
+    return Results(begun.run, begun.begun, tuple(reader.measured), tuple(reader.history))
+
+
+@dataclass
+class _Reader:
+    """Reads a journal line by line. A value counts when its step is done: other replies are exceptions."""
+
+    problem: Problem
+    measured: list[Measured] = field(default_factory=list)
+    history: list[Treated] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        self.replies: dict[int, str] = {}
+        self.objects = {**self.problem.domain.objects, **self.problem.objects}
+        self.measuring = Measuring(self.problem)
+
+    def take(self, line: Line) -> None:
+        content = line.content
+        if line.kind == RecordKind.REPLY.value:
+            self.replies[content["command"]] = content["text"]
+            return
+        step = ground_term(content["action"])
+        if not isinstance(step, Function):
+            return
+        reply = self.replies.pop(content.get("command", 0), "")
+        self._measure(step, reply, line.at_ms)
+        changes = [*content.get("adds", ()), *content.get("events", ())]
+        for each in dict.fromkeys(name for name in _names(step) if name in self.objects):
+            own = tuple(change for change in changes if each in set(_names(ground_term(change))))
+            self.history.append(Treated(each, str(step), content["started_ms"], line.at_ms, own))
+
+    def _measure(self, step: Function, reply: str, at_ms: int) -> None:
+        found = self.measuring.heard(step, reply, at_ms) if reply else None
+        if found is not None:
+            self.measured.append(found)
+
+
+def _names(term: Term) -> Iterator[str]:
+    """The names in the arguments of a term, those of compound terms as a whole and in their parts."""
+    for argument in term.arguments if isinstance(term, Function) else ():
+        yield str(argument)
+        yield from _names(argument)

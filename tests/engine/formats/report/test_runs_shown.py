@@ -1,0 +1,82 @@
+"""Runs in plain lines and as a live display: both follow from the records of the journal."""
+
+import io
+
+from rich.console import Console
+
+from engine.formats.report.live import Display
+from engine.formats.report.narration import narrated
+from engine.model.execution import Record, RecordKind
+
+PLAN = {
+    "why": "first", "forecast_ms": 20_000, "goals": [],
+    "steps": [
+        {"id": 1, "step": "pick(a)", "stream": "arm", "start_ms": 0, "lasts_ms": 8_000},
+        {"id": 2, "step": "heat(a)", "stream": "furnace", "start_ms": 8_000, "lasts_ms": 12_000},
+    ],
+}  # fmt: skip
+COMMAND = {"command_kind": "step", "lasts_ms": 8_000}
+RECORDS = [
+    Record(1, 0, RecordKind.PLAN, PLAN),
+    Record(2, 0, RecordKind.COMMAND, {**COMMAND, "command": 1, "stream": "arm", "action": "pick(a)", "step": 1}),
+    Record(3, 9_000, RecordKind.REPLY, {"command": 1, "text": "done"}),
+    Record(4, 9_000, RecordKind.DONE,
+           {"step": 1, "command": 1, "action": "pick(a)", "started_ms": 0, "adds": ["held(a)"], "ends": ["free"]}),
+    Record(5, 9_000, RecordKind.COMMAND, {**COMMAND, "command": 2, "stream": "furnace", "action": "heat(a)", "step": 2}),
+]  # fmt: skip
+FAILED = [
+    Record(6, 15_000, RecordKind.REPLY, {"command": 2, "text": "cold"}),
+    Record(7, 15_000, RecordKind.EXCEPTION, {"exception": "too_cold", "step": 2, "action": "heat(a)", "reply": "cold"}),
+    Record(8, 16_000, RecordKind.FINDING, {"action": "read_power", "outcome": "none"}),
+    Record(9, 17_000, RecordKind.DIAGNOSIS, {"causes": [["power_off", 0.97], ["broken", 0.001]], "cured": "switch_on"}),
+    Record(10, 17_000, RecordKind.END, {"outcome": "reached", "why": ""}),
+]  # fmt: skip
+
+
+def shown(records: list[Record], width: int = 80, passed_ms: float = 0.0) -> str:
+    display = Display("monday-1", lambda: passed_ms)
+    for record in records:
+        display.take(record)
+    out = io.StringIO()
+    Console(file=out, width=width, color_system=None).print(display)
+    return out.getvalue()
+
+
+def test_the_display_shows_current_steps_chart_changes_and_log() -> None:
+    text = shown(RECORDS)
+    assert "monday-1: running, 9 s of about 20 s" in text
+    assert "1 step done, 2 in the plan" in text
+    current = text.partition("current step")[2]
+    assert "furnace" in current
+    assert "heat(a)" in current
+    assert "pick(a)" not in text
+    assert "+ held(a)" in text
+    assert "- free" in text
+    assert "Planned and scheduled: 2 steps on 2 devices" in text
+
+
+def test_the_line_at_now_moves_between_records() -> None:
+    first, later = shown(RECORDS), shown(RECORDS, passed_ms=6_000)
+    at = [
+        next(line for line in text.splitlines() if "| now" in line).index("|", 5) for text in (first, later)
+    ]
+    assert at[0] < at[1]
+    assert "15 s of about 20 s" in later
+
+
+def test_a_step_that_failed_is_seen_in_the_chart_and_its_cause_in_the_log() -> None:
+    text = shown(RECORDS + FAILED)
+    assert "XXX" in text
+    assert "EXCEPTION too_cold: heat(a): cold" in text
+    assert "diagnosed: power_off (97 %); put right by switch_on" in text
+
+
+def test_the_display_fits_any_terminal() -> None:
+    for width in (30, 50, 200):
+        assert all(len(line) <= width for line in shown(RECORDS + FAILED, width).splitlines())
+
+
+def test_every_line_that_is_told_is_short_and_plain() -> None:
+    lines = [line for record in RECORDS + FAILED for line in narrated(record)]
+    assert lines[-1] == "17 s: all goals are reached"
+    assert all("\n" not in line for line in lines)
