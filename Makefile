@@ -44,7 +44,7 @@ golden: $(VENV)/ready
 # Measured on CELLWRIGHT_DATA, beside other planners and geometry libraries that are installed for this alone.
 export CELLWRIGHT_DATA ?= ../shared/data
 PEERS := .peers
-MEASURED := kinematics collision scheduling poses diagnosis macros reuse states execution
+MEASURED := kinematics collision scheduling poses diagnosis macros reuse states execution faults
 
 $(PEERS)/ready: $(VENV)/ready
 	$(PYTHON) -m venv $(PEERS)

@@ -42,7 +42,6 @@ MODELS = {
     "contacts": ("contacts", "ContactsFile"),
     "scene": ("scene", "SceneFile"),
     "events": ("events", "EventLine"),
-    "scene": ("scene", "SceneFile"),
 }
 """For each kind of file, the module of its form and the name of it there."""
 
