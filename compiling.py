@@ -12,6 +12,7 @@ import os
 import platform
 import sys
 import tempfile
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -91,17 +92,22 @@ def kernels() -> list[Extension]:
 
 
 def _kernel(types: Path) -> Extension:
-    """The module beside a file of types."""
-    name = ".".join(types.with_suffix("").parts)
-    return _extension(name, [types.with_suffix(".py").as_posix()], [types.as_posix()])
+    """The module beside a file of types. It may have a file of C, too, with the same name and the ending `.h`."""
+    name, header = ".".join(types.with_suffix("").parts), types.with_suffix(".h")
+    sources, depends = [types.with_suffix(".py").as_posix()], [types.as_posix()]
+    if not header.is_file():
+        return _extension(name, sources, depends)
+    written_out = ["-O3"] if POSIX else []  # its loops over a few vectors are better written out
+    return _extension(name, sources, [*depends, header.as_posix()], written_out)
 
 
-def _extension(name: str, sources: list[str], depends: list[str]) -> Extension:
+def _extension(name: str, sources: list[str], depends: list[str], flags: Sequence[str] = ()) -> Extension:
     return Extension(
         name,
         sources,
         depends=[*depends, Path(__file__).name],
-        extra_compile_args=FLAGS,
+        include_dirs=["."],
+        extra_compile_args=[*FLAGS, *flags],
         libraries=["m"] if POSIX else [],
         optional="CELLWRIGHT_COMPILER" not in os.environ,
     )

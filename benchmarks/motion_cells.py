@@ -1,12 +1,13 @@
-"""Motions in the two bundled cells: the three strategies side by side.
+"""Motions in the two bundled cells: the three strategies side by side, shorter paths for more work, and travel times.
 
-    python benchmarks/motion_cells.py [--queries N] [--json FILE]
+    python benchmarks/motion_cells.py [--part PART] [--queries N] [--json FILE]
 
 Half of the queries go from place to place of the cell, at random configurations that reach them, and half between random free
 configurations of the arm. Every strategy gets the same queries, with the same short cuts and the same proof. Times are
 processor time of one call, scenes built beforehand. The length of a path is in rad, beside the shortest of the three. Every
 path is looked at again every 1/320 rad. Handey's planner assumes that the last three joints may change all at once; the last
-table counts where that fails, and how.
+table counts where that fails, and how. `refining` shows how paths get shorter with the work, `travel` what the travel times
+between many points cost with one roadmap and one by one.
 """
 
 import argparse
@@ -14,6 +15,7 @@ import json
 import sys
 import time
 from collections import Counter
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -25,6 +27,8 @@ from rich.table import Table
 from engine import plugins
 from engine.model.geometry import Floats
 from engine.model.motion import Blocked, Moved, Query, Strategy
+from engine.pipelines.motion.moving import limits_of
+from engine.pipelines.motion.stations import near_one_another, stations
 from engine.pipelines.planning import initial_facts
 from engine.stages.geometry.collision.ground import Ground
 from engine.stages.geometry.pictures.view import cell_of
@@ -33,9 +37,16 @@ from engine.stages.geometry.reach.reach import Reachability, Reached
 from engine.stages.geometry.world.following import following
 from engine.stages.geometry.world.model import World
 from engine.stages.motion.planner import plan
+from engine.stages.motion.refining import refined
+from engine.stages.motion.roadmap import mapped, neighbours, travels
+from kb.model.cell import Place
+from kb.model.shapes import Pose
 
 CELLS = {"themse": "themse/one", "bulkhead": "bulkhead/one_point"}
 FINER = 1 / 320
+WORK = (0, 3_000, 10_000, 30_000, 100_000, 300_000)  # configurations looked at for shorter paths
+NEAR, SAMPLE = 20, 200  # neighbours of each point, and pairs that are planned for one by one
+RIBS, CLEAR_M = (-0.35, 0.35), 0.08  # across the web, and how far points are from them
 BUDGET = 100_000  # configurations that one query may look at
 
 
@@ -147,18 +158,91 @@ def shown(cell: str, rows: dict[str, list[dict[str, Any]]]) -> Table:
     return table
 
 
+def refining(cell: str, bench: Bench, queries: list[Query]) -> Table:
+    """How the time of paths falls with the work, beside the shortest known; straight lines are left out."""
+    speeds = np.ones(bench.ground.scene.joints.count)
+    speeds[bench.hand.own] = limits_of(bench.world, bench.arm).speed
+    courses, spent = [], []
+    for query in queries:
+        mine = replace(query, budget=BUDGET)
+        first = plan(bench.ground, mine)
+        if not isinstance(first, Moved) or len(first.path) == 2:
+            continue
+        started = time.process_time()
+        found = refined(bench.ground, mine, first, speeds, WORK[-1])
+        spent.append((time.process_time() - started) * 1e3)
+        courses.append(found.course)
+    table = Table("configurations looked at", "time, of the shortest known: median", "95 %", "ms", title=cell)
+    for work in WORK:
+        left = [[t for looked, t in course if looked <= work][-1] / course[-1][1] for course in courses]
+        ms = np.median(spent) * work / WORK[-1]
+        table.add_row(f"{work:,}", f"{np.median(left):.3f}", f"{np.percentile(left, 95):.3f}", f"{ms:.0f}")
+    return table
+
+
+def travelling(points: int, near: int, rng: np.random.Generator) -> Table:
+    """All travel times of points of the bulkhead to their nearest neighbours, by one roadmap, and one by one."""
+    table = Table("what", "processor s", "s", title=f"bulkhead: {points} points, {near} neighbours each")
+    bench, began = Bench("bulkhead/one_point"), (time.process_time(), time.time())
+
+    def row(what: str) -> None:
+        nonlocal began
+        now = time.process_time(), time.time()
+        table.add_row(what, *(f"{b - a:.2f}" for a, b in zip(began, now, strict=True)))
+        began = time.process_time(), time.time()
+
+    web = next(each for each in bench.places if each.approach_m and each.touches == ("web",))
+    places = {name: _placed(web, name, rng) for name in (f"p{n}" for n in range(points))}
+    row("cell read")
+    own, _ = near_one_another(bench.reach, bench.world, places)
+    row("configurations that reach the points")
+    kept = {name: places[name] for name in own}
+    at = stations(bench.world, bench.reach, bench.arm, kept, list(own.values()))
+    row("straight lines out of the points")
+    limits, joints = at.limits, bench.hand.own
+    pairs = neighbours(at.nodes[:, joints], limits, near)
+    found, _ = travels(at.ground, mapped(at.ground, at.nodes, pairs), pairs, limits, joints)
+    row(f"{len(pairs)} travel times, proved")
+    some = pairs[:: max(1, len(pairs) // SAMPLE)]
+    for a, b in some:
+        plan(at.ground, Query(at.nodes[a], at.nodes[b][None]))
+    spent = (time.process_time() - began[0]) * len(pairs) / len(some)
+    table.add_row(f"each by itself, from {len(some)} of them", f"{spent:.2f}", "")
+    known = np.isfinite(found.time_s)
+    table.add_row("pairs without a way, planned one by one", f"{(~known).sum()}", f"{found.planned}")
+    table.add_row("times too long by at most, as a share", f"{found.error():.5f}", "")
+    return table
+
+
+def _placed(web: Place, name: str, rng: np.random.Generator) -> Place:
+    """A point on the web, off the ribs."""
+    y = 0.0
+    while min(abs(y - each) for each in RIBS) < CLEAR_M or y == 0.0:
+        y = float(rng.uniform(-0.9, 0.9))
+    placement = replace(web.placement, pose=Pose((float(rng.uniform(-0.4, 0.4)), y, 0.0)))
+    return replace(web, name=name, placement=placement)
+
+
 def main() -> int:
     """Measure, print, and judge: 1 if a path touches anything at a finer look."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--queries", type=int, default=200, help="in each cell")
+    parser.add_argument("--points", type=int, default=1000, help="for the travel times")
+    parser.add_argument("--part", choices=("strategies", "refining", "travel"), default="strategies")
     parser.add_argument("--json", type=Path)
     arguments = parser.parse_args()
     console, kept, hits = Console(), {}, 0
+    if arguments.part == "travel":
+        console.print(travelling(arguments.points, NEAR, np.random.default_rng(18)))
+        return 0
     for cell, target in CELLS.items():
         bench = Bench(target)
         queries = bench.queries(arguments.queries, np.random.default_rng(18))
+        if arguments.part == "refining":
+            console.print(refining(cell, bench, queries))
+            continue
         rows = {str(each): [asked(bench, query, each) for query in queries] for each in Strategy}
         console.print(shown(cell, rows))
         for name, own in rows.items():

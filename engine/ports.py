@@ -1,6 +1,6 @@
 """The replaceable parts of the engine, as Protocols. `engine.plugins` finds their implementations."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Protocol
 
@@ -65,6 +65,10 @@ class MotionGround(CollisionChecker, Protocol):
 
         It covers them at all their values between two configurations (k,). It moves with what the first of them stands on.
         """
+        ...
+
+    def proximal(self, joints: Collection[int]) -> "MotionGround":
+        """The ground of what these joints alone move, against what stands still. All else is left out."""
         ...
 
     def travel(self, first: Floats, second: Floats) -> float:

@@ -98,6 +98,31 @@ def is_file(path: Path) -> bool:
         return False
 
 
+def is_there(path: Path) -> bool:
+    """Whether anything has this name: a file, a folder, a device, or a link to nothing."""
+    try:
+        path.lstat()
+    except (OSError, ValueError) as error:
+        return isinstance(error, PermissionError)
+    return True
+
+
+def within(folder: Path, name: str) -> Path | None:
+    """The path of a name below a folder; None if the name leads out of it, also through links.
+
+    The path is the folder's, with the name as it is written.
+    """
+    try:
+        inside = (folder / name).resolve().is_relative_to(folder.resolve())
+    except (
+        OSError,
+        RuntimeError,
+        ValueError,
+    ):  # a name that is too long, links in a circle: there is no such file
+        return folder / name
+    return folder / name if inside and not Path(name).is_absolute() else None
+
+
 def is_folder(path: Path) -> bool:
     """Whether there is a folder of this name."""
     try:

@@ -4,7 +4,7 @@ import os
 from pathlib import Path
 
 from kb.diagnostics import Diagnostic, InvalidInput, Source, nearest
-from kb.files import is_file, is_folder
+from kb.files import is_file, is_folder, is_there
 from kb.model.domain import Domain
 
 DOMAIN_FILE = "domain.yaml"
@@ -19,14 +19,19 @@ def bundled() -> dict[str, Path]:
 
 
 def find(target: str) -> Path:
-    """The file that a target names: a path, a bundled domain, or `domain/problem` of one. Raises `InvalidInput`."""
+    """The file that a target names: a path, or by name a domain, or `domain/problem`, here or bundled. Raises `InvalidInput`.
+
+    A domain in the working folder comes before a bundled one of its name, even if its file cannot be read.
+    """
     path = Path(target)
-    if is_file(path / DOMAIN_FILE):
+    if is_there(path / DOMAIN_FILE):
         return path / DOMAIN_FILE
     if is_file(path):
         return path
     known = bundled()
     name, _, problem = target.partition("/")
+    if problem and is_there(Path(name, DOMAIN_FILE)):
+        return _own(name, target)
     if name in known and not problem:
         return known[name] / DOMAIN_FILE
     candidates = (
@@ -35,6 +40,31 @@ def find(target: str) -> Path:
     if target in candidates:
         return candidates[target]
     raise InvalidInput([_not_found(target, path, [*known, *candidates])])
+
+
+def _own(folder: str, target: str) -> Path:
+    """The problem of a domain in the working folder. Raises `InvalidInput`."""
+    problems = {f"{folder}/{each.stem}": each for each in problem_files(Path(folder, DOMAIN_FILE))}
+    if target in problems:
+        return problems[target]
+    hint = nearest(target, list(problems)) or f"its problems: {', '.join(problems) or 'none'}"
+    raise InvalidInput(
+        [Diagnostic(Source(target), "K401", f"the domain in ./{folder} has no such problem", hint)]
+    )
+
+
+def problem_files(domain: Path) -> list[Path]:
+    """The problem files beside a domain file. Raises `InvalidInput` if they cannot be listed."""
+    folder = domain.parent / "problems"
+    if not is_there(folder):
+        return []
+    try:
+        return sorted(folder / each.name for each in os.scandir(folder) if each.name.endswith(".yaml"))
+    except OSError as error:
+        said = f"the problems cannot be listed: {(error.strerror or str(error)).lower()}"
+        raise InvalidInput(
+            [Diagnostic(Source(str(folder)), "K001", said, "make it a folder that you may read")]
+        ) from None
 
 
 def _not_found(target: str, path: Path, known: list[str]) -> Diagnostic:

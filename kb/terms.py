@@ -7,7 +7,7 @@ module knows no types and no predicates.
 import functools
 import re
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,10 +43,25 @@ class Variable:
 
 @dataclass(frozen=True, slots=True)
 class Function:
-    """A constant (no arguments), a compound term, or an atom."""
+    """A constant (no arguments), a compound term, or an atom.
+
+    Its hash is computed once: terms are looked up far more often than they are made.
+    """
 
     name: str
     arguments: tuple["Term", ...] = ()
+    _hash: int = field(init=False, repr=False, compare=False)
+
+    def __hash__(self) -> int:
+        try:
+            return self._hash
+        except AttributeError:
+            object.__setattr__(self, "_hash", hash((self.name, self.arguments)))
+            return self._hash
+
+    def __reduce__(self) -> tuple[type, tuple[str, tuple["Term", ...]]]:
+        """Without the hash, which is another one in another process."""
+        return Function, (self.name, self.arguments)
 
     def __str__(self) -> str:
         if not self.arguments:

@@ -1,5 +1,6 @@
 """What tests of every folder share: texts that people read, compared whole with golden files."""
 
+import gc
 from collections.abc import Callable
 from pathlib import Path
 
@@ -12,6 +13,13 @@ TOP = Path(__file__).parent
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--update-golden", action="store_true", help="accept changed texts as golden files")
+
+
+def pytest_collection_finish() -> None:
+    """The tests themselves stay for the whole run: Python need not look through them for garbage again and again."""
+    gc.collect()
+    gc.freeze()
+    gc.set_threshold(100_000, 20, 50)
 
 
 @pytest.fixture

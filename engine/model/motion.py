@@ -25,7 +25,8 @@ class Query:
 
     Lines are looked at every `step` (rad, m); nothing may come within `margin_m`. `seed` decides the samples. The work is
     bounded by `budget`, the configurations looked at, and by `bridges`, the short cuts that are tried. `moving` numbers the
-    joints that may move; all may if none is given. `strategy` says how the path is looked for.
+    joints that may move; all may if none is given. `strategy` says how the path is looked for. If `upright_rad`
+    is above 0, what is upright in hand at the start tilts by no more than that.
     """
 
     start: Floats
@@ -38,6 +39,7 @@ class Query:
     proved: bool = True
     moving: tuple[int, ...] = ()
     strategy: Strategy = Strategy.CONNECT
+    upright_rad: float = 0.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -88,12 +90,27 @@ class Refused:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class Severed:
+    """A proof that there is no path: what the `joints` alone move must pass something that leaves no way round.
+
+    The cells of a grid over the values of these joints that are blocked as a whole part the start from every goal. At the
+    configuration `at` (k,), the one of them that lies nearest to a goal, `contacts` is what touches, the deepest first.
+    """
+
+    joints: tuple[int, ...]
+    cells: int
+    at: Floats
+    contacts: tuple[Contact, ...]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Blocked:
     """No path was found within the budget.
 
     The trees from start and goals came nearest at `ends` (2, k), `apart` (rad, m) from each other, after `looked`
     configurations; they had `grown` nodes each. `contacts` is what touches where the straight line between the ends is
-    blocked worst, at configuration `at` (k,). `why` is a sentence about the strategy, if it has more to say.
+    blocked worst, at configuration `at` (k,). `why` is a sentence about the strategy, if it has more to say. With
+    `severed` it is proved that there is none.
     """
 
     ends: Floats
@@ -103,6 +120,7 @@ class Blocked:
     at: Floats
     contacts: tuple[Contact, ...]
     why: str = ""
+    severed: Severed | None = None
 
 
 Answer: TypeAlias = Moved | Refused | Blocked

@@ -5,7 +5,7 @@ from enum import Enum
 
 from engine.model.geometry import Floats
 from kb.model.plan import StepId
-from kb.terms import Function
+from kb.terms import Atom, Function
 
 
 class LegKind(Enum):
@@ -63,6 +63,9 @@ class MovedStep:
 class Unmoved:
     """A step for which no motion is found: at which place, and why. `culprits` are the bodies in the way.
 
+    If it is `sure`, every configuration was looked at, and each touches something, or cannot be followed.
+    It holds at least while the facts `while_true` are true, which put those bodies, and what the arm holds, where they are.
+
     `level` tells what refuses it: `reach` (no configuration at all), `contact` (every configuration touches something),
     `approach` (there is no straight way in or out), or `way` (no way leads there).
     """
@@ -73,3 +76,5 @@ class Unmoved:
     level: str
     reason: str
     culprits: tuple[str, ...] = ()
+    while_true: tuple[Atom, ...] = ()
+    sure: bool = False

@@ -17,6 +17,7 @@ from kb.check.alike import fewer
 from kb.check.faults import check_faults
 from kb.check.start import crowded, hopeless
 from kb.diagnostics import Diagnostic, InvalidInput, in_order
+from kb.files import is_there
 from kb.loader import CELL_FILE, CONTACTS_FILE, DOMAIN_FILE, Loaded, find, load, problem_files
 from kb.loader.amounts import standing
 from kb.loader.domain import as_written
@@ -47,7 +48,7 @@ def check(target: str, reach: bool = True) -> CheckReport:
     if loaded is not None and loaded.problem is not None:
         problems.append(loaded.problem)
     else:
-        paths += problem_files(path)
+        paths += _problem_files(path, found)
         problems += [each.problem for file in paths[1:] if (each := _loaded(file, found)) and each.problem]
     if loaded is not None and loaded.problem is None:
         found += check_domain(loaded.domain, problems)
@@ -62,16 +63,16 @@ def check(target: str, reach: bool = True) -> CheckReport:
     if loaded is not None and loaded.problem is None and len(tasks) == len(problems) > len(lost):
         reached = frozenset[str]().union(*map(reachable_operators, tasks))
         found += unreachable(loaded.domain, reached)
-    if loaded is not None and (cell := Path(loaded.domain.path).with_name(CELL_FILE)).is_file():
+    if loaded is not None and is_there(cell := Path(loaded.domain.path).with_name(CELL_FILE)):
         paths.append(cell)
         atoms = {atom for each, task in grounded for atom in each.told_of_all(task.atoms)}
         located = {place for each in problems for place in _located(each)}
         found += _checked_cell(cell, loaded.domain, reach, atoms, located)
         found += [each for each in _checked_frame(loaded.domain) if each not in found]
-    if loaded is not None and (faults := Path(loaded.domain.path).with_name(FAULTS_FILE)).is_file():
+    if loaded is not None and is_there(faults := Path(loaded.domain.path).with_name(FAULTS_FILE)):
         paths.append(faults)
         found += _checked_faults(Path(loaded.domain.path))
-    if loaded is not None and (contacts := Path(loaded.domain.path).with_name(CONTACTS_FILE)).is_file():
+    if loaded is not None and is_there(contacts := Path(loaded.domain.path).with_name(CONTACTS_FILE)):
         paths.append(contacts)
         found += _checked_contacts(Path(loaded.domain.path))
     return CheckReport(tuple(map(str, paths)), in_order(found))
@@ -141,6 +142,14 @@ def _grounded(problem: Problem, found: list[Diagnostic]) -> Task | None:
     except InvalidInput as error:
         found += error.diagnostics
         return None
+
+
+def _problem_files(path: Path, found: list[Diagnostic]) -> list[Path]:
+    try:
+        return problem_files(path)
+    except InvalidInput as error:
+        found += error.diagnostics
+        return []
 
 
 def _loaded(path: Path, found: list[Diagnostic]) -> "Loaded | None":

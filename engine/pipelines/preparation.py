@@ -26,6 +26,7 @@ from kb.diagnostics import Diagnostic, InvalidInput
 from kb.model.domain import Domain
 from kb.model.problem import Problem
 from kb.store import Library
+from kb.targets import CELL_FILE
 
 SPAWN = multiprocessing.get_context("spawn")
 
@@ -44,6 +45,16 @@ class KeptSequence:
 
 
 @dataclass(frozen=True, slots=True)
+class KeptPoses:
+    """What is kept of where the arm can stand for measurements: counts, and the measurements out of reach, with the reasons."""
+
+    reached: int
+    made: int
+    kept: int
+    unreached: Mapping[str, str]
+
+
+@dataclass(frozen=True, slots=True)
 class Prepared:
     """The result for one problem. `status`: found, infeasible, gave up or bad input.
 
@@ -59,6 +70,7 @@ class Prepared:
     seconds: float = 0.0
     diagnostics: tuple[Diagnostic, ...] = ()
     sequence: KeptSequence | None = None
+    poses: KeptPoses | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -200,7 +212,9 @@ def work(job: PreparationJob, interrupted: Interrupted = _stopped) -> Prepared:
         problem = loaded(job.path).problem
         if problem is None:
             return Prepared(str(job.path), "bad input", reason="this is a domain, not a problem")
-        kept = _kept(job.store, problem) if chooses_tools(problem.domain) else None
+        measures = chooses_tools(problem.domain)
+        poses = _poses(job.store, problem) if measures else None
+        kept = _kept(job.store, problem) if measures else None
         limits = Limits(job.expansions, seed=job.seed, interrupted=interrupted)
         with Library(job.store) as library, Practice(library, limits) as practice:
             answered = practice.plan(problem)
@@ -216,7 +230,25 @@ def work(job: PreparationJob, interrupted: Interrupted = _stopped) -> Prepared:
         answered.reason if isinstance(outcome, Found) else outcome.reason,
         sum(outcome.statistics.seconds.values()),
         sequence=kept,
+        poses=poses,
     )
+
+
+def _poses(store: str, problem: Problem) -> KeptPoses | None:
+    """Bring the poses of a problem's measurements up to date in the store; None without a cell that says what arms do."""
+    path = Path(problem.domain.path).with_name(CELL_FILE)
+    if not problem.domain.path or not path.is_file():
+        return None
+    from engine.pipelines.poses.keeping import kept_poses  # geometry is slow to load
+    from engine.plugins import geometry_backend
+    from kb.loader.cell import load_cell
+
+    cell = load_cell(path)
+    if not cell.operations:
+        return None
+    found = kept_poses(store, problem, cell, geometry_backend())
+    reached = {each.measurement for each in found.poses.values() if each.reached}
+    return KeptPoses(len(reached), found.made, found.kept, found.unreached())
 
 
 def _kept(store: str, problem: Problem) -> KeptSequence:

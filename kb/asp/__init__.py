@@ -53,7 +53,6 @@ class Grounder:
         self._control.ground([("base", [])])
         self._parts = 0
         self._tables = 0
-        self._known: dict[clingo.Symbol, Term] = {}
 
     def ground(self, text: str) -> None:
         """Adds statements, and everything that follows from them.
@@ -71,7 +70,7 @@ class Grounder:
     def atoms(self, predicate: str, arity: int) -> list[tuple[Term, ...]]:
         """The argument tuples of every true atom of a predicate, in clingo's order."""
         found = self._control.symbolic_atoms.by_signature(predicate, arity)
-        return [tuple(map(term, atom.symbol.arguments)) for atom in found]
+        return [_fact(atom.symbol).arguments for atom in found]
 
     def column(self, predicate: str, arity: int, number: int) -> list[str]:
         """The texts of one argument of every true atom of a predicate: its other arguments are not read."""
@@ -84,19 +83,12 @@ class Grounder:
             yield from self.named(name)
 
     def named(self, predicate: str) -> Iterator[Function]:
-        """Every true atom of a predicate, of any arity.
-
-        Few arguments are different, so each different one is read only once.
-        """
-        atoms, known = self._control.symbolic_atoms, self._known
+        """Every true atom of a predicate, of any arity."""
+        atoms = self._control.symbolic_atoms
         for name, arity, positive in atoms.signatures:
             if name == predicate:
                 for atom in atoms.by_signature(name, arity, positive):
-                    arguments = atom.symbol.arguments
-                    for each in arguments:
-                        if each not in known:
-                            known[each] = term(each)
-                    yield Function(name, tuple([known[each] for each in arguments]))
+                    yield _fact(atom.symbol)
 
     def holds(self, atom: Function) -> bool:
         """Whether a ground atom is true."""
@@ -119,6 +111,14 @@ class Grounder:
             if number >= 0:
                 found[names[number]] = table(str(atom), columns[names[number]])
         return found
+
+
+def _fact(symbol: clingo.Symbol) -> Function:
+    """An atom. Most are read from their text, which clingo writes in less time than it gives arguments one by one."""
+    plain = plain_terms(str(symbol))
+    found = plain[0] if plain is not None else term(symbol)
+    assert isinstance(found, Function)
+    return found
 
 
 def term(symbol: clingo.Symbol) -> Term:

@@ -32,9 +32,14 @@ class Suspect:
 def evaluated(problem: Problem, further: Iterable[str] = ()) -> Grounder:
     """The static facts of a problem, with `further` rules. Raises `InvalidInput` if they take too long or too much memory."""
     grounder = Grounder()
+    evaluate(grounder, problem, further)
+    return grounder
+
+
+def evaluate(grounder: Grounder, problem: Problem, further: Iterable[str] = ()) -> None:
+    """Evaluate the static facts of a problem in a new grounder, with `further` rules. Raises `InvalidInput` as above."""
     with within_limits(lambda: static_suspects(problem)):
         grounder.ground("\n".join([static_program(problem), *further]))
-    return grounder
 
 
 @contextmanager

@@ -7,10 +7,10 @@ to import.
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from kb.targets import CELL_FILE, CONTACTS_FILE, DOMAIN_FILE, bundled, find, reference
+from kb.targets import CELL_FILE, CONTACTS_FILE, DOMAIN_FILE, bundled, find, problem_files, reference
 
 if TYPE_CHECKING:
-    from kb.loader.loading import Loaded, load, load_domain, load_problem, problem_files, with_goals
+    from kb.loader.loading import Loaded, load, load_domain, load_problem, with_goals
     from kb.loader.plan import load_plan
 
 __all__ = [

@@ -138,12 +138,15 @@ class _CellReader:
                 node.where, "K005", "an arm needs one description", "give `model` or `urdf`"
             )
         if urdf is not None:
-            return read_urdf(urdf, node, self.read.folder, self.read.findings)
+            return read_urdf(urdf, node, self.read)
         if model is None:
             return Arm("", ())
-        beside, known = self.read.folder / model.value, bundled_arms()
-        if model.value in known or is_file(beside):
-            return read_arm(known.get(model.value, beside), self.read.findings)
+        known = bundled_arms()
+        path = known[model.value] if model.value in known else self.read.file(model)
+        if path is None:
+            return Arm("", ())
+        if is_file(path):
+            return read_arm(path, self.read.findings)
         self.read.findings.note(unknown_name("arm", model.value, known, model.where))
         return Arm("", ())
 

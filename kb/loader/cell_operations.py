@@ -32,15 +32,14 @@ def _operation(
         place = parsed.value if parsed else None
         _check_place(operator, place, at, findings, known)
     ends = child(node, "ends")
-    names = [_moving(child(node, each), findings, known) for each in ("drags", "drives")]
-    if at is None and names[0]:
+    drags, drives = (_moving(child(node, each), findings, known) for each in ("drags", "drives"))
+    if at is None and drags:
         findings.add(
             node.where, "K005", "nothing is dragged without a place", "give `at`: where it is gripped"
         )
     takes = _seconds(child(node, "takes"))
-    return Operation(
-        operator, place, Ends(ends.value if ends else "outside"), *names, takes_s=takes, where=key.where
-    )
+    stop = Ends(ends.value if ends else "outside")
+    return Operation(operator, place, stop, drags, drives, takes, key.where)
 
 
 def _seconds(node: Node | None) -> float:

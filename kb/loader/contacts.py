@@ -4,7 +4,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 from kb.diagnostics import Diagnostic, InvalidInput, Source, unknown_name
-from kb.files import read_file
+from kb.files import is_there, read_file
 from kb.loader.contact_templates import Templates
 from kb.loader.domain import read_domain
 from kb.loader.inference import Typing
@@ -35,7 +35,7 @@ from kb.terms import Atom
 def load_contacts(domain: Path) -> tuple[ContactModel, tuple[Diagnostic, ...]]:
     """The contact model beside a domain file, and warnings. Raises `InvalidInput` with all errors."""
     path = domain.with_name(CONTACTS_FILE)
-    if not path.is_file():
+    if not is_there(path):
         hint = "write one: `cellwright schema contacts` shows its form"
         raise InvalidInput([Diagnostic(Source(str(path)), "K405", "this domain has no contact model", hint)])
     known, names = read_domain(domain, Findings())

@@ -5,7 +5,7 @@ from collections.abc import Collection, Mapping
 from pathlib import Path
 
 from kb.diagnostics import Diagnostic, InvalidInput, Source, unknown_name
-from kb.files import read_file
+from kb.files import is_there, read_file
 from kb.loader.domain import read_domain
 from kb.loader.inference import Typing
 from kb.loader.names import Names
@@ -22,7 +22,7 @@ _CHANCE = re.compile(r"([a-z][A-Za-z0-9_]*)(?:\s+([0-9](?:\.[0-9]{1,6})?))?")
 def load_faults(domain: Path) -> tuple[FaultModel, tuple[Diagnostic, ...]]:
     """The fault base beside a domain file, and warnings. Raises `InvalidInput` with all errors."""
     path = domain.with_name(FAULTS_FILE)
-    if not path.is_file():
+    if not is_there(path):
         hint = "write one: `cellwright schema faults` shows its form"
         raise InvalidInput([Diagnostic(Source(str(path)), "K405", "this domain has no fault base", hint)])
     known, names = read_domain(domain, Findings())

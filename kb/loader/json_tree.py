@@ -46,7 +46,9 @@ def _tree(file: File, most: int) -> Node | None:
     items: list[Node] = []
     opened: list[tuple[int, list[Node]]] = []
     left, end = most, 0
-    for found in iter(_PART.scanner(file.text).match, None):
+    for found in _PART.finditer(file.text):
+        if found.start() != end:
+            break
         kind, end = found.lastindex or 0, found.end()
         first, last = found.span(kind)
         if kind == OPENING:

@@ -27,11 +27,6 @@ class Loaded:
     warnings: tuple[Diagnostic, ...] = ()
 
 
-def problem_files(domain: Path) -> list[Path]:
-    """The problem files beside a domain file."""
-    return sorted((domain.parent / "problems").glob("*.yaml"))
-
-
 def load(path: Path, rewrite: Rewrite = as_written) -> Loaded:
     """The domain or problem in a file. `rewrite` may give another text for the file of the domain.
 

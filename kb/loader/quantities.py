@@ -5,6 +5,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
+from kb.files import is_file, within
 from kb.loader.reader import Findings
 from kb.loader.tree import Node
 from kb.model.shapes import (
@@ -44,6 +45,14 @@ class Quantities:
     folder: Path
     length: str = "m"
     angle: str = "deg"
+
+    def file(self, node: Node) -> Path | None:
+        """The path of a file that a node names. A name that leads out of the folder is reported."""
+        found = within(self.folder, str(node.value))
+        if found is None:
+            message = f"'{str(node.value)[:60]}' leads outside the domain's folder"
+            self.findings.add(node.where, "K203", message, "copy the file into the folder")
+        return found
 
     def number(self, node: Node, kind: str = LENGTH) -> float:
         """The quantity of a scalar node in metres or radians (a factor unchanged). Anything else is reported and becomes 0."""
@@ -151,7 +160,8 @@ def _ring(read: Quantities, node: Node) -> Shape:
 
 def _plate(read: Quantities, node: Node) -> Shape:
     x, y, z = (read.positive(item) for item in required(node, "size").value)
-    listed, holes = child(node, "holes"), []
+    listed = child(node, "holes")
+    holes: list[Hole] = []
     for item in listed.value if listed else []:
         u, v = (read.number(each) for each in required(item, "at").value)
         hole = Hole((u, v), read.positive(required(item, "radius")))
@@ -194,8 +204,10 @@ def _known(read: Quantities, node: Node, vertices: dict[str, Vector]) -> tuple[s
 
 def _mesh(read: Quantities, node: Node) -> Shape:
     file, scale = required(node, "file"), child(node, "scale")
-    path = read.folder / file.value
-    if not path.is_file():
+    path = read.file(file)
+    if path is None:
+        path = read.folder
+    elif not is_file(path):
         read.findings.add(
             file.where, "K706", f"there is no file '{file.value}'", "name a file beside this one"
         )

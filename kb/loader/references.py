@@ -5,7 +5,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from kb.diagnostics import Diagnostic, InvalidInput, nearest
-from kb.files import is_file
+from kb.files import is_file, is_there
 from kb.loader.reader import Reader
 from kb.targets import DOMAIN_FILE, bundled
 
@@ -17,11 +17,14 @@ HEAD_BYTES = 65_536  # the part of a file that is searched for its `domain:` lin
 
 
 def domain_file(reader: Reader) -> Path:
-    """The domain of a problem: the one near it if the name fits, else a path, else a bundled one. Raises `InvalidInput`."""
+    """The domain of a problem: the one near it if the name fits, else a path, else a bundled one. Raises `InvalidInput`.
+
+    A domain near it whose name cannot be read is the one, so that its reader says what is wrong.
+    """
     node = reader.root.descend(("domain",))
     name, here = str(node.value), Path(reader.root.file.path).parent
     for candidate in (here.parent / DOMAIN_FILE, here / DOMAIN_FILE):
-        if _is_called(candidate, name):
+        if _is_called(candidate, name) or (is_there(candidate) and not _name_in(candidate)):
             return candidate
     known = bundled()
     own = [known[name] / DOMAIN_FILE] if name in known else []

@@ -9,7 +9,7 @@ from kb.asp import AspError
 from kb.asp.compiled import NotCompilable, compiled
 from kb.asp.statements import ParsedStatement, RefusedStatement, statements, unsafe
 from kb.diagnostics import Source, nearest
-from kb.files import File, is_file, read_file
+from kb.files import File, is_file, read_file, within
 from kb.graphs import components
 from kb.loader.names import Names, count_of
 from kb.loader.reader import Reader
@@ -37,12 +37,8 @@ def read_rules(reader: Reader, names: Names, folder: Path) -> tuple[list[Stateme
 
 def _included(reader: Reader, name: str, node: Node, folder: Path) -> Path | None:
     """The file that an include names, if its real path is inside the folder of the domain."""
-    try:
-        target = (folder / name).resolve()
-        inside = target.is_relative_to(folder.resolve()) and not Path(name).is_absolute()
-    except (OSError, RuntimeError, ValueError):  # names that are too long, links in a circle, invalid bytes
-        target, inside = folder, True
-    if not inside:
+    target = within(folder, name)
+    if target is None:
         message = f"'{name[:60]}' leads outside the domain's folder"
         reader.findings.add(node.where, "K203", message, "copy the file beside domain.yaml")
     elif not is_file(target):

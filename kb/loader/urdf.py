@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from kb.diagnostics import InvalidInput, Source
-from kb.loader.quantities import child
+from kb.loader.quantities import Quantities, child
 from kb.loader.reader import Findings
 from kb.loader.tree import Node, read_file
 from kb.loader.urdf_elements import ElementReader
@@ -31,15 +31,21 @@ class Description:
     where: Source
 
 
-def read_urdf(urdf: Node, entry: Node, folder: Path, findings: Findings) -> Arm:
-    """The arm of a `cell.yaml` entry with `urdf`, `srdf`, `chain` and `packages`. Errors are added to `findings`."""
+def read_urdf(urdf: Node, entry: Node, read: Quantities) -> Arm:
+    """The arm of a `cell.yaml` entry with `urdf`, `srdf`, `chain` and `packages`. Errors are added to the findings of `read`."""
     listed = child(entry, "packages")
-    packages = [folder / item.value for item in (listed.value if listed else [])]
+    findings = read.findings
+    packages = [path for item in (listed.value if listed else []) if (path := read.file(item)) is not None]
     chain = child(entry, "chain")
     ends = (chain.value[0].value, chain.value[1].value) if chain else None
     srdf = child(entry, "srdf")
     try:
-        return arm_of(folder / urdf.value, folder / srdf.value if srdf else None, ends, packages, findings)
+        file = read.file(urdf)
+        return (
+            Arm("", ())
+            if file is None
+            else arm_of(file, read.file(srdf) if srdf else None, ends, packages, findings)
+        )
     except InvalidInput as error:
         for found in error.diagnostics:
             if found not in findings.diagnostics:

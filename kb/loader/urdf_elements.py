@@ -5,10 +5,12 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from kb.diagnostics import InvalidInput
+from kb.files import is_file
 from kb.loader.reader import Findings
 from kb.loader.xml import Element
 from kb.model.cell import Inertia
 from kb.model.shapes import LARGEST, MESHES, Box, Cylinder, Mesh, PlacedShape, Pose, Shape, Sphere, Vector
+from kb.numbers import NumberError, decimal
 
 LEAST = 1e-9  # a scale nearer to zero leaves nothing
 MOMENTS = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
@@ -96,7 +98,10 @@ class ElementReader:
         if name.startswith("package://"):
             inside = inside.lstrip("/")
         candidates = (folder / part for folder in self.folders for part in (inside, inside.partition("/")[2]))
-        return next((path for path in candidates if path.is_file()), None)
+        return next((path for path in candidates if is_file(path) and self._is_inside(path)), None)
+
+    def _is_inside(self, path: Path) -> bool:
+        return any(path.resolve().is_relative_to(folder.resolve()) for folder in self.folders)
 
     def inertia(self, link: Element) -> Inertia | None:
         """The mass and the moments of a link; None if it has none."""
@@ -137,8 +142,8 @@ class ElementReader:
         """`count` finite numbers in an attribute. Another number of values is reported, and the result is zeros."""
         text = element.get(key, default)
         try:
-            values = [float(part) for part in text.split()]
-        except ValueError:
+            values = [decimal(part) for part in text.split()]
+        except NumberError:
             values = []
         if len(values) != count or not all(map(math.isfinite, values)):
             self.note(

@@ -41,7 +41,7 @@ class Element:
 
 def read_xml(file: File) -> Element:
     """The root element of a file. Raises `InvalidInput` if it is not well-formed, or has a document type or entities."""
-    parser = expat.ParserCreate()
+    parser = expat.ParserCreate("utf-8")  # whatever the document says: it was read as UTF-8
     stack: list[Element] = [Element("", {}, Source(file.path))]
     count = 0
 

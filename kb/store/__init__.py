@@ -1,9 +1,16 @@
-"""Libraries of MACROPs in a database: SQLite in one file, or PostgreSQL by URL. Only this package uses SQLAlchemy."""
+"""Libraries of MACROPs in a database: SQLite in one file, or PostgreSQL by URL. Only this package uses SQLAlchemy.
 
-from kb.store.documents import document, dumps, loads, macrop_of
-from kb.store.library import Figures, Library, Record, Stored, Use
-from kb.store.notation import NotationError
-from kb.store.outlines import Outline, Requirement
+Each part is imported when it is first asked for: SQLAlchemy is slow to import, and not all parts need it.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from kb.store.documents import document, dumps, loads, macrop_of
+    from kb.store.library import Figures, Library, Record, Stored, Use
+    from kb.store.notation import NotationError, Requirement
+    from kb.store.outlines import Outline
 
 __all__ = [
     "Figures",
@@ -19,3 +26,16 @@ __all__ = [
     "loads",
     "macrop_of",
 ]
+
+_WHERE = {
+    **dict.fromkeys(("document", "dumps", "loads", "macrop_of"), "documents"),
+    **dict.fromkeys(("Figures", "Library", "Record", "Stored", "Use"), "library"),
+    **dict.fromkeys(("NotationError", "Requirement"), "notation"),
+    "Outline": "outlines",
+}
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _WHERE:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(import_module(f"kb.store.{_WHERE[name]}"), name)

@@ -30,19 +30,37 @@ def refusal(where: str, message: str, hint: str = "", code: str = "K416") -> Inv
 
 def address(target: str) -> URL:
     """The URL of a library: a path names a SQLite file. Raises `InvalidInput`."""
+    if not target.strip() or not target.isprintable() or "%00" in target:
+        raise refusal("--store", "this is not the name of a library", _WAYS)
     if "://" not in target:
-        return URL.create("sqlite", database=str(Path(target).expanduser()))
+        return URL.create("sqlite", database=_expanded(target))
     try:
         url = make_url(target)
-    except ArgumentError:
+    except (ArgumentError, ValueError):
         raise refusal("--store", "this is not the URL of a library", _WAYS) from None
     if url.drivername in POSTGRES:
-        if not url.username:
-            raise refusal("--store", "the address names no user", _WAYS)
-        return url.set(drivername="postgresql+pg8000")
-    if url.drivername == "sqlite":
-        return url
-    raise refusal("--store", f"a library cannot be kept in '{url.drivername}'", _WAYS)
+        return _postgres(url)
+    if url.drivername != "sqlite":
+        raise refusal("--store", f"a library cannot be kept in '{url.drivername}'", _WAYS)
+    if not url.database or url.query:
+        said = "options are not taken here" if url.query else "the address names no file"
+        raise refusal("--store", said, _WAYS)
+    return url
+
+
+def _expanded(file: str) -> str:
+    try:
+        return str(Path(file).expanduser())
+    except RuntimeError:  # nobody has this home
+        return file
+
+
+def _postgres(url: URL) -> URL:
+    if not url.username:
+        raise refusal("--store", "the address names no user", _WAYS)
+    if url.port is not None and not 0 < url.port < 65_536:
+        raise refusal("--store", f"{url.port} is not a port", "from 1 to 65535; without one it is 5432")
+    return url.set(drivername="postgresql+pg8000")
 
 
 _WAYS = "give a file, or postgresql://USER@HOST/DATABASE"

@@ -11,9 +11,9 @@ from sqlalchemy.dialects import postgresql, sqlite
 from kb.model.macro import Macrop
 from kb.store.documents import dumps, loads
 from kb.store.engines import is_writable, refusal, transaction
-from kb.store.notation import NotationError
+from kb.store.notation import NotationError, Requirement
 from kb.store.opening import opened
-from kb.store.outlines import Outline, Requirement, SharedTexts, chunks, words_of
+from kb.store.outlines import Outline, SharedTexts, chunks, words_of
 from kb.store.schema import depends_text, fingerprint, macrops, outlines, trials, usage, version_of
 
 

@@ -19,6 +19,9 @@ _RELATIONS = frozenset({"=", "!=", "<", "<=", ">", ">="})
 _OPERATORS = frozenset("+-*/\\")
 END = ""
 
+Requirement = tuple[str, int]
+"""A condition of the index, written as a text, and how many facts must at least meet it."""
+
 
 class NotationError(ValueError):
     """The text is not a term or literal."""

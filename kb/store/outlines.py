@@ -12,11 +12,10 @@ from typing import Any
 from sqlalchemy import Connection, select
 from sqlalchemy.dialects import postgresql, sqlite
 
+from kb.store.notation import Requirement
 from kb.store.schema import fingerprint, macrops, outlines, shared, usage
 
 CHUNK = 500  # the number of rows in one statement
-
-Requirement = tuple[str, int]
 
 
 @dataclass(frozen=True, slots=True)

@@ -113,6 +113,18 @@ outlines = Table(
     Column("requirements", Text),  # numbers of shared texts; NULL in rows of older versions
 )
 
+# Where an arm can stand to take measurements: one row for each measurement, tool and station of a problem.
+poses = Table(
+    "poses",
+    metadata,
+    Column("domain", String, primary_key=True),
+    Column("problem", String, primary_key=True),
+    Column("measurement", String, primary_key=True),
+    Column("tool", String, primary_key=True),
+    Column("station", String, primary_key=True),
+    Column("document", Text, nullable=False),
+)
+
 
 def _first(connection: Connection) -> None:
     metadata.create_all(connection, [macrops, dependencies])
@@ -163,6 +175,10 @@ def fingerprint(text: str) -> str:
     return hashlib.sha256(text.encode()).hexdigest()[:32]
 
 
+def _with_poses(connection: Connection) -> None:
+    metadata.create_all(connection, [poses])
+
+
 MIGRATIONS: tuple[Callable[[Connection], None], ...] = (
     _first,
     _with_usage,
@@ -170,6 +186,7 @@ MIGRATIONS: tuple[Callable[[Connection], None], ...] = (
     _with_sequences,
     _with_utility,
     _with_outlines,
+    _with_poses,
 )
 CURRENT = len(MIGRATIONS)
 

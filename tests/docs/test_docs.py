@@ -111,11 +111,15 @@ def filled(line: str) -> str:
 
 
 def timed(line: str) -> object:
-    """A command line to run; preparing a whole cell takes too long for every run."""
-    return pytest.param(line, marks=pytest.mark.slow) if " prepare " in line else line
+    """A command line to run; preparing a whole cell, or folding a long plan, takes too long for every run."""
+    return pytest.param(line, marks=pytest.mark.slow) if " prepare " in line or "--folded" in line else line
 
 
-@pytest.mark.parametrize("line", list(map(timed, written())))
+EXAMPLES = re.findall(r'^    (cellwright (?:[^"\n]|"[^"]*")*)\n+```\n(.*?)^```', README, re.M | re.S)
+SHOWN = {line for line, _ in EXAMPLES}  # these are run where what they print is read, too
+
+
+@pytest.mark.parametrize("line", [timed(each) for each in written() if each not in SHOWN])
 @pytest.mark.usefixtures("desk")
 def test_a_command_line_runs(line: str) -> None:
     result = run(filled(line))
@@ -144,9 +148,6 @@ def test_every_exit_code_is_in_the_table_and_no_other() -> None:
     known = {0} | {value for value in vars(exits).values() if isinstance(value, int)}
     table = {int(code) for code in re.findall(r"^\| (\d+) \|", README, re.MULTILINE)}
     assert table == known
-
-
-EXAMPLES = re.findall(r'^    (cellwright (?:[^"\n]|"[^"]*")*)\n+```\n(.*?)^```', README, re.M | re.S)
 
 
 @pytest.mark.parametrize(("line", "shown"), EXAMPLES)

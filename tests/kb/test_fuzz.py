@@ -33,7 +33,7 @@ FILES = [path for cell in CELLS for path in sorted(cell.rglob("*")) if path.suff
 FILES = [path for path in FILES if "golden" not in path.parts]
 SECONDS = 5.0
 
-quick = settings(max_examples=60, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
+quick = settings(max_examples=30, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
 slow = settings(max_examples=1000, deadline=None, suppress_health_check=list(HealthCheck))
 
 SPICE = [

@@ -17,7 +17,7 @@ from tests.properties.plans import ATOMS, posed
 from tests.properties.problems import CONSTANTS, conditions, problems, successors
 from tests.properties.simulation import Simulation
 
-MANY = settings(max_examples=120, deadline=None, suppress_health_check=list(HealthCheck))
+MANY = settings(max_examples=50, deadline=None, suppress_health_check=list(HealthCheck))
 
 
 @given(posed())

@@ -21,7 +21,7 @@ from kb.model.problem import Problem
 from kb.terms import Function, Term, Variable, match
 from tests.properties.problems import problems, shortest
 
-DILIGENT = settings(max_examples=60, deadline=None, suppress_health_check=list(HealthCheck))
+DILIGENT = settings(max_examples=30, deadline=None, suppress_health_check=list(HealthCheck))
 sets = st.integers(0, 31)
 NAMES, OBJECTS, VARIABLES = ("go", "take"), ("a", "b", "c"), ("X", "Y", "Z")
 

@@ -17,7 +17,7 @@ from kb.model.domain import Consequence, DeductiveOperator, Domain, Effect, Kind
 from kb.model.problem import Problem
 from kb.terms import Atom, Function, Number, Term, Variable
 
-DILIGENT = settings(max_examples=100, deadline=None, suppress_health_check=list(HealthCheck))
+DILIGENT = settings(max_examples=40, deadline=None, suppress_health_check=list(HealthCheck))
 MOST = 6_000  # states that are looked at
 X, Y, Z = Variable("X"), Variable("Y"), Variable("Z")
 PLACES = tuple(Function(f"c{number}") for number in range(7))

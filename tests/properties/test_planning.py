@@ -20,7 +20,7 @@ from kb.model.problem import Problem
 from tests.properties.problems import problems, shortest, successors
 
 FAMILIES = st.one_of(problems(), problems(conditional=True), problems(deductive=True))
-DILIGENT = settings(max_examples=60, deadline=None, suppress_health_check=list(HealthCheck))
+DILIGENT = settings(max_examples=40, deadline=None, suppress_health_check=list(HealthCheck))
 
 
 @given(FAMILIES)

@@ -4,6 +4,7 @@ import random
 from collections.abc import Iterator
 
 import pytest
+from _pytest.mark import ParameterSet
 
 from engine.model.outcome import Found, Infeasible
 from engine.stages.diagnosis.knowledge import Objective
@@ -21,14 +22,16 @@ from tests.properties.recoveries import (
 NAMES = ("bulkhead/both_tools", "themse/one")
 
 
-def _cases(objective: Objective) -> Iterator[tuple[str, str, str]]:
-    """Every cause of every exception; each cause once where nothing is repaired."""
+def _cases(objective: Objective) -> Iterator[ParameterSet]:
+    """Every cause of every exception. Each cause comes once; where it is repaired, again for other exceptions, slowly."""
     for name in NAMES:
         seen: set[str] = set()
         for exception, entry in faults(name).exceptions.items():
             for cause in entry.counts:
-                if objective is Objective.REPAIR or cause not in seen:
-                    yield name, exception, cause
+                if cause not in seen:
+                    yield pytest.param(name, exception, cause)
+                elif objective is Objective.REPAIR:
+                    yield pytest.param(name, exception, cause, marks=pytest.mark.slow)
                 seen.add(cause)
 
 

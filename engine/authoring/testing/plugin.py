@@ -30,7 +30,9 @@ class GoldenDomain(pytest.File):
 
     def collect(self) -> Iterator[pytest.Item]:
         """One item per problem file."""
-        for file in sorted((self.path.parent / "problems").glob("*.yaml")):
+        from kb.targets import problem_files  # only where there is such a folder
+
+        for file in problem_files(self.path):
             yield GoldenPlan.from_parent(self, name=file.stem, problem_file=file)
 
 

@@ -40,8 +40,21 @@ class MotionForm(StrEnum):
     PNG = "png"
 
 
+class TableForm(StrEnum):
+    """The forms in which travel times are shown; facts are for a problem file."""
+
+    TEXT = "text"
+    JSON = "json"
+    FACTS = "facts"
+
+
 From = Annotated[str, typer.Option("--from", help=f"where it starts: {NAMED}")]
-To = Annotated[list[str], typer.Option("--to", help="where it goes: the same; of several, one is reached")]
+To = Annotated[
+    list[str] | None, typer.Option("--to", help="where it goes: the same; of several, one is reached")
+]
+Problems = Annotated[
+    Path | None, typer.Option(help="replay this set of problems, in place of --from and --to")
+]
 Margin = Annotated[
     float, typer.Option(min=0, max=10, callback=number, help="metres that everything must stay clear")
 ]
@@ -50,6 +63,19 @@ Bridges = Annotated[
 ]
 Strategy = Annotated[
     Way, typer.Option(help="connect: two trees; visibility: the hand first; reduced: three joints at a time")
+]
+Refine = Annotated[
+    int,
+    typer.Option(min=0, max=100_000_000, help="configurations to look at for a shorter path, such as 100000"),
+]
+Budget = Annotated[
+    int, typer.Option(min=1, max=1_000_000_000, help="configurations to look at before it gives up")
+]
+Upright = Annotated[
+    float,
+    typer.Option(
+        min=0, max=90, callback=number, help="degrees by which what is in hand may tilt; 0: as it likes"
+    ),
 ]
 Direct = Annotated[
     bool, typer.Option("--direct", help="no straight lines of the tool out of places and into them")
@@ -70,11 +96,15 @@ def motion() -> None:
 @app.command("plan")
 def plan_motion(
     target: Target,
-    start: From,
-    goal: To,
+    start: From = "",
+    goal: To = None,
+    problems: Problems = None,
     margin: Margin = 0.0,
     bridges: Bridges = 60,
     strategy: Strategy = Way.CONNECT,
+    refine: Refine = 0,
+    upright: Upright = 0.0,
+    budget: Budget = 1_000_000,
     direct: Direct = False,
     tool: Tool = "",
     rest: Rest = False,
@@ -85,7 +115,12 @@ def plan_motion(
     elevation: Elevation = 30.0,
 ) -> None:
     """Plan a motion in the cell of TARGET that touches nothing, and prove it."""
-    if format in (MotionForm.TEXT, MotionForm.JSON):
+    if problems is None and not (start and goal):
+        raise typer.BadParameter("give --from and --to, or --problems")
+    if problems is not None:
+        pictured = format not in (MotionForm.TEXT, MotionForm.JSON)
+        refuse_idle({"--from": start, "--to": goal, f"--format {format}": pictured}, "with --problems")
+    elif format in (MotionForm.TEXT, MotionForm.JSON):
         refuse_idle({"--output": output}, "without a picture: give --format svg, gltf or png")
     if format is MotionForm.PNG and output is None:
         raise typer.BadParameter("--format png needs --output")
@@ -95,10 +130,55 @@ def plan_motion(
         from engine.model.motion import Strategy
         from engine.pipelines.motion.moving import Wish
 
-        return Wish(margin, seed, bridges, Strategy(strategy.value), direct, tool, not rest)
+        return Wish(
+            margin,
+            seed,
+            bridges,
+            Strategy(strategy.value),
+            direct,
+            tool,
+            not rest,
+            refine,
+            math.radians(upright),
+            budget,
+        )
 
+    if problems is not None:
+        from engine.faces.cli.motion_sets import replays
+
+        give(lambda: replays(target, problems, wished, output), form)
     seen = (math.radians(azimuth), math.radians(elevation))
-    give(lambda: _planned(target, (start, tuple(goal)), wished, format, output, seen), form)
+    give(lambda: _planned(target, (start, tuple(goal or ())), wished, format, output, seen), form)
+
+
+@app.command("problems")
+def motion_problems(
+    target: Target,
+    count: Annotated[int, typer.Option(min=1, max=10_000, help="how many problems are drawn")] = 20,
+    tool: Tool = "",
+    seed: Seed = 0,
+    output: Output = None,
+) -> None:
+    """Draw motion problems in the cell of TARGET: to free configurations and places, from free configurations."""
+    from engine.faces.cli.motion_sets import generated
+
+    give(lambda: generated(target, count, seed, tool, output), Form.TEXT)
+
+
+@app.command("travel")
+def motion_travel(
+    target: Target,
+    tool: Tool = "",
+    place: Annotated[
+        list[str] | None, typer.Option(help="only these places; all that take the tool otherwise")
+    ] = None,
+    format: Annotated[TableForm, typer.Option("--format", help="how it is shown")] = TableForm.TEXT,
+) -> None:
+    """Print how long free motions between the places of TARGET's cell take."""
+    from engine.faces.cli.motion_sets import table
+
+    form = Form.JSON if format is TableForm.JSON else Form.TEXT
+    give(lambda: table(target, tool, tuple(place or ()), format is TableForm.FACTS), form)
 
 
 def _planned(
@@ -112,9 +192,9 @@ def _planned(
     from rich.text import Text
 
     from engine.formats.report import motion as report
-    from engine.pipelines.motion.moving import move
+    from engine.pipelines.motion.moving import Site, move
 
-    found = move(target, *ends, wished())
+    found = move(Site.of(target), *ends, wished())
     status, said = report.status(found.answer), report.text(found)
     if form not in (MotionForm.TEXT, MotionForm.JSON):
         drawn = _drawn(found, form, seen)

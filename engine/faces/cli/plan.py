@@ -26,12 +26,13 @@ from engine.faces.cli.options import (
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Callable, Mapping
 
     from rich.console import RenderableType
 
     from engine.formats.interop.pddl import PddlProblem
     from engine.model.outcome import Outcome
+    from engine.pipelines.moves.planning import Moving
     from engine.pipelines.objective import Run
     from kb.model.problem import Problem
 
@@ -61,6 +62,11 @@ class Ordering(StrEnum):
     SEQUENCE = "sequence"
     FREE = "free"
 
+
+Motion = Annotated[
+    bool,
+    typer.Option("--motion", help="with the motion of the arm in every step, and the time that it takes"),
+]
 
 Order = Annotated[
     Ordering | None,
@@ -100,10 +106,11 @@ def plan(
     order: Order = None,
     store: Library = "",
     folded: Folded = False,
+    motion: Motion = False,
 ) -> None:
     """Print a plan for TARGET, or, with --pddl, for the PDDL domain TARGET and the PDDL problem TASK."""
     wanted = PlanRequest(target, goals, command, task)
-    _refuse_misfits(wanted, pddl, strategy if race else "auto")
+    _refuse_misfits(wanted, pddl, strategy if race else "auto", motion)
     _refuse_unseen(format, stats, folded, store)
     searching = {"--objective": objective, "--race": race, "--anytime": anytime, "--pddl": pddl}
     searching["--strategy"] = strategy != "auto"
@@ -119,12 +126,15 @@ def plan(
         folded,
         objective or (Wish.COST if strategy == "shortest" else None),
         order or (Ordering.FREE if any(searching.values()) else Ordering.SEQUENCE),
+        motion,
     )
     give(lambda: _plan(wanted, format, stats, work), Form.JSON if format is PlanForm.JSON else Form.TEXT)
 
 
-def _refuse_misfits(wanted: "PlanRequest", pddl: bool, raced: str) -> None:
+def _refuse_misfits(wanted: "PlanRequest", pddl: bool, raced: str, motion: bool) -> None:
     """Refuse options that do not go together; `raced` is the strategy that is asked for beside a race of all."""
+    if pddl and motion:
+        raise typer.BadParameter("--motion needs a cell: a PDDL problem has none")
     if pddl != (wanted.pddl is not None):
         raise typer.BadParameter("--pddl takes a domain and a problem; without it there is one target")
     if pddl:
@@ -167,6 +177,7 @@ class SearchOptions:
     folded: bool = False
     objective: "Wish | None" = None
     order: Ordering = Ordering.SEQUENCE
+    motion: bool = False
 
 
 def _read_task(wanted: "PlanRequest") -> "PddlProblem | None":
@@ -201,15 +212,44 @@ def _plan(wanted: PlanRequest, form: PlanForm, stats: bool, work: SearchOptions)
         )
         wish = objectives.Objective(work.objective.value) if work.objective else None
         order = objectives.Order(work.order.value)
-        run, origin = planned(problem, limits, wish, order, work.store, work.folded)
+        moving: Moving | None = None
+        origin: dict[str, Any] = {}
+        if work.motion:
+            moving = _moving(
+                wanted.target, problem, work, lambda each: objectives.plan(each, limits, wish, order)
+            )
+            run, problem = moving.run, moving.problem
+        else:
+            run, origin = planned(problem, limits, wish, order, work.store, work.folded)
     outcome = run.outcome
     return Answer(
         json.status(outcome),
-        _document(run, problem, origin, stats) if form is PlanForm.JSON else {},
-        text=lambda: _text(run, problem, stats, origin, work.folded),
+        {**_document(run, problem, origin, stats), **_motions(moving)} if form is PlanForm.JSON else {},
+        text=lambda: _text(run, problem, stats, origin, work.folded, moving),
         code=INTERRUPTED if interrupted.heard else exit_code(outcome),
         raw=_ipc(outcome, task) if form is PlanForm.IPC else _picture(outcome, problem, form),
     )
+
+
+def _moving(
+    target: str, problem: "Problem", work: SearchOptions, planned: "Callable[[Problem], Run]"
+) -> "Moving":
+    """The plan in which every step moves."""
+    from engine.pipelines.poses.planning import plan_with_poses
+    from engine.plugins import geometry_backend
+    from engine.stages.geometry.pictures.view import cell_of
+
+    found = plan_with_poses(problem, cell_of(target), geometry_backend(), planned, work.seed, work.store)
+    return found.moving
+
+
+def _motions(moving: "Moving | None") -> dict[str, Any]:
+    """The motions as data."""
+    if moving is None:
+        return {}
+    from engine.formats.report import moves
+
+    return moves.entry(moving)
 
 
 def _document(run: "Run", problem: "Problem", origin: "Mapping[str, Any]", stats: bool) -> dict[str, Any]:
@@ -250,7 +290,12 @@ def _ipc(outcome: "Outcome", task: "PddlProblem | None") -> str | None:
 
 
 def _text(
-    run: "Run", problem: "Problem", stats: bool, origin: "Mapping[str, Any]", folded: bool
+    run: "Run",
+    problem: "Problem",
+    stats: bool,
+    origin: "Mapping[str, Any]",
+    folded: bool,
+    moving: "Moving | None" = None,
 ) -> "RenderableType":
     from rich.console import Group
 
@@ -264,6 +309,10 @@ def _text(
         from engine.formats.report import itinerary
 
         parts.append(itinerary.text(run, problem.domain.time_unit))
+    if moving is not None:
+        from engine.formats.report import moves
+
+        parts += moves.text(moving)
     return Group(*parts, *([text.statistics(run.outcome.statistics)] if stats else []))
 
 

@@ -1,5 +1,6 @@
 """`cellwright prepare`: plan a set of problems before the plans are needed."""
 
+import dataclasses
 import os
 import sys
 from collections.abc import Callable, Iterator
@@ -17,7 +18,7 @@ from engine.model.wording import counted
 if TYPE_CHECKING:
     from rich.console import RenderableType
 
-    from engine.pipelines.preparation import KeptSequence, Preparation
+    from engine.pipelines.preparation import KeptPoses, KeptSequence, Preparation
 
 
 def prepare(
@@ -104,6 +105,7 @@ def _content(found: "Preparation") -> dict[str, Any]:
             "name": each.name,
             "reason": each.reason,
             "sequence": _sequence(each.sequence),
+            "poses": None if each.poses is None else dataclasses.asdict(each.poses),
         }
         for each in found.problems
     ]
@@ -124,21 +126,38 @@ def _text(found: "Preparation") -> "RenderableType":
     from engine.formats.report.macros import origin
     from engine.formats.report.rows import TextTable
 
-    sequenced, rows = any(each.sequence for each in found.problems), []
+    sequenced = any(each.sequence for each in found.problems)
+    posed, rows = any(each.poses for each in found.problems), []
     for each in found.problems:
         found_it = each.status == "found"
         said = origin(each.origin, each.macrop, each.name, each.reason).plain if found_it else each.reason
         last = [_sequence_said(each.sequence)] if sequenced else []
+        last += [_poses_said(each.poses)] if posed else []
         rows.append((each.problem, each.status, said, *last))
     stale = [
         Text(f"MACROP {n} was stale and is gone: {', '.join(p)} changed") for n, p in found.stale.items()
     ]
     learned = sum(each.origin == "planner" and each.macrop is not None for each in found.problems)
     known = sum(each.origin == "library" for each in found.problems)
-    table = TextTable(("problem", "answer", "", *(("sequence",) if sequenced else ())), rows)
+    columns = [name for name, shown in (("sequence", sequenced), ("poses", posed)) if shown]
+    table = TextTable(("problem", "answer", "", *columns), rows)
+    lost = [
+        Text(f"{each.problem}: {name} is out of reach: {why}")
+        for each in found.problems
+        for name, why in (each.poses.unreached.items() if each.poses else ())
+    ]
     return Group(
-        *stale, table, Text(f"{counted(len(found.problems), 'problem')}: {learned} learned, {known} known")
+        *stale,
+        table,
+        *lost,
+        Text(f"{counted(len(found.problems), 'problem')}: {learned} learned, {known} known"),
     )
+
+
+def _poses_said(kept: "KeptPoses | None") -> str:
+    if kept is None:
+        return ""
+    return f"{kept.reached} reached; {kept.made} found, {kept.kept} kept"
 
 
 def _sequence_said(kept: "KeptSequence | None") -> str:

@@ -28,7 +28,9 @@ class Watch:
         self.deadline = None if seconds is None else time.monotonic() + seconds
         self.tell: Callable[[int], None] = lambda _: None
         self.heard = self.answered = False
-        self.waiting = False  # for a person, or for a cell: then Ctrl-C is heard there, and `time_is_up` ends it
+        self.waiting = (
+            False  # for a person, or for a cell: then Ctrl-C is heard there, and `time_is_up` ends it
+        )
         self.time_is_up: Callable[[], None] | None = None
 
     def is_time_up(self) -> bool:

@@ -10,6 +10,7 @@ from pathlib import Path
 from engine.model.measurement import Inspection, MeasurementPoint
 from kb.diagnostics import Diagnostic, InvalidInput, Source, nearest
 from kb.files import File, read_file
+from kb.numbers import DIGITS, NumberError, decimal
 
 NEEDED = ("name", "x", "y", "z", "nx", "ny", "nz")
 OPTIONAL = ("kind", "nominal", "tolerance", "bore", "feature")
@@ -38,7 +39,9 @@ def read_table(path: Path, unit: str = "mm") -> Inspection:
     metres = unit_m(unit)
     file = read_file(path)
     head = file.text.partition("\n")[0]
-    rows = csv.reader(io.StringIO(file.text), delimiter=next((mark for mark in MARKS if mark in head), ","))
+    rows = csv.reader(
+        io.StringIO(file.text, newline=None), delimiter=next((mark for mark in MARKS if mark in head), ",")
+    )
     try:
         columns = [each.strip().lower() for each in next(rows, [])]
         wrong = _columns(columns, file)
@@ -98,7 +101,7 @@ def _row(
     bad = next(_bad_numbers(cells), None)
     if bad is not None:
         return _wrong(where, *bad)
-    values = {key: float(cells[key]) for key in NUMBERS if cells.get(key)}
+    values = {key: decimal(cells[key]) for key in NUMBERS if cells.get(key)}
     values |= {key: values[key] * unit for key in LENGTHS if key in values}
     if (message := _senseless(cells.get("name", ""), cells.get("kind", ""), values)) is not None:
         return _wrong(where, *message)
@@ -123,10 +126,11 @@ def _bad_numbers(cells: Mapping[str, str]) -> Iterator[tuple[str, str]]:
         text = cells.get(key, "")
         if not text and key in NEEDED:
             yield f"no number in the column '{key}'", "every point needs a position and a normal"
-        elif text and not _is_number(text):
-            yield f"'{text}' is not a number", f"the column '{key}' needs a number such as 1.5"
-        elif text and not math.isfinite(float(text)):
-            yield "a number is not finite", f"the column '{key}' needs a number such as 1.5"
+        elif text:
+            try:
+                decimal(text)
+            except NumberError as error:
+                yield f"'{text[:DIGITS]}' {error}", f"the column '{key}' needs a number such as 1.5"
 
 
 def _senseless(name: str, kind: str, values: Mapping[str, float]) -> tuple[str, str] | None:
@@ -142,11 +146,3 @@ def _senseless(name: str, kind: str, values: Mapping[str, float]) -> tuple[str, 
     if min((values[key] for key in ("tolerance", "bore") if key in values), default=0) < 0:
         return "a tolerance or a bore is less than 0", "give how wide it is"
     return None
-
-
-def _is_number(text: str) -> bool:
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True

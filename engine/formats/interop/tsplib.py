@@ -14,8 +14,10 @@ from engine.model.metric import Metric
 from engine.model.tour import Longs, TourProblem, Visit
 from kb.diagnostics import Diagnostic, InvalidInput, Source
 from kb.files import File, read_file
+from kb.numbers import DIGITS, NumberError, decimal, whole
 
 MAX_CITIES = 1_000_000
+LARGEST = 1e9  # of a coordinate or a cost: the cost of a tour of a million cities stays exact
 MATRIX = 8_000  # at most so many cities with a matrix of costs
 DENSE = 1_000  # costs of more cities are computed when they are needed
 SECTION = re.compile(r"^\s*([A-Z_]+_SECTION)\s*:?\s*$", re.MULTILINE)
@@ -30,11 +32,27 @@ def read_tsplib(path: Path) -> TourProblem:
     travel, positions = _distances(file, head, sections, n)
     places = positions if positions is not None else _numbers(file, sections, "DISPLAY_DATA_SECTION", 3 * n)
     where = None if places is None else places.reshape(n, 3)
-    names = [str(i + 1) for i in range(n)] if where is None else [str(int(row[0])) for row in where]
+    names = [str(i + 1) for i in range(n)] if where is None else _nodes(file, sections, where[:, 0])
     visits = tuple(
         Visit(names[i], None if where is None else (float(where[i, 1]), float(where[i, 2]))) for i in range(n)
     )
     return TourProblem(head.get("NAME", path.stem), visits, travel)
+
+
+def _nodes(file: File, sections: dict[str, tuple[int, str]], numbers: Floats) -> list[str]:
+    """The names of the cities: their numbers, which are whole and all different."""
+    name = "NODE_COORD_SECTION" if "NODE_COORD_SECTION" in sections else "DISPLAY_DATA_SECTION"
+    start, text = sections[name]
+    tokens = [each.start() for each in re.finditer(r"\S+", text)][::3]
+    seen: set[float] = set()
+    for place, number in zip(tokens, numbers.tolist(), strict=True):
+        if number in seen or not number.is_integer():
+            why = "is used twice" if number in seen else "is not whole"
+            raise _wrong(
+                file.at(start + place), f"the number {number:g} of a city {why}", "number them 1, 2, 3"
+            )
+        seen.add(number)
+    return [str(int(each)) for each in numbers]
 
 
 def _wrong(where: Source, message: str, hint: str = "") -> InvalidInput:
@@ -60,9 +78,10 @@ def _count(file: File, head: dict[str, str]) -> int:
     kind, size = head.get("TYPE", "").split()[:1], head.get("DIMENSION", "")
     if kind not in (["TSP"], ["ATSP"]):
         raise _wrong(Source(file.path), "TYPE is neither TSP nor ATSP", "name a TSPLIB instance")
-    if not size.isdecimal() or not 1 <= int(size) <= MAX_CITIES:
-        raise _wrong(Source(file.path), f"DIMENSION is not a number from 1 to {MAX_CITIES}")
-    return int(size)
+    try:
+        return whole(size, 1, MAX_CITIES)
+    except NumberError:
+        raise _wrong(Source(file.path), f"DIMENSION is not a number from 1 to {MAX_CITIES}") from None
 
 
 def _numbers(file: File, sections: dict[str, tuple[int, str]], name: str, count: int) -> Floats | None:
@@ -73,19 +92,22 @@ def _numbers(file: File, sections: dict[str, tuple[int, str]], name: str, count:
     try:
         found = np.array(text.split(), dtype=float)
     except ValueError:
-        bad = next(each for each in re.finditer(r"\S+", text) if not _is_number(each[0]))
-        raise _wrong(file.at(start + bad.start()), f"'{bad[0]}' is not a number") from None
-    if len(found) != count or not np.isfinite(found).all():
+        found = np.array([np.nan])
+    if not (np.abs(found) <= LARGEST).all():
+        raise _bad_number(file, start, text)
+    if len(found) != count:
         raise _wrong(file.at(start), f"{name} has {len(found)} numbers, but {count} are needed")
     return found
 
 
-def _is_number(text: str) -> bool:
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True
+def _bad_number(file: File, start: int, text: str) -> InvalidInput:
+    """What is wrong with the first bad number of a section."""
+    for each in re.finditer(r"\S+", text):
+        try:
+            decimal(each[0], LARGEST)
+        except NumberError as error:
+            return _wrong(file.at(start + each.start()), f"'{each[0][:DIGITS]}' {error}")
+    return _wrong(file.at(start), "a number that cannot be read")
 
 
 def _distances(
@@ -142,8 +164,8 @@ def _explicit(file: File, head: dict[str, str], sections: dict[str, tuple[int, s
     if shape != "FULL_MATRIX":
         travel[columns, rows] = np.rint(numbers)
     np.fill_diagonal(travel, 0)
-    if travel.min(initial=0) < 0 or travel.max(initial=0) > 2**40:
-        raise _wrong(Source(file.path), "a cost is negative or too large")
+    if travel.min(initial=0) < 0:
+        raise _wrong(Source(file.path), "a cost is negative")
     return travel
 
 

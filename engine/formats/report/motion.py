@@ -10,6 +10,7 @@ from engine.model.motion import Answer, Blocked, Moved, Refused
 from engine.pipelines.motion.legs import APPROACH, RETRACT, Leg
 from engine.pipelines.motion.moving import Motion
 
+MOST = 16  # configurations of a leg that are shown
 SAID = {RETRACT: "straight out", APPROACH: "straight in"}
 
 
@@ -21,7 +22,7 @@ def status(answer: Answer) -> str:
         case Refused():
             return "infeasible"
         case Blocked():
-            return "gave up"
+            return "infeasible" if answer.severed else "gave up"
 
 
 def content(motion: Motion) -> dict[str, Any]:
@@ -71,11 +72,18 @@ def text(motion: Motion) -> str:
     for leg in motion.legs:
         kind = SAID.get(leg.kind, "")
         rows = range(n + (1 if n else 0), n + len(leg.path))
-        lines += [f"{times[row]:8.3f} s  {values(path[row], motion.slides)}  {kind}".rstrip() for row in rows]
+        shown = [f"{times[row]:8.3f} s  {values(path[row], motion.slides)}  {kind}".rstrip() for row in rows]
+        lines += (
+            shown if len(shown) <= MOST else [*shown[: MOST - 2], _left_out(len(shown) - MOST + 1), shown[-1]]
+        )
         n += len(leg.path) - 1
         lines += [_touch(each) for each in leg.touches]
     lines += [f"slow in {name}, because people may be there" for name in motion.times.slow]
     return "\n".join([*lines, *_rests(motion)])
+
+
+def _left_out(count: int) -> str:
+    return f"            and {count} more: --format json has them all"
 
 
 def _rests(motion: Motion) -> list[str]:

@@ -5,9 +5,10 @@ from collections.abc import Sequence
 from typing import Any
 
 from engine.model.geometry import Contact, Floats
-from engine.model.motion import Blocked, InCollision, OutsideLimits, Reason, Refused
+from engine.model.motion import Blocked, InCollision, OutsideLimits, Reason, Refused, Severed
 
 SHOWN = 3  # contacts that are named
+MOST = 5  # ends that are told of
 
 
 def content_of(answer: Refused | Blocked, joints: Sequence[str]) -> dict[str, Any]:
@@ -24,6 +25,7 @@ def content_of(answer: Refused | Blocked, joints: Sequence[str]) -> dict[str, An
                 "at": answer.at.tolist(),
                 "contacts": [_contact(each) for each in answer.contacts],
                 "why": answer.why,
+                "severed": _severed(answer.severed, joints) if answer.severed else None,
             }
 
 
@@ -34,6 +36,15 @@ def _reason(reason: Reason, joints: Sequence[str]) -> dict[str, Any]:
             return {"of": reason.of, "joint": _name(reason.joint, joints), "value": reason.value, **limits}
         case InCollision():
             return {"of": reason.of, "contacts": [_contact(each) for each in reason.contacts]}
+
+
+def _severed(proof: Severed, joints: Sequence[str]) -> dict[str, Any]:
+    return {
+        "joints": [_name(each, joints) for each in proof.joints],
+        "cells": proof.cells,
+        "at": proof.at.tolist(),
+        "contacts": [_contact(each) for each in proof.contacts],
+    }
 
 
 def _name(joint: int, joints: Sequence[str]) -> str:
@@ -48,20 +59,32 @@ def text_of(answer: Refused | Blocked, joints: Sequence[str], slides: Sequence[b
     """The reason for people: degrees and m."""
     match answer:
         case Refused():
-            return "\n".join(_told(each, joints, slides) for each in answer.reasons)
+            told = [_told(each, joints, slides) for each in answer.reasons]
+            more = [f"and {len(told) - MOST} more: --format json has them all"] if len(told) > MOST else []
+            return "\n".join([*told[:MOST], *more])
         case Blocked():
             told = [_touching(each) for each in answer.contacts[:SHOWN]]
+            sure = [_cut_off(answer.severed, joints)] if answer.severed else []
             why = [f"{answer.why[0].upper()}{answer.why[1:]}."] if answer.why else []
             reached = "" if answer.why else f", {sum(answer.grown)} reached"
             return "\n".join(
                 [
                     f"no path found: {answer.looked} configurations looked at{reached}",
+                    *sure,
                     *why,
                     f"from the start it gets to  {_values(answer.ends[0], slides)}",
                     f"from the goal it gets to   {_values(answer.ends[1], slides)}",
                     f"between them, at {_values(answer.at, slides)}, {', '.join(told) or 'nothing is near'}",
                 ]
             )
+
+
+def _cut_off(proof: Severed, joints: Sequence[str]) -> str:
+    """The sentence of a proof that there is no path."""
+    names = " and ".join(_name(each, joints) for each in proof.joints)
+    first, second = proof.contacts[0].first, proof.contacts[0].second
+    verb = "does" if len(proof.joints) == 1 else "do"
+    return f"there is none, that is proved: whatever {names} {verb}, {first} cannot pass {second}"
 
 
 def _told(reason: Reason, joints: Sequence[str], slides: Sequence[bool]) -> str:

@@ -1,21 +1,13 @@
 # Types with which Cython compiles edges.py. Its meaning is written there.
 import cython
 from libc cimport math
-from engine.kernels.geometry cimport checks, forward, room
-from engine.kernels.geometry.layout cimport Pairs, Pieces
+from engine.kernels.geometry cimport checks, mechanism, room
+from engine.kernels.geometry.lanes cimport Lanes, Narrow
+from engine.kernels.geometry.layout cimport Pairs
+from engine.kernels.geometry.mechanism cimport Mechanism
 from engine.kernels.geometry.room cimport Room
 
-cdef double INFINITE
-
-@cython.final
-cdef class Mechanism:
-    cdef readonly Py_ssize_t count
-    cdef const long long[::1] parent
-    cdef const double[:, :, ::1] origin
-    cdef const double[:, ::1] axis
-    cdef const unsigned char[::1] slides
-
-cdef void place_carriers(Mechanism m, const double[::1] at, Py_ssize_t n, double[:, :, :, ::1] poses) noexcept nogil
+cdef int LANES
 
 @cython.final
 cdef class Edges:
@@ -27,6 +19,7 @@ cdef class Edges:
     cdef Mechanism mechanism
     cdef Pairs pairs
     cdef Room room
+    cdef Lanes lanes
     cdef double[:, :, :, ::1] poses
     cdef double[::1] at
     cdef Py_ssize_t latest
@@ -42,15 +35,14 @@ cdef int _asked(
 cdef double length(
     const double[:, ::1] first, Py_ssize_t i, const double[:, ::1] second, Py_ssize_t j, Py_ssize_t count
 ) noexcept nogil
-@cython.locals(away=double, steps="long long", stride="long long", s="long long", share=double)
+@cython.locals(away=double, steps="long long", blocks="long long", stride="long long", b="long long")
 cdef bint _swept(
     Edges e, const double[:, ::1] first, Py_ssize_t i, const double[:, ::1] second, Py_ssize_t j
 ) noexcept nogil
-cdef bint _touches_at(
-    Edges e, const double[:, ::1] first, Py_ssize_t i, const double[:, ::1] second, Py_ssize_t j, double t
-) noexcept nogil
-@cython.locals(g=Py_ssize_t, latest=Py_ssize_t)
-cdef bint touches(Edges e) noexcept nogil
+@cython.locals(lanes="unsigned int", share=double, s="long long", n=int, x=Py_ssize_t, g=Py_ssize_t)
+cdef bint _block_touches(Edges e, long long steps, long long blocks, long long b) noexcept nogil
+@cython.locals(x=Py_ssize_t, g=Py_ssize_t)
+cdef bint _touches_in(Edges e, int n) noexcept nogil
 
 @cython.locals(a="const double[:, ::1]", b="const double[:, ::1]", found="unsigned char[::1]", n=Py_ssize_t, free=int)
 cpdef void free_edges(Edges e, object first, object second, object out) except *

@@ -2,7 +2,8 @@
 # cython: initializedcheck=False, cdivision=True
 """Straight lines between configurations, each checked whole: from coarse to fine, until a configuration touches.
 
-What touched last is looked at first, because the next configuration is near the last one.
+Sixteen configurations, spread over the whole line, are looked at side by side. What touched last is looked at first, because
+the next line is near the last one.
 """
 
 import math
@@ -11,37 +12,13 @@ from collections.abc import Callable
 import cython
 import numpy as np
 
-from engine.kernels.arrays import Bytes, Floats, Longs, Truths, refuse_unless
-from engine.kernels.geometry import checks, forward, room
-from engine.kernels.geometry.layout import Pairs, Pieces
+from engine.kernels.arrays import Bytes, Floats, refuse_unless
+from engine.kernels.geometry import checks, mechanism, room
+from engine.kernels.geometry.lanes import Lanes, Narrow
 from engine.kernels.geometry.room import Room
 
-INFINITE = math.inf
+LANES = 16  # configurations side by side
 Ask = Callable[[Floats, Floats], bool]
-
-
-class Mechanism:
-    """k joints: the parent carriers (k,), the origins there (k, 4, 4), the unit axes (k, 3), which of them slide (k,).
-
-    Raises `ValueError` for arrays that do not fit together.
-    """
-
-    def __init__(self, parent: Longs, origin: Floats, axis: Floats, slides: Truths) -> None:
-        self.count = len(parent)
-        refuse_unless("parents", parent, np.int64, (self.count,))
-        refuse_unless("origins", origin, np.float64, (self.count, 4, 4))
-        refuse_unless("axes", axis, np.float64, (self.count, 3))
-        refuse_unless("what slides", slides, np.bool_, (self.count,))
-        if (parent < 0).any() or (parent > np.arange(self.count)).any():
-            raise ValueError("a joint hangs on a carrier that does not come before it")
-        self.parent, self.origin, self.axis, self.slides = parent, origin, axis, slides.view(np.uint8)
-
-
-def place_carriers(m: Mechanism, at: Floats, n: int, poses: Floats) -> None:
-    """Put all carriers where they are in configuration `at` (k,), in row `n` of poses (n, k + 1, 3, 4)."""
-    forward.stand(poses, n)
-    for j in range(m.count):
-        forward.place_joint(m.origin, m.axis, m.slides[j], m.parent[j], j, at[j], n, poses)
 
 
 class Edges:
@@ -49,27 +26,17 @@ class Edges:
 
     A line is looked at every `step`, measured in the space of the joints (rad, m). What comes within `margin` (m) of another
     thing touches it. `looked` counts the configurations looked at. With `ask`, that function says whether a line is free, in
-    place of the scene: so any checker can take part. Raises `ValueError` for what does not fit together.
+    place of the scene: so any checker can take part. Raises `ValueError` for a step or margin that cannot be.
     """
 
-    def __init__(
-        self,
-        mechanism: Mechanism,
-        pieces: Pieces,
-        pairs: Pairs,
-        step: float,
-        margin: float = 0.0,
-        ask: Ask | None = None,
-    ) -> None:
+    def __init__(self, scene: Narrow, step: float, margin: float = 0.0, ask: Ask | None = None) -> None:
         if not (step > 0.0 and margin >= 0.0 and math.isfinite(step) and math.isfinite(margin)):
             raise ValueError(f"the step must be above 0, the margin 0 or more, not {step} and {margin}")
-        if pairs.numbers > pieces.count or pieces.carriers > mechanism.count + 1:
-            raise ValueError(f"pairs or carriers beyond {pieces.count} pieces and {mechanism.count} joints")
-        self.mechanism, self.pairs, self.count = mechanism, pairs, mechanism.count
+        self.mechanism, self.pairs, self.count = scene.mechanism, scene.pairs, scene.mechanism.count
         self.step, self.margin, self.ask, self.foreign = step, margin, ask, ask is not None
-        poses = np.empty((1, mechanism.count + 1, 3, 4))
-        self.poses, self.room = poses, Room(pieces, poses)
-        self.at = np.zeros(mechanism.count)
+        self.poses = np.empty((1, self.count + 1, 3, 4))
+        self.room, self.lanes = Room(scene.pieces, np.asarray(self.poses)), Lanes(scene)
+        self.at = np.zeros(self.count)
         self.looked, self.latest = 0, 0
 
     def free(self, first: Floats, i: int, second: Floats, j: int) -> int:
@@ -96,41 +63,53 @@ def _asked(e: Edges, first: Floats, i: int, second: Floats, j: int) -> int:
 
 
 def _swept(e: Edges, first: Floats, i: int, second: Floats, j: int) -> bool:
-    """Whether something touches on the way. The end comes first, then the middle, then the quarters, and so on."""
+    """Whether something touches on the way. Each block of sixteen places is spread over the whole line."""
     away = length(first, i, second, j, e.count)
-    steps = cython.cast(cython.longlong, math.ceil(away / e.step))
-    if _touches_at(e, first, i, second, j, 1.0):
-        return True
-    stride, share = 1, 1.0
-    share /= max(1, steps)
-    while stride < steps:
+    steps = max(1, cython.cast(cython.longlong, math.ceil(away / e.step)))
+    blocks, stride = (steps + LANES - 1) // LANES, 1
+    e.lanes.along(first, i, second, j)
+    while stride < blocks:
         stride *= 2
+    if _block_touches(e, steps, blocks, 0):
+        return True
     while stride > 1:
-        s = stride // 2
-        while s < steps:
-            if _touches_at(e, first, i, second, j, s * share):
+        b = stride // 2
+        while b < blocks:
+            if _block_touches(e, steps, blocks, b):
                 return True
-            s += stride
+            b += stride
         stride //= 2
     return False
 
 
-def _touches_at(e: Edges, first: Floats, i: int, second: Floats, j: int, t: float) -> bool:
-    for x in range(e.count):
-        e.at[x] = first[i, x] + t * (second[j, x] - first[i, x])
-    return touches(e)
-
-
-def touches(e: Edges) -> bool:
-    """Whether something touches in configuration `at`."""
-    e.looked += 1
-    place_carriers(e.mechanism, e.at, 0, e.poses)
-    room.forget(e.room)
-    latest = e.latest
-    if latest < e.pairs._groups.shape[0] and checks.first_of_group(e.room, e.pairs, latest, 0, e.margin) >= 0:
+def _block_touches(e: Edges, steps: int, blocks: int, b: int) -> bool:
+    """Whether something touches at the places b + 1, b + 1 + blocks, and so on, of those after each step."""
+    lanes, share = 0, 1.0
+    share /= steps
+    for n in range(LANES):
+        s = min(b + 1 + n * blocks, steps)
+        e.lanes.where[n] = 1.0 if s == steps else s * share
+        if b + n * blocks < steps:
+            e.looked += 1
+            lanes |= 1 << n
+    g = e.lanes.sift(e.latest, lanes, e.margin, False)
+    if g >= 0:
+        e.latest = g
         return True
-    for g in range(e.pairs._groups.shape[0]):
-        if checks.first_of_group(e.room, e.pairs, g, 0, e.margin) >= 0:
+    n = 0
+    while n < LANES and not (e.lanes.doubted & (1 << n) and _touches_in(e, n)):
+        n += 1
+    return n < LANES
+
+
+def _touches_in(e: Edges, n: int) -> bool:
+    """Whether the groups that lane `n` leaves in doubt touch in its configuration."""
+    for x in range(e.count):
+        e.at[x] = e.lanes.start[x] + e.lanes.where[n] * e.lanes.way[x]
+    mechanism.place_carriers(e.mechanism, e.at, 0, e.poses)
+    room.forget(e.room)
+    for g in range(e.lanes.groups):
+        if e.lanes.doubt[g] & (1 << n) and checks.first_of_group(e.room, e.pairs, g, 0, e.margin) >= 0:
             e.latest = g
             return True
     return False

@@ -1,6 +1,6 @@
 # Types with which Cython compiles forward.py. Its meaning is written there.
 import cython
-from libc cimport math
+from engine.kernels.geometry cimport angles
 
 cdef void stand(double[:, :, :, ::1] out, Py_ssize_t n) noexcept nogil
 cdef void place_joint(

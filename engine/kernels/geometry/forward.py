@@ -2,12 +2,11 @@
 # cython: initializedcheck=False, cdivision=True
 """Where the carriers of joints are in configuration after configuration."""
 
-import math
-
 import cython
 import numpy as np
 
 from engine.kernels.arrays import Floats, Longs, Truths
+from engine.kernels.geometry import angles
 
 
 def carriers(parent: Longs, origin: Floats, axis: Floats, prismatic: Truths, q: Floats, out: Floats) -> None:
@@ -46,7 +45,7 @@ def place_joint(
     angle, slide = value, 0.0
     if prismatic:
         angle, slide = 0.0, value
-    s, c = math.sin(angle), math.cos(angle)
+    s, c = angles.sine_cosine(angle)
     a0, a1, a2, t = axis[j, 0], axis[j, 1], axis[j, 2], 1.0 - c
     m00, m01, m02 = c + t * a0 * a0, t * a0 * a1 - s * a2, t * a0 * a2 + s * a1
     m10, m11, m12 = t * a0 * a1 + s * a2, c + t * a1 * a1, t * a1 * a2 - s * a0

@@ -4,16 +4,20 @@
 
 From the middle of a stretch of a straight line, no point of a piece moves farther than its joints turn times its distance
 from their axes. Pieces that are farther apart than that do not touch on the whole stretch. Else the stretch is halved.
+Sixteen stretches are looked at side by side.
 """
 
 import cython
 import numpy as np
 
 from engine.kernels.arrays import Floats, refuse_unless
-from engine.kernels.geometry import checks, edges, room, volumes
-from engine.kernels.geometry.edges import Mechanism
-from engine.kernels.geometry.layout import Pairs, Pieces
+from engine.kernels.geometry import checks, edges, mechanism, room, volumes
+from engine.kernels.geometry.lanes import Lanes, Narrow
 from engine.kernels.geometry.room import Room
+
+LANES = 16  # stretches side by side
+DEEPEST = 40  # how often a stretch is halved at most
+LONGEST = 0.5  # rad or m: of a stretch that is looked at first
 
 
 class Proof:
@@ -21,26 +25,31 @@ class Proof:
 
     The reach is 0 where the joint does not move the piece, 1 for a joint that slides. Pieces must stay more than `margin` (m)
     apart. A stretch on which nothing moves more than `finest` (m) is not halved. `looked` counts stretches, `refined` those
-    halved. After a failure, `where` (0 to 1) and `pair` say where on the line, and which pair of the scene is too near.
-    Raises `ValueError` for what does not fit together.
+    halved, and `shortest` is the length of the shortest one (rad, m). After a failure, `where` (0 to 1) and `pair` say where
+    on the line, and which pair of the scene is too near. Raises `ValueError` for what does not fit together.
     """
 
-    def __init__(
-        self, mechanism: Mechanism, pieces: Pieces, pairs: Pairs, reach: Floats, margin: float, finest: float
-    ) -> None:
-        refuse_unless("reaches", reach, np.float64, (mechanism.count, pieces.count))
-        if pairs.numbers > pieces.count or pieces.carriers > mechanism.count + 1:
-            raise ValueError(f"pairs or carriers beyond {pieces.count} pieces and {mechanism.count} joints")
+    def __init__(self, scene: Narrow, reach: Floats, margin: float, finest: float) -> None:
+        self.mechanism, self.pairs, self.count = scene.mechanism, scene.pairs, scene.mechanism.count
+        refuse_unless("reaches", reach, np.float64, (self.count, scene.pieces.count))
         if not (margin >= 0.0 and finest > 0.0):
             raise ValueError(
                 f"the margin must be 0 or more, the finest motion above 0, not {margin} and {finest}"
             )
-        self.mechanism, self.pairs, self.count = mechanism, pairs, mechanism.count
         self.margin, self.finest, self.reach = margin, finest, reach
-        poses = np.empty((1, mechanism.count + 1, 3, 4))
-        self.poses, self.room = poses, Room(pieces, poses)
-        self.at, self.half, self.whole = np.zeros(self.count), np.zeros(self.count), np.zeros(pieces.count)
+        self.poses = np.empty((1, self.count + 1, 3, 4))
+        self.room, self.lanes = Room(scene.pieces, np.asarray(self.poses)), Lanes(scene, reach)
+        self.at, self.half, self.whole = (
+            np.zeros(self.count),
+            np.zeros(self.count),
+            np.zeros(scene.pieces.count),
+        )
         self.looked, self.refined, self.pair, self.latest, self.where = 0, 0, -1, 0, 0.0
+        self.shortest = np.inf
+        self.todo = np.empty(
+            (LANES * (DEEPEST + 2), 2)
+        )  # stretches to be looked at: their starts and their shares of the line
+        self.now = np.empty((LANES, 2))
 
 
 def proved(p: Proof, path: Floats) -> int:
@@ -59,64 +68,100 @@ def proved(p: Proof, path: Floats) -> int:
 
 
 def _line_proved(p: Proof, a: Floats, n: int) -> bool:
-    """Go through the line from its start, with stretches as long as can be proved."""
-    low, level = 0.0, 1.0
-    while low < 1.0:
-        most = _stand_at(p, a, n, low + 0.5 * level, 0.5 * level)
-        p.looked += 1
-        if _apart(p):
-            low += level
-            while level < 1.0 and low % (2.0 * level) == 0.0:
-                level *= 2.0
-                if low + level > 1.0:
-                    level *= 0.5
-                    break
-        elif most <= p.finest or level < 1e-12:
-            p.where = low
-            return False
-        else:
-            p.refined += 1
-            level *= 0.5
+    """Look at sixteen stretches of a line at a time, those nearest to its start first; put halves back for those that fail."""
+    away, level, first, size = edges.length(a, n, a, n + 1, p.count), 1.0, 0.0, 0
+    _measure(p, a, n)
+    while level * away > LONGEST:
+        level *= 0.5
+    while first < 1.0 or size > 0:
+        taken = 0
+        while taken < LANES and size > 0:
+            size -= 1
+            p.now[taken, 0], p.now[taken, 1] = p.todo[size, 0], p.todo[size, 1]
+            taken += 1
+        while taken < LANES and first < 1.0:
+            p.now[taken, 0], p.now[taken, 1] = first, level
+            first += level
+            taken += 1
+        failed = _failed(p, taken)
+        for lane in range(taken - 1, -1, -1):
+            p.shortest = min(p.shortest, away * p.now[lane, 1])
+            if failed & (1 << lane):
+                if _finest(p, p.now[lane, 1]):
+                    p.where = p.now[lane, 0]
+                    return False
+                p.refined += 1
+                half = 0.5 * p.now[lane, 1]
+                p.todo[size, 0], p.todo[size, 1] = p.now[lane, 0] + half, half
+                p.todo[size + 1, 0], p.todo[size + 1, 1] = p.now[lane, 0], half
+                size += 2
     return True
 
 
-def _stand_at(p: Proof, a: Floats, n: int, t: float, half: float) -> float:
-    """Put everything where it is at a place of line `n`; the farthest that a piece moves from there on half a stretch."""
-    most = 0.0
-    for x in range(p.count):
-        away = a[n + 1, x] - a[n, x]
-        p.at[x], p.half[x] = a[n, x] + t * away, half * abs(away)
-    edges.place_carriers(p.mechanism, p.at, 0, p.poses)
-    room.forget(p.room)
+def _measure(p: Proof, a: Floats, n: int) -> None:
+    """Take line `n`, and note how far joints and pieces move on half of it."""
+    p.lanes.along(a, n, a, n + 1)
     for i in range(p.room.count):
         p.whole[i] = 0.0
-        for x in range(p.count):
+    for x in range(p.count):
+        p.half[x] = 0.5 * abs(a[n + 1, x] - a[n, x])
+        p.lanes.away[x] = p.half[x]
+        for i in range(p.room.count):
             p.whole[i] += p.half[x] * p.reach[x, i]
-        most = max(most, p.whole[i])
-    return most
+    for i in range(p.room.count):
+        p.lanes.whole[i] = p.whole[i]
 
 
-def _apart(p: Proof) -> bool:
-    """Whether no pair can touch on the stretch; the group that was near last is looked at first."""
-    if p.latest < p.pairs._groups.shape[0] and _near(p, p.latest) >= 0:
-        return False
-    for g in range(p.pairs._groups.shape[0]):
-        if g != p.latest and _near(p, g) >= 0:
+def _finest(p: Proof, share: float) -> bool:
+    """Whether a stretch, a share of the line, is not halved any more: nothing moves far on it."""
+    most = 0.0
+    for i in range(p.room.count):
+        most = max(most, share * p.whole[i])
+    return most <= p.finest or share < 1e-12
+
+
+def _failed(p: Proof, taken: int) -> int:
+    """Which of the first `taken` stretches of `now` are not proved, one bit each."""
+    for lane in range(LANES):
+        row = min(lane, taken - 1)
+        p.lanes.where[lane] = p.now[row, 0] + 0.5 * p.now[row, 1]
+        p.lanes.share[lane] = p.now[row, 1]
+    p.looked += taken
+    g = p.lanes.sift(p.latest, (1 << taken) - 1, p.margin, True)
+    if g >= 0:
+        p.latest = g
+    failed = p.lanes.hit
+    if failed:
+        p.pair = p.pairs._order[p.pairs._groups[g, 2]]
+    for lane in range(taken):
+        if p.lanes.doubted & ~failed & (1 << lane) and _near_in(p, lane):
+            failed |= 1 << lane
+    return failed
+
+
+def _near_in(p: Proof, lane: int) -> bool:
+    """Whether a pair of the groups that a lane leaves in doubt may touch on its stretch."""
+    for x in range(p.count):
+        p.at[x] = p.lanes.start[x] + p.lanes.where[lane] * p.lanes.way[x]
+    mechanism.place_carriers(p.mechanism, p.at, 0, p.poses)
+    room.forget(p.room)
+    for g in range(p.lanes.groups):
+        if p.lanes.doubt[g] & (1 << lane) and _near(p, g, p.now[lane, 1]) >= 0:
             p.latest = g
-            return False
-    return True
+            return True
+    return False
 
 
-def _near(p: Proof, g: int) -> int:
-    """The first pair of a group that may touch on the stretch, or -1."""
+def _near(p: Proof, g: int, share: float) -> int:
+    """The first pair of a group that may touch on a stretch, a share of the line, or -1."""
     i, j = p.pairs._groups[g, 0], p.pairs._groups[g, 1]
     room.bounds_once(p.room, i, 0)
     room.bounds_once(p.room, j, 0)
-    if volumes.verdict(p.room, i, j, _motion(p, i, j)) == volumes.APART:
+    if volumes.verdict(p.room, i, j, _motion(p, i, j, share)) == volumes.APART:
         return -1
     for m in range(p.pairs._groups[g, 2], p.pairs._groups[g, 3]):
         i, j = p.pairs._pairs[m, 0], p.pairs._pairs[m, 1]
-        by = _motion(p, i, j)
+        by = _motion(p, i, j, share)
         room.bounds_once(p.room, i, 0)
         room.bounds_once(p.room, j, 0)
         said = volumes.verdict(p.room, i, j, by)
@@ -130,15 +175,15 @@ def _near(p: Proof, g: int) -> int:
     return -1
 
 
-def _motion(p: Proof, i: int, j: int) -> float:
-    """The farthest that two pieces can come nearer on half a stretch, and the margin.
+def _motion(p: Proof, i: int, j: int, share: float) -> float:
+    """The farthest that two pieces can come nearer from the middle of a stretch, and the margin.
 
     A joint that moves both alike counts for neither.
     """
     if p.room.carrier[i] == 0 or p.room.carrier[j] == 0:
-        return float(p.whole[i] + p.whole[j] + p.margin)
-    total = p.margin
+        return float(share * (p.whole[i] + p.whole[j]) + p.margin)
+    total = 0.0
     for x in range(p.count):
         if p.reach[x, i] == 0.0 or p.reach[x, j] == 0.0:
             total += p.half[x] * (p.reach[x, i] + p.reach[x, j])
-    return total
+    return total * share + p.margin

@@ -44,8 +44,9 @@ class Trees:
         if not (reach > 0.0 and np.isfinite(starts).all() and np.isfinite(goals).all()):
             raise ValueError("configurations must be finite, and branches longer than nothing")
         self.count, self.capacity, self.reach = count, capacity + max(len(starts), len(goals)), reach
-        self.nodes, self.parents = np.empty((2, self.capacity, count)), np.full((2, self.capacity), -1)
+        self.nodes, self.parents = np.empty((2, self.capacity, count)), np.empty((2, self.capacity), np.int64)
         self.nodes[0, : len(starts)], self.nodes[1, : len(goals)] = starts, goals
+        self.parents[0, : len(starts)], self.parents[1, : len(goals)] = -1, -1
         self._nodes, self._parents = self.nodes, self.parents
         self._first, self._second = self.nodes[0], self.nodes[1]
         self.size, self.met = [len(starts), len(goals)], [-1, -1]

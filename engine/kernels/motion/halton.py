@@ -2,6 +2,8 @@
 # cython: initializedcheck=False, cdivision=True
 """Quasi-random points: they fill a cube evenly, and are the same on every run (Halton 1960)."""
 
+import functools
+
 import numpy as np
 
 from engine.kernels.arrays import Floats
@@ -9,6 +11,7 @@ from engine.kernels.arrays import Floats
 PRIMES = 64
 
 
+@functools.cache
 def primes(count: int) -> list[int]:
     """The first prime numbers."""
     found: list[int] = []

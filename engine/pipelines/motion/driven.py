@@ -5,6 +5,7 @@ to the next one, and straight in. A roadmap tells the times to the nearest visit
 path beats, until the tour takes such a way: then it is planned, and the tour is looked for again.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -13,17 +14,11 @@ from engine.model.geometry import Floats, Longs
 from engine.model.tour import Tour, TourProblem, Visit
 from engine.pipelines.inspection import Partition
 from engine.pipelines.inspection.poses import HOME, PosedTour, posed_tours
-from engine.pipelines.motion.moving import limits_of
+from engine.pipelines.motion.stations import Stations, stations
 from engine.ports import GeometryBackend
-from engine.stages.geometry import transforms
-from engine.stages.geometry.collision.ground import Ground
-from engine.stages.geometry.reach.hand import ArmHand
 from engine.stages.geometry.reach.reach import Reachability
-from engine.stages.geometry.reach.straight import Broken, straight
 from engine.stages.geometry.world.model import World
 from engine.stages.motion.roadmap import Travels, mapped, neighbours, travels
-from engine.stages.motion.smoothing import smoothed
-from engine.stages.motion.trajectory import Limits, least_times
 from engine.stages.sequencing import Limits as Effort
 from engine.stages.sequencing import sequence
 from kb.diagnostics import Diagnostic, InvalidInput, Source
@@ -70,51 +65,20 @@ def driven_tours(
 def _driven(
     problem: Problem, world: World, reach: Reachability, posed: PosedTour, effort: Effort
 ) -> DrivenTour:
-    cell, limits = world.cell, limits_of(world, posed.arm)
     names = [posed.problem.visits[visit].name for visit in posed.tour.order]
-    places = {name: cell.places[problem.domain.conventions.place(name)] for name in names if name != HOME}
-    first = next(iter(places.values()))
-    still = replace(first, touches=())
-    ground = Ground(reach.checker(still))
-    hand = ArmHand(world, ground.scene, posed.arm, reach.flange_to_end(still))
-    kept, nodes, outs, unreached = [], [], [], {}
-    for name, q in zip(names, reach.whole(still, posed.configurations), strict=True):
-        line = _out(hand, q, places[name].approach_m if name != HOME else 0.0)
-        why = line.why if isinstance(line, Broken) else _touching(ground, line[-1])
-        if why or isinstance(line, Broken):
-            unreached[name] = why
-            continue
-        kept.append(name)
-        nodes.append(line[-1])
-        even = np.zeros(len(line)), np.ones(len(line) - 1)
-        outs.append(smoothed(line[:, hand.own], limits, *even).duration_s if len(line) > 1 else 0.0)
-    found = _toured(ground, np.array(nodes), np.array(outs), limits, hand.own, kept, effort)
-    return DrivenTour(posed, *found, unreached)
+    place = problem.domain.conventions.place
+    places = {name: None if name == HOME else world.cell.places[place(name)] for name in names}
+    found = stations(world, reach, posed.arm, places, list(posed.configurations))
+    return DrivenTour(posed, *_toured(found, effort), dict(found.unreached))
 
 
-def _touching(ground: Ground, q: Floats) -> str:
-    """What touches at a configuration (k,); empty if nothing does."""
-    said = [
-        f"{each.first} overlaps {each.second} by {each.depth_m * 1000:.0f} mm" for each in ground.contacts(q)
-    ]
-    return f"with the tool in hand, {said[0]}" if said else ""
-
-
-def _out(hand: ArmHand, q: Floats, approach_m: float) -> Floats | Broken:
-    """The straight line out of a visit; where there is no approach, only where it is."""
-    if approach_m == 0.0:
-        return q[None]
-    return straight(hand, q, hand.poses(q[None])[0] @ transforms.translation(0.0, 0.0, -approach_m))
-
-
-def _toured(
-    ground: Ground, nodes: Floats, outs: Floats, limits: Limits, own: slice, names: list[str], effort: Effort
-) -> tuple[tuple[str, ...], tuple[float, ...], float, int]:
+def _toured(at: Stations, effort: Effort) -> tuple[tuple[str, ...], tuple[float, ...], float, int]:
     """The visits in order, the times of the moves, what they take at the least, and how many ways were planned."""
-    count = len(nodes)
+    ground, nodes, own, limits = at.ground, at.nodes, at.hand.own, at.limits
+    names, outs, count = at.names, at.outs_s, len(at.nodes)
     roadmap = mapped(ground, nodes, neighbours(nodes[:, own], limits, NEAR))
     found, roadmap = travels(ground, roadmap, roadmap.edges, limits, own)
-    least = _least(nodes[:, own], limits)
+    least = at.least()
     costs, planned = least.copy(), found.planned
     _enter(costs, found)
     known = {tuple(pair) for pair in found.pairs.tolist()}
@@ -146,19 +110,12 @@ def _toured(
     return tuple(names[n] for n in order), tuple(map(float, moves)), bound, planned
 
 
-def _least(nodes: Floats, limits: Limits) -> Floats:
-    """The least times (n, n) between configurations (n, k)."""
-    count = len(nodes)
-    rows = [least_times(np.repeat(nodes[n : n + 1], count, axis=0), nodes, limits) for n in range(count)]
-    return np.array(rows)
-
-
 def _enter(costs: Floats, found: Travels) -> None:
     a, b = found.pairs[:, 0], found.pairs[:, 1]
     costs[a, b] = costs[b, a] = np.where(np.isfinite(found.time_s), found.time_s, NEVER_S)
 
 
-def _order(costs: Floats, names: list[str], effort: Effort) -> tuple[int, ...]:
+def _order(costs: Floats, names: Sequence[str], effort: Effort) -> tuple[int, ...]:
     """The order of the visits, from the first one."""
     travel: Longs = np.rint(costs * MICROSECONDS).astype(np.int64)
     np.fill_diagonal(travel, 0)

@@ -1,12 +1,13 @@
 """A motion of an arm between two named ends: what a person names becomes configurations, and a planner joins them."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from engine.model.geometry import Floats
 from engine.model.motion import Answer, Moved, Query, Strategy
-from engine.pipelines.motion.ends import carried, end_of, tool_of
+from engine.pipelines.motion.ends import End, carried, end_of, tool_of
 from engine.pipelines.motion.legs import APPROACH, FREE, RETRACT, Departures, Leg, departures, leg_of
 from engine.pipelines.motion.timing import Timed, timed
 from engine.pipelines.motion.zones import zones_of
@@ -19,7 +20,9 @@ from engine.stages.geometry.reach.reach import Reachability
 from engine.stages.geometry.world.following import following
 from engine.stages.geometry.world.model import World
 from engine.stages.motion.planner import plan
+from engine.stages.motion.refining import proved_and_refined
 from engine.stages.motion.trajectory import Limits
+from engine.stages.motion.upright import Level
 
 UNKNOWN_SPEED = 1.0  # rad/s or m/s
 SWIFT = 4.0  # 1/s: of a joint whose acceleration is unknown: full speed after a quarter of a second
@@ -41,6 +44,9 @@ class Wish:
     direct: bool = False
     tool: str = ""
     smooth: bool = True
+    refine: int = 0
+    upright_rad: float = 0.0
+    budget: int = 1_000_000
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -92,32 +98,75 @@ def limits_of(world: World, arm: str) -> Limits:
     return Limits(speed, np.array(rated), np.array(rated) * ABRUPT)
 
 
-def move(target: str, start: str, goals: tuple[str, ...], wish: Wish = Wish()) -> Motion:
-    """The motion in the cell of a target from one end to one of several, each named as `end_of` says.
+@dataclass(frozen=True, slots=True, eq=False)
+class Site:
+    """A cell in which motions are planned; what is packed for one motion serves the next."""
+
+    world: World
+    reach: Reachability
+
+    @classmethod
+    def of(cls, target: str) -> "Site":
+        """The cell of a target, with its bodies where the facts put them. Raises `InvalidInput`."""
+        world = following(World.of(cell_of(target)), initial_facts(target))
+        return cls(world, Reachability(world, geometry_backend()))
+
+
+def move(site: Site, start: str, goals: Sequence[str], wish: Wish = Wish()) -> Motion:
+    """The motion from one end to one of several, each named as `end_of` says.
 
     The tool of a place is in the hand all the way. Raises `InvalidInput` for what cannot be read, and for places out of reach.
     """
-    cell = cell_of(target)
-    world = following(World.of(cell), initial_facts(target))
-    reach, tool = Reachability(world, geometry_backend()), tool_of(wish.tool, cell)
-    begin = end_of(start, "--from", reach, world, tool)
-    arrive = [end_of(goal, "--to", reach, world, tool) for goal in goals]
-    if wish.direct:
-        begin, *arrive = (
-            replace(end, place=end.place and replace(end.place, approach_m=0.0)) for end in (begin, *arrive)
-        )
-    place = carried(begin, arrive, tool)
-    ground = Ground(reach.checker(place))
-    hand = ArmHand(world, ground.scene, place.arm, reach.flange_to_end(place))
-    here = reach.whole(place, nearest_first(begin.configurations, world.configurations[place.arm]))
-    out = departures(begin, here, reach, hand, "--from")
-    ins = [
-        departures(
-            end, reach.whole(place, nearest_first(end.configurations, here[0][hand.own])), reach, hand, "--to"
-        )
-        for end in arrive
-    ]
-    query = Query(
+    begin, *arrive = _ends(site, start, goals, wish)
+    place = carried(begin, arrive, wish.tool)
+    ground = Ground(site.reach.checker(place))
+    hand = ArmHand(site.world, ground.scene, place.arm, site.reach.flange_to_end(place))
+    limits = limits_of(site.world, place.arm)
+    now = site.world.configurations[place.arm]
+    out, *_ = _departures(site, hand, "--from", [begin], now, limits)
+    ins = _departures(site, hand, "--to", arrive, out.configurations[0][hand.own], limits)
+    query = _query(hand, out, ins, wish)
+    answer = plan(ground, query, hand)
+    if wish.refine and not wish.upright_rad and isinstance(answer, Moved):
+        speeds = np.ones(site.world.joints.count)
+        speeds[hand.own] = limits.speed
+        answer = proved_and_refined(ground, query, answer, speeds, wish.refine).found
+    names = tuple(joint.name for joint in site.world.models[place.arm].arm.joints)
+    blank = Leg(FREE, query.start[None], False, ground, wish.margin_m)
+    legs, n = _legs(answer, out, ins, site.reach, blank)
+    level = Level.at(hand, query.start, wish.upright_rad) if wish.upright_rad else None
+    times = timed(legs, limits, hand.own, zones_of(site.world, ground), wish.smooth, level)
+    goal = arrive[n].name
+    return Motion(
+        site.world, place.arm, answer, hand.own, names, legs, goal, times, query.start, ground, hand
+    )
+
+
+def _ends(site: Site, start: str, goals: Sequence[str], wish: Wish) -> list[End]:
+    """The start, and then the goals; without approaches if the motion is to be direct."""
+    tool = tool_of(wish.tool, site.world.cell)
+    ends = [end_of(start, "--from", site.reach, site.world, tool)]
+    ends += [end_of(goal, "--to", site.reach, site.world, tool) for goal in goals]
+    if not wish.direct:
+        return ends
+    return [replace(end, place=end.place and replace(end.place, approach_m=0.0)) for end in ends]
+
+
+def _departures(
+    site: Site, hand: ArmHand, option: str, ends: Sequence[End], now: Floats, limits: Limits
+) -> list[Departures]:
+    """Where the free part of a motion may begin or end, for each end; what is soonest from `now` (own joints,) comes first."""
+    found = []
+    for end in ends:
+        own = nearest_first(end.configurations, now, limits.speed)
+        whole = np.repeat(site.world.configuration[None], len(own), axis=0)
+        whole[:, hand.own] = own
+        found.append(departures(end, whole, site.reach, hand, option))
+    return found
+
+
+def _query(hand: ArmHand, out: Departures, ins: Sequence[Departures], wish: Wish) -> Query:
+    return Query(
         out.configurations[0],
         np.concatenate([each.configurations for each in ins]),
         margin_m=wish.margin_m,
@@ -125,13 +174,8 @@ def move(target: str, start: str, goals: tuple[str, ...], wish: Wish = Wish()) -
         bridges=wish.bridges,
         moving=tuple(range(hand.own.start, hand.own.stop)),
         strategy=wish.strategy,
-    )
-    answer = plan(ground, query, hand)
-    names = tuple(joint.name for joint in world.models[place.arm].arm.joints)
-    legs, n = _legs(answer, out, ins, reach, Leg(FREE, query.start[None], False, ground, wish.margin_m))
-    times = timed(legs, limits_of(world, place.arm), hand.own, zones_of(world, ground), wish.smooth)
-    return Motion(
-        world, place.arm, answer, hand.own, names, legs, arrive[n].name, times, query.start, ground, hand
+        upright_rad=wish.upright_rad,
+        budget=wish.budget,
     )
 
 
@@ -155,7 +199,8 @@ def _legs(
     return tuple(legs), n
 
 
-def nearest_first(configurations: Floats, now: Floats) -> Floats:
-    """The configurations (n, k), those first that are nearest to where the arm is."""
-    found: Floats = configurations[np.argsort(np.abs(configurations - now).max(axis=1), kind="stable")]
+def nearest_first(configurations: Floats, now: Floats, speed: Floats) -> Floats:
+    """The configurations (n, k), those first that the arm is at soonest, from where it is and at the speeds (k,) of its joints."""
+    times = (np.abs(configurations - now) / speed).max(axis=1)
+    found: Floats = configurations[np.argsort(times, kind="stable")]
     return found

@@ -10,6 +10,7 @@ from engine.pipelines.motion.legs import FINEST_M, Leg
 from engine.pipelines.motion.zones import Zone, slowed
 from engine.stages.motion.smoothing import Smoothed, certified
 from engine.stages.motion.trajectory import Limits, Trajectory, fastest
+from engine.stages.motion.upright import Level
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -45,7 +46,12 @@ class Timed:
 
 
 def timed(
-    legs: Sequence[Leg], limits: Limits, own: slice, zones: Sequence[Zone] = (), smooth: bool = True
+    legs: Sequence[Leg],
+    limits: Limits,
+    own: slice,
+    zones: Sequence[Zone] = (),
+    smooth: bool = True,
+    level: Level | None = None,
 ) -> Timed:
     """The legs of one arm, whose joints are `own`, in time; with `smooth` corners are cut where that is proved and quicker."""
     found: list[Smoothed | Trajectory] = []
@@ -53,16 +59,20 @@ def timed(
     for leg in legs:
         within = [zone for zone in zones if zone.meets(leg.path)]
         slow += [zone.name for zone in within]
-        found.append(slowed(leg, limits, own, within) if within else _quickest(leg, limits, own, smooth))
+        found.append(
+            slowed(leg, limits, own, within, level) if within else _quickest(leg, limits, own, smooth, level)
+        )
         begins.append(begins[-1] + float(found[-1].corners_s[-1]))
     return Timed(tuple(found), tuple(begins[:-1]), begins[-1], tuple(dict.fromkeys(slow)))
 
 
-def _quickest(leg: Leg, limits: Limits, own: slice, smooth: bool) -> Smoothed | Trajectory:
+def _quickest(
+    leg: Leg, limits: Limits, own: slice, smooth: bool, level: Level | None
+) -> Smoothed | Trajectory:
     """The quicker one of resting at each corner and of cutting corners, if that is proved."""
     resting = fastest(leg.path[:, own], limits)
     if not smooth or len(leg.path) < 3 or not leg.proved:
         return resting
     even = np.ones(len(leg.path) - 1)
-    cut, proved = certified(leg.ground, leg.path, limits, own, leg.margin_m, FINEST_M, even)
+    cut, proved = certified(leg.ground, leg.path, limits, own, leg.margin_m, FINEST_M, even, level)
     return cut if proved and cut.duration_s < resting.corners_s[-1] else resting

@@ -15,6 +15,7 @@ from engine.stages.geometry.shapes.parts import cores
 from engine.stages.geometry.world.model import World
 from engine.stages.motion.smoothing import Smoothed, certified, smoothed
 from engine.stages.motion.trajectory import Limits
+from engine.stages.motion.upright import Level
 
 PART = 0.1  # rad or m: lines are cut so short before some are slowed
 STEP_S = 0.01  # between two looks at a speed
@@ -65,12 +66,12 @@ def parted(path: Floats) -> Floats:
     return np.concatenate(rows)
 
 
-def slowed(leg: Leg, limits: Limits, own: slice, zones: Sequence[Zone]) -> Smoothed:
+def slowed(leg: Leg, limits: Limits, own: slice, zones: Sequence[Zone], level: Level | None) -> Smoothed:
     """The leg in time, with every line slowed that a moment in a zone depends on, until all zones are respected."""
     path = parted(leg.path)
     slower = np.ones(len(path) - 1)
     for _ in range(ROUNDS):
-        found, proved = certified(leg.ground, path, limits, own, leg.margin_m, FINEST_M, slower)
+        found, proved = certified(leg.ground, path, limits, own, leg.margin_m, FINEST_M, slower, level)
         if not proved:
             found = smoothed(path[:, own], limits, np.ones(len(path)), slower)
         factors = np.array([_too_fast(zone, found, path, own) for zone in zones]).max(axis=0)

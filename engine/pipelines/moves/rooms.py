@@ -1,5 +1,6 @@
 """The cell in one state, ready for motions: where the bodies are, what may touch, and what an arm reaches."""
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -12,7 +13,7 @@ from engine.ports import CollisionChecker, GeometryBackend
 from engine.stages.geometry import transforms
 from engine.stages.geometry.collision.ground import Ground
 from engine.stages.geometry.kinematics.arms import ArmModel
-from engine.stages.geometry.kinematics.inverse import InverseKinematics, turns
+from engine.stages.geometry.kinematics.inverse import InverseKinematics
 from engine.stages.geometry.reach.reach import Reachability
 from engine.stages.geometry.world.model import World
 from kb.model.cell import Place, Placement
@@ -62,8 +63,7 @@ class Room:
         What they touch is not looked at.
         """
         found = self.kinematics[place.arm].solve(self.reach.target(place))
-        kept = [nearest_turn(self._model(place.arm), q, now) for q in found.q[found.valid]]
-        inside = np.array([q for q in kept if q is not None]).reshape(-1, len(now))
+        inside = nearest_turns(self._model(place.arm), found.q[found.valid], now)
         ordered: Floats = inside[np.argsort(np.abs(inside - now).max(axis=1), kind="stable")]
         return ordered
 
@@ -93,11 +93,11 @@ class Room:
         model, found = self._model(arm), self.kinematics[arm].solve(T_base_flange)
         path = [at]
         for n in range(1, len(T_base_flange)):
-            near = [nearest_turn(model, q, path[-1]) for q in found.q[n][found.valid[n]]]
-            inside = [q for q in near if q is not None and np.abs(q - path[-1]).max() < JUMP]
-            if not inside:
+            near = nearest_turns(model, found.q[n][found.valid[n]], path[-1])
+            away = np.abs(near - path[-1]).max(axis=1)
+            if not len(near) or away.min() > JUMP:
                 return None
-            path.append(min(inside, key=lambda q: float(np.abs(q - path[-1]).max())))
+            path.append(near[int(np.argmin(away))])
         return _thinned(model, np.array(path), T_base_flange)
 
     def is_free(self, place: Place, path: Floats) -> bool:
@@ -112,13 +112,20 @@ class Room:
         return self.ground(place).contacts(self.whole(place.arm, q[None])[0])
 
 
-def nearest_turn(model: ArmModel, q: Floats, now: Floats) -> Floats | None:
-    """The configuration within the limits that differs from `q` (k,) by whole turns and is nearest to `now`; None if none is."""
-    inside = turns(model, q)
-    if not len(inside):
-        return None
-    best: Floats = inside[int(np.argmin(np.abs(inside - now).max(axis=1)))]
-    return best
+def nearest_turns(model: ArmModel, q: Floats, now: Floats) -> Floats:
+    """Configurations (m, k) within the limits: those of `q` (n, k), turned by whole turns to be nearest to `now` (k,).
+
+    Those that no turn brings within the limits are left out.
+    """
+    joints, turn = model.joints, 2 * math.pi
+    whole = np.round((now - q) / turn)
+    choices = np.stack([whole + more for more in (0.0, -1.0, 1.0, -2.0, 2.0)])
+    values = q + np.where(joints.prismatic, 0.0, choices * turn)
+    within = (values >= joints.lower - 1e-9) & (values <= joints.upper + 1e-9)
+    far = np.where(within, np.abs(values - now), np.inf)
+    best = np.argmin(far, axis=0)
+    found: Floats = np.take_along_axis(values, best[None], axis=0)[0]
+    return found[np.isfinite(far.min(axis=0)).all(axis=1)]
 
 
 def _thinned(model: ArmModel, path: Floats, poses: Floats) -> Floats:

@@ -8,7 +8,6 @@ from engine.model.measurements import chooses_tools, named
 from engine.model.measurements import wanted as wanted_of
 from engine.model.tour import Tour, TourProblem, cost_of
 from engine.pipelines.inspection import Partition, partition, tour_problem
-from engine.pipelines.inspection.keeping import carry_on
 from engine.pipelines.inspection.places import with_places
 from engine.stages.macros.lookup.query import goal_literal
 from engine.stages.sequencing import Limits, sequence
@@ -114,6 +113,8 @@ def _made(problem: Problem, parts: Partition, limits: Limits) -> Itinerary | Non
 
 def _kept(problem: Problem, parts: Partition, limits: Limits, store: str) -> Itinerary:
     """The order of the kept sequence, without what the goals do not ask for."""
+    from engine.pipelines.inspection.keeping import carry_on  # slow to import, and only a store needs it
+
     progress = carry_on(store, problem, limits=limits)
     wanted = {name for names in parts.groups.values() for name in names}
     visits = tuple((each.name, each.tool) for each in progress.plan.rest if each.name in wanted)

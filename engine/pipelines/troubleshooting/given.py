@@ -20,6 +20,7 @@ from kb.loader import Loaded
 from kb.model.faults import FaultModel, Interruption
 from kb.model.plan import Plan, StepId
 from kb.model.problem import Problem
+from kb.numbers import NumberError, decimal
 from kb.store.cases import ClosedCase
 from kb.terms import Atom, Function, Term, ordered
 
@@ -189,7 +190,11 @@ def imported(model: FaultModel, path: Path) -> list[ClosedCase]:
     """The counts in a JSON file {exception: {cause: count}}, as weighted closed cases. Raises `InvalidInput`."""
     try:
         given = json.loads(read_file(path).text)
-        pairs = [(e, c, float(n)) for e, causes in given.items() for c, n in causes.items()]
+        pairs = [(e, c, decimal(str(n))) for e, causes in given.items() for c, n in causes.items()]
+    except NumberError as error:
+        raise InvalidInput(
+            [Diagnostic(Source(str(path)), "K413", f"a count {error}", "count cases")]
+        ) from None
     except (ValueError, AttributeError, TypeError, RecursionError) as error:
         hint = "write it as {exception: {cause: count}}"
         raise InvalidInput(

@@ -1,5 +1,6 @@
 """Poses of files as homogeneous matrices (..., 4, 4); what is done with matrices is in `engine.kernels.rigid`."""
 
+import functools
 import math
 
 import numpy as np
@@ -19,6 +20,12 @@ from kb.model.shapes import Offsets, Pose
 
 def of_pose(pose: Pose) -> Floats:
     """The matrix (4, 4) of a pose: R = Rz(yaw) Ry(pitch) Rx(roll)."""
+    return _matrix(pose).copy()
+
+
+@functools.lru_cache(4096)
+def _matrix(pose: Pose) -> Floats:
+    """The same matrix, made once: a cell has few poses, and every scene of it asks for all of them."""
     roll, pitch, yaw = pose.rpy_rad
     R = rotation((0, 0, 1), yaw) @ rotation((0, 1, 0), pitch) @ rotation((1, 0, 0), roll)
     return transform(R, pose.position_m)

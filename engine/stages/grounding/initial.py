@@ -9,7 +9,7 @@ from engine.stages.grounding.closure import Deduction, deduction
 from engine.stages.grounding.program import Vocabulary, deduction_rules, reachable, rule
 from engine.stages.grounding.universe import Universe
 from kb.asp import Grounder
-from kb.asp.statics import evaluated
+from kb.asp.statics import evaluate, evaluated
 from kb.asp.vocabulary import guard
 from kb.diagnostics import Diagnostic
 from kb.model.domain import BUILT_IN_TYPES
@@ -24,9 +24,16 @@ def initial_state(problem: Problem, vocabulary: Vocabulary) -> tuple[tuple[Atom,
 
     A fact is wrong if an argument is not a value of its type, or if other facts deny it.
     """
+    return evaluated_state(problem, vocabulary, Grounder())
+
+
+def evaluated_state(
+    problem: Problem, vocabulary: Vocabulary, grounder: Grounder
+) -> tuple[tuple[Atom, ...], list[Diagnostic]]:
+    """`initial_state`; afterwards a new `grounder` holds every static fact, unless the state is complete as it is given."""
     if problem.complete:
         return tuple(dict.fromkeys(problem.initial)), []
-    grounder = evaluated(problem, _program(problem))
+    evaluate(grounder, problem, _program(problem))
     universe = Universe(grounder, vocabulary, {})
     state = _State(deduction(problem.domain, vocabulary, universe))
     state.give(bitset([universe.index[fact] for fact in problem.initial]))

@@ -15,8 +15,9 @@ from engine.model.geometry import Floats, Joints
 from engine.model.motion import Answer, Blocked, Moved, Query, Refused, Strategy
 from engine.ports import Hand, MotionGround
 from engine.stages.motion.reasons import blocked, failed, refusals
+from engine.stages.motion.severing import severed
 
-REACH = 2.0  # rad or m: the longest branch of a tree
+REACH = 1.0  # rad or m: the longest branch of a tree; of those tried on the UR5 problems, the one with the least work
 NODES = 20_000  # of each tree
 FINEST_M = 1e-4  # a motion so small need not be halved for a proof
 ROUNDS = 6  # plans with ever finer steps and wider margins, until one is proved
@@ -37,7 +38,9 @@ def plan(ground: MotionGround, query: Query, hand: Hand | None = None) -> Answer
         return Refused(reasons)
     asked = replace(query, start=start, goals=np.ascontiguousarray(goals[list(allowed)]))
     found = _proved(ground, asked, hand) if query.proved else search(ground, asked, hand)
-    return replace(found, goal=allowed[found.goal]) if isinstance(found, Moved) else found
+    if isinstance(found, Blocked):
+        return replace(found, severed=severed(ground, asked))
+    return replace(found, goal=allowed[found.goal])
 
 
 def _checked(joints: Joints, query: Query) -> tuple[Floats, Floats]:
@@ -56,7 +59,7 @@ def _proved(ground: MotionGround, query: Query, hand: Hand | None = None) -> Mov
 
     A path that grazes something between two looks is not proved. The next round looks twice as often, and keeps farther off.
     """
-    found, looked, room = search(ground, query, hand), 0, _room_at_ends(ground, query)
+    found, looked = search(ground, query, hand), 0
     for round_ in range(ROUNDS):
         if isinstance(found, Blocked):
             return found
@@ -66,7 +69,7 @@ def _proved(ground: MotionGround, query: Query, hand: Hand | None = None) -> Mov
         if proved or round_ == ROUNDS - 1:
             break
         looked = found.looked
-        wider = query.margin_m + min(WIDER_M * 2**round_, 0.5 * room)
+        wider = query.margin_m + min(WIDER_M * 2**round_, 0.5 * room_at_ends(ground, query))
         again = search(ground, replace(query, step=query.step / 2 ** (round_ + 1), margin_m=wider), hand)
         if isinstance(again, Blocked):
             break
@@ -74,7 +77,7 @@ def _proved(ground: MotionGround, query: Query, hand: Hand | None = None) -> Mov
     return found
 
 
-def _room_at_ends(ground: MotionGround, query: Query) -> float:
+def room_at_ends(ground: MotionGround, query: Query) -> float:
     """How much wider than asked the margin can be at start and goals."""
     ends = np.vstack([query.start[None], query.goals])
     return max(0.0, float(ground.clearance(ends, query.margin_m + 1.0).min()) - query.margin_m)
@@ -84,7 +87,7 @@ def search(ground: MotionGround, query: Query, hand: Hand | None = None) -> Move
     """A short path that is free wherever it was looked at, for ends that are allowed."""
     low, high = bounds(ground.scene.joints, query)
     lines = ground.lines(query.step, query.margin_m)
-    if query.strategy is not Strategy.CONNECT:
+    if query.strategy is not Strategy.CONNECT or query.upright_rad > 0.0:
         return _by_strategy(ground, lines, query, (low, high), hand)
     trees = Trees(query.start[None], query.goals, low, high, shifted(query.seed, len(low)), REACH, NODES)
     if not connect(trees, lines, query.budget):
@@ -95,14 +98,17 @@ def search(ground: MotionGround, query: Query, hand: Hand | None = None) -> Move
 def _by_strategy(
     ground: MotionGround, lines: Edges, query: Query, limits: tuple[Floats, Floats], hand: Hand | None
 ) -> Moved | Blocked:
-    """What one of the two planners of the seventies and eighties finds; its path is checked whole before it counts."""
+    """What another planner than the default one finds; its path is checked whole before it counts."""
     from engine.stages.motion.reduced import Failed, reduced
+    from engine.stages.motion.upright import upright
     from engine.stages.motion.visibility import visibility
 
     if query.strategy is Strategy.REDUCED:
         found, _ = reduced(ground, lines, query, *limits)
     elif hand is None:
-        raise ValueError("the strategy 'visibility' needs a hand")
+        raise ValueError("the strategy 'visibility' and upright paths need a hand")
+    elif query.upright_rad > 0.0:
+        found, _ = upright(ground, lines, query, *limits, hand)
     else:
         found, _ = visibility(ground, lines, query, *limits, hand)
     if not isinstance(found, Failed):
@@ -119,7 +125,7 @@ def _by_strategy(
 def _shortened(path: Floats, lines: Edges, query: Query) -> Moved:
     """A free path (m, k), with as many short cuts as the query allows."""
     goal = int(np.argmin(np.abs(query.goals - path[-1]).max(axis=1)))
-    if len(path) > 2 and query.bridges:
+    if len(path) > 2 and query.bridges and not query.upright_rad:
         route = Route(path, query.bridges)
         shorten(route, lines, query.bridges, query.budget)
         path = route.path()
@@ -128,6 +134,8 @@ def _shortened(path: Floats, lines: Edges, query: Query) -> Moved:
 
 def bounds(joints: Joints, query: Query) -> tuple[Floats, Floats]:
     """Finite limits (k,) and (k,) to draw samples from: a joint without limits goes half a turn, or a metre, beyond the ends."""
+    if not query.moving and np.isfinite(joints.lower).all() and np.isfinite(joints.upper).all():
+        return joints.lower, joints.upper
     ends = np.vstack([query.start[None], query.goals])
     beyond = np.where(joints.prismatic, 1.0, np.pi)
     low = np.where(np.isfinite(joints.lower), joints.lower, ends.min(axis=0) - beyond)

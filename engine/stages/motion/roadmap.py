@@ -1,4 +1,4 @@
-"""A roadmap: configurations and the straight lines between them, each known to be free or not; kept while the world changes.
+"""A roadmap: configurations and the straight lines between them, each proved to be free or not; kept while the world changes.
 
 Travel times between many pairs are read from it. No path is quicker than the straight line would be if nothing were in the
 way, and the route on the roadmap can be driven, so the true time is between these two.
@@ -10,20 +10,25 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from engine.kernels.geometry.edges import free_edges
+from engine.kernels.geometry.proof import proved as proved_lines
 from engine.model.geometry import Floats, Longs, Truths
 from engine.model.motion import Moved, Query
 from engine.ports import MotionGround
-from engine.stages.motion.planner import search
+from engine.stages.motion.planner import FINEST_M, plan
 from engine.stages.motion.trajectory import Limits, least_times
 
 CORES = 2
 FAR = 1.5  # a route that takes so many times the least time is planned for by itself
 LINES_AT_ONCE = 512
+BUDGET = 50_000  # configurations looked at for a pair that has no good route
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Roadmap:
-    """Configurations (n, k), edges (e, 2) between them, which are free (e,), looked at every `step` with a margin."""
+    """Configurations (n, k), edges (e, 2) between them, and which are proved to be free (e,), with a margin.
+
+    They are looked at every `step` first. An edge that cannot be proved counts as blocked.
+    """
 
     nodes: Floats
     edges: Longs
@@ -34,7 +39,7 @@ class Roadmap:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Travels:
-    """Times (s) for pairs (p, 2): that of a route that is free, infinite where none is known, and the least that any can take.
+    """Times (s) for pairs (p, 2): that of a route that is proved to be free, infinite where none is known, and the least that any can take.
 
     `planned` of them had to be planned for one by one. `routes` are the nodes on the way of each.
     """
@@ -67,8 +72,17 @@ def neighbours(nodes: Floats, limits: Limits, count: int) -> Longs:
 def mapped(
     ground: MotionGround, nodes: Floats, edges: Longs, step: float = 1 / 32, margin_m: float = 0.0
 ) -> Roadmap:
-    """The roadmap of nodes (n, k), each edge (e, 2) looked at whole."""
-    return Roadmap(nodes, edges, _looked(ground, nodes, edges, step, margin_m), step, margin_m)
+    """The roadmap of nodes (n, k), each edge (e, 2) looked at whole, and proved."""
+    return Roadmap(nodes, edges, _proved(ground, nodes, edges, step, margin_m), step, margin_m)
+
+
+def _proved(ground: MotionGround, nodes: Floats, edges: Longs, step: float, margin_m: float) -> Truths:
+    """Which edges (e,) are proved to be free."""
+    free = _looked(ground, nodes, edges, step, margin_m)
+    proof = ground.proof(margin_m, FINEST_M)
+    for n in np.nonzero(free)[0]:
+        free[n] = proved_lines(proof, np.ascontiguousarray(nodes[edges[n]])) == 1
+    return free
 
 
 def _looked(ground: MotionGround, nodes: Floats, edges: Longs, step: float, margin_m: float) -> Truths:
@@ -97,16 +111,16 @@ def repaired(roadmap: Roadmap, ground: MotionGround, near: MotionGround) -> tupl
     room = roadmap.margin_m + near.travel(np.zeros_like(between), between)
     touched = ~_looked(near, roadmap.nodes, roadmap.edges, roadmap.step, room)
     free = roadmap.free.copy()
-    free[touched] = _looked(ground, roadmap.nodes, roadmap.edges[touched], roadmap.step, roadmap.margin_m)
+    free[touched] = _proved(ground, roadmap.nodes, roadmap.edges[touched], roadmap.step, roadmap.margin_m)
     return replace(roadmap, free=free), int(touched.sum())
 
 
 def travels(
-    ground: MotionGround, roadmap: Roadmap, pairs: Longs, limits: Limits, own: slice, bridges: int = 60
+    ground: MotionGround, roadmap: Roadmap, pairs: Longs, limits: Limits, own: slice, budget: int = BUDGET
 ) -> tuple[Travels, Roadmap]:
     """The times of pairs (p, 2), and the roadmap with what had to be planned for them.
 
-    The arm rests at each node of a route. Pairs without a good route are planned for by themselves.
+    The arm rests at each node of a route. Pairs without a good route are planned for by themselves, with a `budget` each.
     """
     ends = [roadmap.nodes[pairs[:, side]] for side in range(2)]
     least = least_times(ends[0][:, own], ends[1][:, own], limits)
@@ -122,11 +136,11 @@ def travels(
             ends[1][n][None],
             step=roadmap.step,
             margin_m=roadmap.margin_m,
-            bridges=bridges,
+            budget=budget,
             moving=tuple(range(own.start, own.stop)),
         )
-        found = search(ground, query)
-        if isinstance(found, Moved):
+        found = plan(ground, query)
+        if isinstance(found, Moved) and found.proved:
             roadmap, route = _added(roadmap, pairs[n], found.path)
             takes = float(least_times(found.path[:-1, own], found.path[1:, own], limits).sum())
             if takes < time[n]:

@@ -15,6 +15,7 @@ import numpy as np
 from engine.model.geometry import Floats, Longs, Truths
 from engine.ports import MotionGround
 from engine.stages.motion.trajectory import STILL, Limits
+from engine.stages.motion.upright import Level
 
 STRAY_M = 2e-4  # how far a point may be from the chords with which a smooth path is proved
 ROUNDS = 12  # proofs, each with more corners at which the arm waits
@@ -127,10 +128,12 @@ def certified(
     margin_m: float,
     finest_m: float,
     slower: Floats,
+    level: Level | None = None,
 ) -> tuple[Smoothed, bool]:
     """The smooth motion on a path (m, all joints) that is proved to keep clear, and whether it is.
 
-    The arm's joints are `own`; each line takes so many times (m - 1,) as long as the joints need. If no other does, the motion
+    The arm's joints are `own`; each line takes so many times (m - 1,) as long as the joints need. With `level`, what is in hand
+    stays upright as well. If no other does, the motion
     that rests at each corner stays on the path.
     """
     levels = np.zeros(len(path), dtype=np.int64)
@@ -140,6 +143,8 @@ def certified(
         chords = _whole(path[0], own, found.at(times)[0])
         stray = _stray(ground, limits, path[0], own, times)
         near = _unproved(ground, chords, margin_m + stray, finest_m)
+        if level is not None:
+            near |= ~level.holds(chords, ground.scene.joints)
         if not near.any():
             return found, True
         touched = _corners_near(found, times[:-1][near], times[1:][near])

@@ -6,8 +6,6 @@ city becomes two, joined by an edge that every tour has.
 """
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
-from scipy.sparse.csgraph import shortest_path
 
 from engine.kernels.arrays import Longs, Truths
 from engine.kernels.cancellation import Interrupted, never
@@ -29,6 +27,8 @@ def lower_bound(problem: TourProblem, upper: int, interrupted: Interrupted = nev
     n, most = len(arcs), int(arcs.max(initial=0)) + 1
     dear = np.where(open_, arcs, 4 * most)
     np.fill_diagonal(dear, 8 * most)
+    from scipy.optimize import linear_sum_assignment  # slow to import
+
     rows, columns = linear_sum_assignment(dear)
     best = int(dear[rows, columns].sum())
     if n >= 3 and not interrupted() and best < upper:
@@ -135,6 +135,8 @@ def _times(problem: TourProblem, arcs: Longs) -> tuple[Longs, Longs, Longs]:
     windows = [visit.window or (0, LATEST) for visit in problem.visits]
     lasts = np.array([visit.duration for visit in problem.visits], np.int64)
     steps = (arcs + lasts[:, None]).astype(float)
+    from scipy.sparse.csgraph import shortest_path  # slow to import
+
     way = shortest_path(np.where(steps > 0, steps, NEARLY_NONE)).astype(np.int64)
     return np.array([w[0] for w in windows]), np.array([w[1] for w in windows]), way
 

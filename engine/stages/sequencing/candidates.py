@@ -1,11 +1,15 @@
 """Candidate neighbours: for each city, the few cities that are worth visiting next."""
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from engine.kernels.arrays import Floats, Ints, Longs
 from engine.stages.sequencing.costs import Costs
+
+if TYPE_CHECKING:
+    from scipy.spatial import cKDTree
 
 COUNT = 6
 LIKELY = 48  # among this many nearest cities there is mostly one in each quadrant
@@ -33,10 +37,12 @@ def quadrant(positions: NDArray[np.floating], costs: Costs, count: int = COUNT) 
     is no point (n = m + 1), each city is its candidate, and it is the last candidate of each. Only the `FURTHEST` nearest
     cities are looked at.
     """
+    from scipy.spatial import cKDTree as KDTree  # slow to import
+
     n, m = len(costs), len(positions)
     found = np.empty((m, min(count, m - 1)), np.int32)
     plane, lacking = _plane(positions), np.arange(m)
-    tree = cKDTree(positions)
+    tree = KDTree(positions)
     for width in sorted({min(LIKELY, m - 1), min(FURTHEST, m - 1)}):
         again = []
         for part in np.array_split(lacking, len(lacking) * width // CHUNK + 1):

@@ -6,16 +6,19 @@ were lacking are added, and the ascent goes on.
 """
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_array
-from scipy.sparse.csgraph import connected_components, minimum_spanning_tree
-from scipy.spatial import cKDTree
 
 from engine.kernels.arrays import Floats, Ints, Longs
 from engine.kernels.cancellation import Interrupted, never
 from engine.stages.sequencing.costs import Costs
+
+if TYPE_CHECKING:
+    from scipy.sparse import csr_array
+
+    from engine.stages.sequencing.kernels.graphs import Graph
 
 GRAIN = 64.0  # penalties are whole multiples of 1 / GRAIN
 ROUNDS = 4
@@ -24,36 +27,41 @@ DENSE = 12_000  # up to this number of cities all edges are counted one by one
 QUICK = 8_000  # up to this number of cities there is always a bound, soon after an interrupt
 KNOWN = 60  # of more cities, on average so many near ones are counted
 QUANTILES = (1.0, 0.9999, 0.999, 0.99, 0.95, 0.9, 0.75, 0.5)  # of the weights of a tree
+STEEPEST = 4.0  # a city of more edges is turned no more than by so many: one that all are near would leap out of reach
+WEIGHED, LIGHTEST = 4_000, 5  # up to so many cities, so many of the lightest edges of each are looked for
+CHUNK = 2_000_000  # weights at once
 FEWER, LEAST = 4, 3  # each time as many clusters; the fewest
 NO_FLOOR = 1e300
 SHRINK = {"rounded": 1.0, "raised": 1.0, "manhattan": 1.0, "micrometres": 1e6, "pseudo_euclidean": 0.1**0.5}
 
 
-@dataclass(slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False)
 class _Edges:
-    """Edges (m,) of a graph, in the order of their weights under the last penalties."""
+    """Edges (m,) of a graph of n cities."""
 
     first: Ints
     second: Ints
     cost: Floats
+    graph: "Graph"
 
     def weigh(self, penalty: Floats, degree: Ints, floor: float = NO_FLOOR) -> float:
         """The weight of a minimum 1-tree, less twice the penalties; `degree` (n,) is written."""
-        from engine.stages.sequencing.kernels.trees import sparse_tree
-
-        weight = self.cost + penalty[self.first] + penalty[self.second]
-        order = np.argsort(weight, kind="stable")
-        self.first, self.second, self.cost = self.first[order], self.second[order], self.cost[order]
-        return sparse_tree(self.first, self.second, weight[order], degree, floor) - 2 * float(penalty.sum())
+        return self.graph.weigh(penalty, degree, floor)
 
     def least(self, penalty: Floats) -> float:
         """A weight that is less than any: a weight of 0 would be no edge of a sparse graph."""
         return float((self.cost + penalty[self.first] + penalty[self.second]).min()) - 1.0
 
-    def tree(self, penalty: Floats) -> csr_array:
-        """A shortest tree of all cities, whose weights are lessened by the least."""
+    def tree(self, penalty: Floats, cities: int = 0) -> "csr_array":
+        """A shortest tree of all cities, or of the first so many, whose weights are lessened by the least."""
+        from scipy.sparse import csr_array  # slow to import
+        from scipy.sparse.csgraph import minimum_spanning_tree
+
         weight, n = self.cost + penalty[self.first] + penalty[self.second] - self.least(penalty), len(penalty)
-        return minimum_spanning_tree(csr_array((weight, (self.first, self.second)), shape=(n, n)))
+        own = np.maximum(self.first, self.second) < (cities or n)
+        return minimum_spanning_tree(
+            csr_array((weight[own], (self.first[own], self.second[own])), shape=(n, n))
+        )
 
     def floors(self, penalty: Floats) -> Floats:
         """Some weights of edges in a shortest tree, the greatest first."""
@@ -63,19 +71,24 @@ class _Edges:
 
 
 def bound(
-    costs: Costs, near: Ints, tour: Ints, interrupted: Interrupted = never, effort: int = EFFORT
+    costs: Costs,
+    near: Ints,
+    tour: Ints,
+    interrupted: Interrupted = never,
+    effort: int = EFFORT,
+    opened: bool = False,
 ) -> int:
     """A lower bound on all closed tours of n >= 8 cities. `near` (n, k) are candidates, `tour` is a good tour.
 
-    `effort` is the number of cities that are looked at. If it is interrupted, it has no time for a bound on many cities: 0.
+    The last city of an `opened` tour is no place: it stands for its ends. `effort` is the number of cities that are looked at. If it is interrupted, it has no time for a bound on many cities: 0.
     """
     n, upper, best = len(costs), costs.of_tour(tour), -np.inf
     cities = np.repeat(np.arange(n, dtype=np.int64), near.shape[1])
-    edges = _edges(
-        costs, np.concatenate((_codes(cities, near.ravel(), n), _codes(tour, np.roll(tour, -1), n)))
-    )
+    first = _codes(cities, near.ravel(), n), _codes(tour, np.roll(tour, -1), n)
+    edges = _edges(costs, np.concatenate(first))
     steps = max(20, min(STEPS, effort // n))
-    penalty = _coarsely(edges, np.zeros(n), float(upper), steps, interrupted)
+    places = n - opened
+    penalty = _coarsely(edges, np.zeros(n), places, float(upper), steps, interrupted)
     for _ in range(ROUNDS):
         penalty = _climbed(edges, penalty, float(upper), steps, interrupted)
         if interrupted() and (n > QUICK or np.isfinite(best)):
@@ -86,6 +99,7 @@ def bound(
         fresh = np.setdiff1d(codes, known)
         if not len(fresh) or interrupted() or best > upper - 1:
             break
+        fresh = np.concatenate((fresh, _promising(costs, penalty)))
         edges, steps = _edges(costs, np.concatenate((known, fresh))), max(20, steps // 3)
     return min(upper, int(np.ceil(best))) if np.isfinite(best) else 0
 
@@ -101,17 +115,38 @@ def _edges(costs: Costs, codes: Longs) -> _Edges:
     single = np.unique(codes)
     single = single[single // n != single % n]
     a, b = (single // n).astype(np.int32), (single % n).astype(np.int32)
-    return _Edges(a, b, costs.between(a, b).astype(float))
+    from engine.stages.sequencing.kernels.graphs import Graph
+
+    cost: Floats = costs.between(a, b).astype(float)
+    return _Edges(a, b, cost, Graph(a, b, cost, n))
 
 
-def _coarsely(edges: _Edges, penalty: Floats, upper: float, steps: int, interrupted: Interrupted) -> Floats:
-    """Penalties (n,) that are raised for whole clusters, at first for the few largest.
+def _promising(costs: Costs, penalty: Floats) -> Longs:
+    """The few lightest edges of each city under the penalties; none of many cities, which have too many edges to look at."""
+    n = len(costs)
+    if n > WEIGHED:
+        return np.zeros(0, np.int64)
+    every, found = np.arange(n), list[Longs]()
+    for rows in np.array_split(every, n * n // CHUNK + 1):
+        weight = costs.between(rows[:, None], every[None]) + penalty
+        weight[rows - rows[0], rows] = np.inf
+        light = np.argpartition(weight, LIGHTEST, axis=1)[:, :LIGHTEST]
+        found.append(_codes(np.repeat(rows, LIGHTEST), light.ravel(), n))
+    return np.concatenate(found)
+
+
+def _coarsely(
+    edges: _Edges, penalty: Floats, places: int, upper: float, steps: int, interrupted: Interrupted
+) -> Floats:
+    """Penalties (n,) that are raised for whole clusters of the first `places` cities, at first for the few largest.
 
     What one city says about its cluster is little against what it says about itself. So an ascent over single cities takes
     very long until all cities of a cluster have moved.
     """
-    tree, n = edges.tree(penalty), len(penalty)
-    longest = np.sort(tree.data)[::-1]
+    from scipy.sparse.csgraph import connected_components  # slow to import
+
+    tree, n = edges.tree(penalty, places), len(penalty)
+    longest, least = np.sort(tree.data)[::-1], edges.least(penalty)
     counts = [n // FEWER**level for level in range(1, 20) if n // FEWER**level >= LEAST][::-1]
     for count in counts:
         if interrupted():
@@ -120,7 +155,7 @@ def _coarsely(edges: _Edges, penalty: Floats, upper: float, steps: int, interrup
         kept.data[kept.data >= longest[count - 2]] = 0
         kept.eliminate_zeros()
         _, cluster = connected_components(kept, directed=False)
-        size = float(longest[: count - 1].mean() + edges.least(penalty)) / 8
+        size = float(longest[: count - 1].mean() + least) / 8
         penalty = _climbed(
             edges, penalty, upper, steps // (2 * len(counts)), interrupted, max(size, 1.0), cluster
         )
@@ -158,6 +193,7 @@ def _climbed(
                 return kept
             if cluster is not None:
                 turn = np.asarray(np.bincount(cluster, turn), np.float64)[cluster]
+            turn = np.clip(turn, -STEEPEST, STEEPEST)
             way = GRAIN * size * (0.7 * turn + 0.3 * last)
             penalty = penalty + np.rint(way) / GRAIN
             last = turn
@@ -185,6 +221,8 @@ def _at_least(costs: Costs, penalty: Floats, edges: _Edges) -> float:
     the one radius and half the cost of the other. The radius of a city depends on its penalty, so that half the cost and
     the penalty make half the floor.
     """
+    from scipy.spatial import cKDTree  # slow to import
+
     assert costs.metric is not None
     points, n = costs.metric.points, len(costs)
     m, tree = len(points), cKDTree(points)

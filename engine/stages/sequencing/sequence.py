@@ -108,13 +108,13 @@ def _plain(problem: TourProblem, limits: Limits, method: str) -> Tour:
     near = symmetric.candidates(costs, _positions(problem) if circle else None)
     provable = n <= PROVABLE or method == "exact"
     quick = symmetric.search(costs, start, replace(limits, work=1), near)
-    lower = 0 if provable else heldkarp.bound(costs, near, quick.order, limits.interrupted)
+    lower = 0 if provable else heldkarp.bound(costs, near, quick.order, limits.interrupted, opened=not circle)
     found = symmetric.search(costs, quick.order, limits, near)
     made = _made(problem, found.order, found.work, method)
     if provable:
         return _bounded(problem, made, costs, extra, limits)
     if not limits.interrupted() and found.cost - lower > CLOSE * found.cost:
-        lower = max(lower, heldkarp.bound(costs, near, found.order, limits.interrupted, LATER))
+        lower = max(lower, heldkarp.bound(costs, near, found.order, limits.interrupted, LATER, not circle))
     return replace(made, lower_bound=max(0, min(lower + extra, made.cost)))
 
 

@@ -131,6 +131,7 @@ class Evaluated(Facts):
         super().__init__()
         self._read, self._holds = read, holds
         self._asked: dict[str, int] = {}
+        self._typed: dict[tuple[str, Term], bool] = {}
 
     def __contains__(self, atom: Atom) -> bool:
         """Whether an atom is among the facts. The first questions do not read its predicate, which may be large."""
@@ -138,6 +139,13 @@ class Evaluated(Facts):
         if asked <= SINGLY and atom.name not in self._by_name:
             return self._holds(atom)
         return atom in self._extent(atom.name)
+
+    def has_type(self, term: Term, type_: str) -> bool:
+        """Whether a term is a value of a type. The answer is remembered: these facts never change."""
+        known = self._typed.get((type_, term))
+        if known is None:
+            known = self._typed[type_, term] = super().has_type(term, type_)
+        return known
 
     def _extent(self, name: str) -> Mapping[Atom, None]:
         if name not in self._by_name:

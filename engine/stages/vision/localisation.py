@@ -13,7 +13,11 @@ from engine.stages.vision.hypotheses import Model, hypotheses
 from engine.stages.vision.outlines import regions_of
 from engine.stages.vision.refinement import View, judged, look, refined
 
-TRIED, BETTERED, REFINED = 30, 14, 5  # hypotheses that are looked at, bettered a little, and brought to the best pose
+TRIED, BETTERED, REFINED = (
+    30,
+    14,
+    5,
+)  # hypotheses that are looked at, bettered a little, and brought to the best pose
 NEAR_M, NEAR_RAD = 0.006, np.radians(8)  # hypotheses this near to each other become one
 BELOW_M = 0.004
 ABOVE_M = 0.006  # how far above what carries it a part may seem to be
@@ -77,7 +81,9 @@ def _decided(model: Model, final: list[tuple[Hypothesis, Floats]], demands: Dema
         return NotLocated("the part would lie below the floor, or rest on nothing, wherever it could be")
     final.sort(key=lambda pair: (bool(_doubt(pair[0], demands)), -pair[0].evidence))
     best, covariance = final[0]
-    second = next((each for each, _ in final[1:] if not same(model, best.T_camera_part, each.T_camera_part)), None)
+    second = next(
+        (each for each, _ in final[1:] if not same(model, best.T_camera_part, each.T_camera_part)), None
+    )
     reason = _doubt(best, demands)
     if not reason and second is not None and not _doubt(second, demands):
         ahead = best.evidence - second.evidence

@@ -235,7 +235,9 @@ def _lines(points: Floats, outward: Floats, pitch_m: float) -> Lines:
         keep[np.nonzero(chosen)[0][on]] = False
         points, normals = points[keep], normals[keep]
     normal = np.array([each[0] for each in found]).reshape(-1, 2)
-    return Lines(normal, np.array([each[1] for each in found]), np.array([each[2] for each in found]).reshape(-1, 2))
+    return Lines(
+        normal, np.array([each[1] for each in found]), np.array([each[2] for each in found]).reshape(-1, 2)
+    )
 
 
 def _consensus(points: Floats, normals: Floats, pitch_m: float) -> Truths:
@@ -259,7 +261,9 @@ def _least_squares(points: Floats, normals: Floats) -> tuple[Floats, float]:
     return normal, float(normal @ middle)
 
 
-def _fitted(points: Floats, normals: Floats, pitch_m: float) -> tuple[Truths, tuple[Floats, float, Floats]] | None:
+def _fitted(
+    points: Floats, normals: Floats, pitch_m: float
+) -> tuple[Truths, tuple[Floats, float, Floats]] | None:
     """The longest stretch of points on a line, and the line; None if it is too short."""
     if len(points) < SHORTEST_PX:
         return None

@@ -132,7 +132,9 @@ def outline(model: Model, view: View, seen: Look) -> Rim:
     valid = begins & ends & off[rows, first] & (first > 0)
     shift = np.where(valid, steps[first] - 1.0, np.nan)
     far = np.rint(at + (REACH_PX - 1) * outward).astype(np.int64)
-    known = view.known[np.clip(far[:, 1], 0, image.camera.height - 1), np.clip(far[:, 0], 0, image.camera.width - 1)]
+    known = view.known[
+        np.clip(far[:, 1], 0, image.camera.height - 1), np.clip(far[:, 0], 0, image.camera.width - 1)
+    ]
     return Rim(at, outward, shift, begins & ~ends & ~known)
 
 
@@ -145,9 +147,7 @@ def _planes(model: Model, image: DepthImage, T: Floats) -> Floats:
     return np.stack([m[:, 0] / f, m[:, 1] / f, m[:, 2] - (m[:, 0] * cx + m[:, 1] * cy) / f], axis=1)
 
 
-def refined(
-    model: Model, view: View, T: Floats, rounds: int = ROUNDS
-) -> tuple[Floats, Floats]:
+def refined(model: Model, view: View, T: Floats, rounds: int = ROUNDS) -> tuple[Floats, Floats]:
     """The pose near to one that fits the image best, and its covariance (6, 6) about the part's origin."""
     covariance = np.full((6, 6), np.inf)
     for round_ in range(rounds):
@@ -169,9 +169,7 @@ def refined(
     return T, covariance
 
 
-def _equations(
-    model: Model, view: View, seen: Look, within: float
-) -> tuple[Floats, Floats, Floats]:
+def _equations(model: Model, view: View, seen: Look, within: float) -> tuple[Floats, Floats, Floats]:
     """Rows (n, 6), what they lack in metres (n,), and weights (n,), for a displacement and a turn about the part's origin."""
     surface = _surface(model, view.image, seen, within)
     rim = _rim(view.image, seen, outline(model, view, seen))

@@ -133,6 +133,7 @@ def test_every_convention_is_renamed_and_nothing_is_wrong_with_that(desks: list[
     assert checking.check(target, reach=False).diagnostics == ()
 
 
+@pytest.mark.slow
 def test_times_of_other_names_make_the_same_schedule(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     usual, renamed = (cell(tmp_path / each, "themse", TIMES, TIMED) for each in ("usual", "renamed"))
     rename(renamed, TIMES)

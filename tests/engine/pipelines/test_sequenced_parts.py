@@ -79,7 +79,7 @@ def test_the_checker_accepts_the_plan_with_its_links(tmp_path: Path) -> None:
 
 
 def test_few_parts_are_planned_and_the_others_learned_from_them(tmp_path: Path) -> None:
-    outcome, _ = sequenced(inspection(tmp_path, text(60)))
+    outcome, _ = sequenced(inspection(tmp_path, text(40)))
     counts = outcome.statistics.counts
     assert counts["parts planned"] <= 10
     assert counts["operators"] <= 300
@@ -88,13 +88,13 @@ def test_few_parts_are_planned_and_the_others_learned_from_them(tmp_path: Path) 
 def test_as_many_operators_are_grounded_for_one_of_many_points_as_for_one_of_few(tmp_path: Path) -> None:
     sizes = [
         sequenced(inspection(tmp_path, text(count, kinds="thickness")))[0].statistics.counts["operators"]
-        for count in (20, 80)
+        for count in (15, 45)
     ]
     assert sizes[0] == sizes[1]
 
 
 def test_a_plan_of_a_sequence_is_no_worse_than_one_of_the_planner_alone(tmp_path: Path) -> None:
-    problem = inspection(tmp_path, text(8))
+    problem = inspection(tmp_path, text(6))
     own, free = plan(problem), plan(problem, order=Order.FREE)
     assert own.itinerary is not None
     assert free.itinerary is None

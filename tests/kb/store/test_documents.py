@@ -25,7 +25,7 @@ def test_parts_of_bodies_are_read_as_they_were_written(part: BodyPart) -> None:
 
 
 @given(macrops)
-@settings(max_examples=40, suppress_health_check=[HealthCheck.too_slow])
+@settings(max_examples=20, suppress_health_check=[HealthCheck.too_slow])
 def test_macrops_are_read_as_they_were_written(found: Macrop) -> None:
     assert loads(dumps(found)) == found
 

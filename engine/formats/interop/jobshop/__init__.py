@@ -12,24 +12,23 @@ from typing import Any, TypeGuard
 
 from engine.model.shop import Job, Resource, Shop, Stage, in_order
 from kb.diagnostics import Diagnostic, InvalidInput, Source, nearest
+from kb.files import read_file
+from kb.numbers import NumberError, whole
 
+LONGEST = 10**9  # time units, and also the largest number of a machine
 Rows = Sequence[Sequence[tuple[int, int]]]  # per job: machine and duration of each stage
 
 
 def read_jobshop(path: Path, instance: str = "") -> Shop:
     """The shop in a file; `instance` names one of several. Raises `InvalidInput`."""
-    try:
-        text = path.read_text("utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        said = error.strerror if isinstance(error, OSError) else "not UTF-8"
-        raise _invalid(path, "K001", f"the file cannot be read: {said}") from None
+    text = read_file(path).text
     rows = _from_json(path, text, instance) if text.lstrip().startswith("{") else _from_text(path, text)
     return _shop(rows)
 
 
 def instances(path: Path) -> tuple[str, ...]:
     """The names of the instances in a JSON file; empty for plain text. Raises `InvalidInput`."""
-    text = path.read_text("utf-8")
+    text = read_file(path).text
     return tuple(_parsed(path, text)) if text.lstrip().startswith("{") else ()
 
 
@@ -68,29 +67,37 @@ def _from_json(path: Path, text: str, instance: str) -> Rows:
 
 def _is_matrix(value: object) -> TypeGuard[list[list[int]]]:
     return isinstance(value, list) and all(
-        isinstance(row, list) and all(type(cell) is int and cell >= 0 for cell in row) for row in value
+        isinstance(row, list) and all(type(cell) is int and 0 <= cell <= LONGEST for cell in row)
+        for row in value
     )
 
 
 def _from_text(path: Path, text: str) -> Rows:
     lines = [(n, line.split()) for n, line in enumerate(text.splitlines(), 1)]
-    kept = [(n, cells) for n, cells in lines if cells and all(c.isascii() and c.isdecimal() for c in cells)]
+    kept = [(n, numbers) for n, cells in lines if cells and (numbers := _wholes(cells)) is not None]
     if not kept or len(kept[0][1]) != 2:
         raise _invalid(path, "K806", "no line with the numbers of jobs and machines")
-    jobs, machines = map(int, kept[0][1])
+    jobs, machines = kept[0][1]
     if len(kept) != jobs + 1:
         raise _invalid(
             path, "K806", f"{jobs} jobs are announced, but {len(kept) - 1} lines of numbers follow"
         )
     rows = []
-    for line, cells in kept[1:]:
-        numbers = list(map(int, cells))
+    for line, numbers in kept[1:]:
         if len(numbers) % 2 or any(machine >= machines for machine in numbers[::2]):
             raise _invalid(
                 path, "K806", f"expected pairs of a machine number below {machines} and a duration", line=line
             )
         rows.append(list(zip(numbers[::2], numbers[1::2], strict=True)))
     return rows
+
+
+def _wholes(cells: Sequence[str]) -> list[int] | None:
+    """The numbers in the cells of a line; None if a cell holds none, or one that is too large."""
+    try:
+        return [whole(cell, 0, LONGEST) for cell in cells]
+    except NumberError:
+        return None
 
 
 def _shop(rows: Rows) -> Shop:

@@ -8,6 +8,9 @@ from engine.model.petri import PetriArc, PetriNet, PetriPlace, PetriTransition
 from kb.diagnostics import Diagnostic, InvalidInput, Source
 from kb.files import File, read_file
 from kb.loader.xml import Element, read_xml
+from kb.numbers import DIGITS, NumberError, whole
+
+MOST_TOKENS = 10**9
 
 
 def read_pnml(path: Path) -> PetriNet:
@@ -75,9 +78,11 @@ def _said(element: Element, tag: str) -> str:
 
 def _number(element: Element, tag: str, otherwise: int) -> int:
     said = _said(element, tag)
-    if said and not said.isdigit():
-        raise _refused(element.where, f"'{said[:40]}' is not a number of tokens", "write a whole number")
-    return int(said) if said else otherwise
+    try:
+        return whole(said, 0, MOST_TOKENS) if said else otherwise
+    except NumberError as error:
+        message = f"'{said[:DIGITS]}' {error}, so it is no number of tokens"
+        raise _refused(element.where, message, "write a whole number") from None
 
 
 def _notes(element: Element) -> tuple[str, ...]:

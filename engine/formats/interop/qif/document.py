@@ -75,7 +75,7 @@ class _Reader:
 
     def __init__(self, file: File) -> None:
         self._file = file
-        self._parser = expat.ParserCreate(namespace_separator=" ")
+        self._parser = expat.ParserCreate("utf-8", " ")
         self._parser.buffer_text = True
         self._stack = [Element("", {}, 0)]
         self._skipping = 0

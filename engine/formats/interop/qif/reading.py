@@ -10,6 +10,7 @@ from engine.kernels.arrays import Floats
 from engine.model.measurement import Triple
 from kb.diagnostics import Source
 from kb.files import File
+from kb.numbers import NumberError, decimal
 
 UNITS_M = {
     "mm": 1e-3,
@@ -26,6 +27,7 @@ UNITS_M = {
 }
 ANGLES_RAD = {"radian": 1.0, "rad": 1.0, "degree": float(np.pi / 180), "deg": float(np.pi / 180)}
 DOUBLE, SINGLE = 8, 4
+LARGEST = 1e12
 
 
 class Reading:
@@ -81,12 +83,9 @@ class Reading:
     def numbers(self, element: Element | None) -> list[float]:
         """The numbers in an element, none without one. Raises `InvalidInput`."""
         try:
-            found = [float(each) for each in element.text.split()] if element is not None else []
-        except ValueError:
-            raise wrong(self.where(element), "this is not a number") from None
-        if any(abs(each) > 1e12 or each != each for each in found):
-            raise wrong(self.where(element), "the number is too large")
-        return found
+            return [decimal(each, LARGEST) for each in element.text.split()] if element is not None else []
+        except NumberError as error:
+            raise wrong(self.where(element), f"a number here {error}") from None
 
     def vectors(self, parent: Element, tag: str, width: int) -> Floats:
         """The points (n, width) in a child of this tag, as text or in binary (`...Binary`). Raises `InvalidInput`."""

@@ -12,9 +12,12 @@ from pathlib import Path
 
 from engine.model.shop import Job, Moment, Resource, Shop, Stage, Window
 from kb.diagnostics import Diagnostic, InvalidInput, Source, nearest
+from kb.files import read_file
+from kb.numbers import DIGITS, NumberError, whole
 
 TABLES = {"machines": 3, "operations": 4, "dependency": 3, "tcmb": 6}
 POINTS = ("start", "end")
+LONGEST = 10**9  # time units
 
 
 def is_slab(path: Path) -> bool:
@@ -47,10 +50,9 @@ class _Reader:
     def rows(self, path: Path, columns: int) -> Iterator[Row]:
         """The lines of a table below its headings, without blank lines."""
         try:
-            lines = path.read_text("utf-8-sig").splitlines()
-        except (OSError, UnicodeDecodeError) as error:
-            said = error.strerror if isinstance(error, OSError) else "not UTF-8"
-            self.found.append(Diagnostic(Source(str(path)), "K001", f"the table cannot be read: {said}"))
+            lines = read_file(path).text.splitlines()
+        except InvalidInput as error:
+            self.found += error.diagnostics
             return
         for number, line in enumerate(lines[1:], 2):
             cells = tuple(cell.strip() for cell in line.split("\t"))
@@ -90,10 +92,11 @@ class _Reader:
         return Stage(f"{job}.{operation}", self._number(row, duration), (f"type {machine}",))
 
     def _number(self, row: Row, text: str) -> int:
-        if text.isascii() and text.isdecimal():
-            return int(text)
-        self._report(row, "K103", f"'{text}' is not a whole number of time units")
-        return 0
+        try:
+            return whole(text, 0, LONGEST)
+        except NumberError as error:
+            self._report(row, "K103", f"'{text[:DIGITS]}' {error}, so it is no time")
+            return 0
 
     def _dependency(self, row: Row, stages: dict[str, Stage]) -> Iterator[Window]:
         job, earlier, later = row.cells[:3]

@@ -10,7 +10,6 @@ from engine.model.geometry import Contact, Floats, Longs, Scene, Truths
 from engine.ports import CollisionChecker
 from engine.stages.geometry.collision.carriers import checked_poses, only, pose_batch, split
 from engine.stages.geometry.collision.likelihood import SAMPLES, likeliest_first, sampled, touchable
-from engine.stages.geometry.collision.region_checker import RegionChecker
 from engine.stages.geometry.shapes.contacts import nearest_of_bodies
 from engine.stages.geometry.shapes.packing import bounded, grouped
 from engine.stages.geometry.stretches import in_stretches
@@ -123,4 +122,8 @@ class BuiltinBackend:
     def checker(self, scene: Scene) -> CollisionChecker:
         """Pack a scene; what stands in it becomes a region tree when it is much."""
         standing = sum(piece.carrier == 0 for piece in scene.pieces)
-        return RegionChecker(scene) if standing > MANY else BuiltinChecker(scene)
+        if standing <= MANY:
+            return BuiltinChecker(scene)
+        from engine.stages.geometry.collision.region_checker import RegionChecker  # trees take long to load
+
+        return RegionChecker(scene)

@@ -7,8 +7,10 @@ from functools import cached_property
 
 import numpy as np
 
-from engine.kernels.geometry.edges import Edges, Mechanism
+from engine.kernels.geometry.edges import Edges
+from engine.kernels.geometry.lanes import Narrow
 from engine.kernels.geometry.layout import Pairs, Pieces
+from engine.kernels.geometry.mechanism import Mechanism
 from engine.kernels.geometry.proof import Proof
 from engine.model.geometry import Contact, Floats, Joints, Scene, Truths
 from engine.ports import CollisionChecker
@@ -24,13 +26,14 @@ class Ground:
         if checker.scene.free:
             raise ValueError("a free scene has no joints that a motion could be planned for")
         self.checker = checker
-        self._kept: dict[float, tuple[Pieces, Pairs]] = {}
+        self._kept: dict[float, Narrow] = {}
         joints = checker.scene.joints
         self._mechanism = Mechanism(
             joints.parent,
             np.ascontiguousarray(joints.T_parent_origin),
             np.ascontiguousarray(joints.axis),
             joints.prismatic,
+            travelled(joints),
         )
 
     @property
@@ -52,9 +55,9 @@ class Ground:
 
     def lines(self, step: float, margin_m: float = 0.0) -> Edges:
         """Lines checked by compiled kernels, where the checker has them, else by the checker, from Python."""
-        pieces, pairs = self._packed(margin_m)
+        scene = self._packed(margin_m)
         if isinstance(self.checker, BuiltinChecker):
-            return Edges(self._mechanism, pieces, pairs, step, margin_m)
+            return Edges(scene, step, margin_m)
 
         def free(first: Floats, second: Floats) -> bool:
             away = float(np.linalg.norm(second - first))
@@ -64,15 +67,30 @@ class Ground:
                 return bool((self.clearance(where, margin_m + 1e-9) > margin_m).all())
             return not self.collides(where).any()
 
-        return Edges(self._mechanism, pieces, pairs, step, margin_m, free)
+        return Edges(scene, step, margin_m, free)
 
     def proof(self, margin_m: float, finest_m: float) -> Proof:
         """A proof by the built-in kernels, whatever the checker is."""
-        return Proof(self._mechanism, *self._packed(margin_m), self._reach, margin_m, finest_m)
+        return Proof(self._packed(margin_m), self._reach, margin_m, finest_m)
 
     def covered(self, wrist: Sequence[int], start: Floats, goal: Floats) -> "Ground":
         """The ground where one box stands for all that the joints `wrist` carry between two configurations (k,)."""
         return Ground(BuiltinChecker(covered(self.scene, wrist, start, goal)))
+
+    def proximal(self, joints: Collection[int]) -> "Ground":
+        """The ground of what these joints alone move, against what stands still. All else is left out."""
+        scene = self.scene
+        movers: list[frozenset[int]] = [frozenset()]
+        for joint, parent in enumerate(scene.joints.parent):
+            movers.append(movers[parent] | {joint})
+        kept = [n for n, piece in enumerate(scene.pieces) if movers[piece.carrier] <= frozenset(joints)]
+        number = np.full(len(scene.pieces), -1)
+        number[kept] = np.arange(len(kept))
+        moves = np.array([piece.carrier != 0 for piece in scene.pieces], dtype=bool)
+        pairs = scene.pairs.reshape(-1, 2)
+        left = number[pairs[(moves[pairs].sum(axis=1) == 1) & (number[pairs] >= 0).all(axis=1)]]
+        pieces = tuple(scene.pieces[n] for n in kept)
+        return Ground(BuiltinChecker(replace(scene, pieces=pieces, pairs=np.ascontiguousarray(left))))
 
     def travel(self, first: Floats, second: Floats) -> float:
         """A bound on the way (m) of every point that moves on the straight line between two configurations (k,)."""
@@ -86,10 +104,10 @@ class Ground:
         left = np.ascontiguousarray(scene.pairs.reshape(-1, 2)[np.array(kept, dtype=bool)])
         return Ground(BuiltinChecker(replace(scene, pairs=left)))
 
-    def _packed(self, margin_m: float) -> tuple[Pieces, Pairs]:
+    def _packed(self, margin_m: float) -> Narrow:
         """The scene as kernels read it, packed once for each margin."""
         if margin_m not in self._kept:
-            self._kept[margin_m] = self._pack(margin_m)
+            self._kept[margin_m] = Narrow(self._mechanism, *self._pack(margin_m))
         return self._kept[margin_m]
 
     def _pack(self, margin_m: float) -> tuple[Pieces, Pairs]:
@@ -100,7 +118,7 @@ class Ground:
 
     @cached_property
     def _reach(self) -> Floats:
-        return reaches(self.scene.joints, self._packed(0.0)[0])
+        return reaches(self.scene.joints, self._packed(0.0).pieces)
 
 
 def reaches(joints: Joints, pieces: Pieces) -> Floats:
@@ -109,7 +127,7 @@ def reaches(joints: Joints, pieces: Pieces) -> Floats:
     It is 0 where the joint does not move the piece, and 1 for a joint that slides.
     """
     steps = np.linalg.norm(joints.T_parent_origin[:, :3, 3], axis=1)
-    travel = np.where(joints.prismatic, np.maximum(np.abs(joints.lower), np.abs(joints.upper)), 0.0)
+    travel = np.where(joints.prismatic, travelled(joints), 0.0)
     ball = np.linalg.norm(pieces.bounds[:, :3], axis=1) + pieces.bounds[:, 3]
     found = np.zeros((joints.count, pieces.count))
     for carrier in np.unique(pieces.carrier):
@@ -118,4 +136,10 @@ def reaches(joints: Joints, pieces: Pieces) -> Floats:
             found[joint, on] = 1.0 if joints.prismatic[joint] else far + ball[on]
             far += float(steps[joint] + travel[joint])
             joint = int(joints.parent[joint]) - 1
+    return found
+
+
+def travelled(joints: Joints) -> Floats:
+    """How far from 0 each joint gets at most within its limits (k,), rad or m."""
+    found: Floats = np.maximum(np.abs(joints.lower), np.abs(joints.upper))
     return found

@@ -4,7 +4,6 @@ from collections.abc import Sequence
 from dataclasses import replace
 from itertools import islice
 
-import networkx
 import numpy as np
 
 from engine.model.geometry import Piece
@@ -52,6 +51,8 @@ def declared_tree(world: World) -> tuple[RegionTree, tuple[OutsideError, ...]]:
 
 def _parents_first(world: World) -> list[str]:
     regions = world.cell.regions
+    import networkx  # takes long to load, and many cells have no regions
+
     graph: networkx.DiGraph[str] = networkx.DiGraph()
     graph.add_nodes_from(regions)
     graph.add_edges_from((parent, name) for name in regions for parent in regions[name].parents)

@@ -13,7 +13,6 @@ from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 
-import networkx
 import numpy as np
 
 from engine.model.geometry import Floats, Longs
@@ -97,6 +96,8 @@ def _cleaned(vertices: Floats, triangles: Longs) -> TriangleMesh:
 
 def components(mesh: TriangleMesh) -> list[TriangleMesh]:
     """The connected components, in the order of their first vertex."""
+    import networkx  # takes long to load, and most shapes are no meshes
+
     graph: networkx.Graph[int] = networkx.Graph()
     graph.add_edges_from(map(tuple, mesh.triangles[:, :2].tolist()))
     graph.add_edges_from(map(tuple, mesh.triangles[:, 1:].tolist()))

@@ -136,9 +136,13 @@ def _facet(
     inside = set(directed)
     rim = _straightened([each for each in directed if each[::-1] not in inside], points)
     edges = np.array([[points[a], points[b]] for a, b, _, _ in rim]).reshape(-1, 2, 3)
-    convex = np.array([_falls_back(owner.get((d, c)), corners, points[d] - points[c], normal) for _, _, c, d in rim])
+    convex = np.array(
+        [_falls_back(owner.get((d, c)), corners, points[d] - points[c], normal) for _, _, c, d in rim]
+    )
     name = labels[int(own[0])] or f"facet_{n + 1}"
-    return Facet(name, normal, float(corners[own].reshape(-1, 3).mean(axis=0) @ normal), edges, convex.astype(bool))
+    return Facet(
+        name, normal, float(corners[own].reshape(-1, 3).mean(axis=0) @ normal), edges, convex.astype(bool)
+    )
 
 
 def _straightened(rim: list[tuple[int, int]], points: Floats) -> list[tuple[int, int, int, int]]:
@@ -153,7 +157,9 @@ def _straightened(rim: list[tuple[int, int]], points: Floats) -> list[tuple[int,
         if before is not None and len(after[a]) == 1 and _straight(points[before], points[a], points[b]):
             continue
         end, previous = b, a
-        while len(after.get(end, ())) == 1 and _straight(points[previous], points[end], points[after[end][0]]):
+        while len(after.get(end, ())) == 1 and _straight(
+            points[previous], points[end], points[after[end][0]]
+        ):
             previous, end = end, after[end][0]
         found.append((a, end, a, b))
     return found

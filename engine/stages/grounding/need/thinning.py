@@ -7,11 +7,12 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 
-from engine.stages.grounding.initial import initial_state
+from engine.stages.grounding.initial import evaluated_state
 from engine.stages.grounding.need.likeness import alike, free_objects, most_at_once, names
 from engine.stages.grounding.need.relevance import relevance
 from engine.stages.grounding.program import Vocabulary
-from kb.asp.statics import evaluated
+from kb.asp import Grounder
+from kb.asp.statics import evaluate
 from kb.asp.vocabulary import VIOLATED
 from kb.model.domain import BUILT_IN_TYPES, NUMERIC_TYPES, Domain
 from kb.model.problem import Problem
@@ -40,7 +41,7 @@ def thinned(problem: Problem, statics: Named | None = None) -> Thinned:
     most = {type_: 1 + most_at_once(problem.domain, type_) for type_ in set(free.values())}
     if all(count <= most[type_] for type_, count in Counter(free.values()).items()):
         return Thinned(problem)
-    named, state = statics or _evaluated(problem), _state(problem)
+    named, state = _started(problem, statics)
     if state is None or any(True for _ in named(VIOLATED, 1)):
         return Thinned(problem)
     needed = relevance(problem)
@@ -52,15 +53,17 @@ def thinned(problem: Problem, statics: Named | None = None) -> Thinned:
     return Thinned(_without(problem, gone, facts, state, named), gone, spares) if gone else Thinned(problem)
 
 
-def _evaluated(problem: Problem) -> Named:
-    grounder = evaluated(problem)
-    return lambda name, arity: (Function(name, each) for each in grounder.atoms(name, arity))
+def _started(problem: Problem, statics: Named | None) -> tuple[Named, tuple[Atom, ...] | None]:
+    """The static facts, unless they are known, and the initial state; None for facts that contradict each other."""
+    grounder = Grounder()
+    state, contradicted = evaluated_state(problem, Vocabulary(problem.domain), grounder)
+    if problem.complete and statics is None:
+        evaluate(grounder, problem)
 
+    def named(name: str, arity: int) -> Iterable[Atom]:
+        return (Function(name, each) for each in grounder.atoms(name, arity))
 
-def _state(problem: Problem) -> tuple[Atom, ...] | None:
-    """The initial state; None if its facts contradict each other."""
-    state, contradicted = initial_state(problem, Vocabulary(problem.domain))
-    return None if contradicted else state
+    return statics or named, None if contradicted else state
 
 
 def _without(

@@ -17,8 +17,7 @@ from engine.stages.macros.lookup.matching import match_open
 from engine.stages.macros.lookup.query import Query
 from kb.model.conditions import Literal, Parameter
 from kb.model.macro import Macrop
-from kb.store import Requirement
-from kb.store.notation import read_literal
+from kb.store.notation import Requirement, read_literal
 from kb.terms import Function, Term, Variable, match, substitute_atom, variables
 
 GOALS = 1 << 14  # goals whose features are remembered

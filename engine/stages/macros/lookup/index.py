@@ -13,7 +13,7 @@ from engine.stages.macros.lookup.features import Observed, Profiles, requirement
 from engine.stages.macros.lookup.program import Program
 from engine.stages.macros.lookup.query import Query, signature_asked, signature_of
 from kb.model.macro import Macrop
-from kb.store import Requirement
+from kb.store.notation import Requirement
 
 UNKNOWN_COST = 1 << 62
 

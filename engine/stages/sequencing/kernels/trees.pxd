@@ -4,11 +4,6 @@ from engine.stages.sequencing.kernels.distances cimport Distances
 
 cdef double INFINITE
 
-@cython.locals(n=int, edges=int, taken=int, own=int, edge=int, a=int, b=int, city=int, lacking=int, total=double, root="int[::1]")
-cpdef double sparse_tree(const int[::1] first, const int[::1] second, const double[::1] weight, int[::1] degree, double floor) except? -1
-
-cdef bint _joined(int[::1] root, int a, int b) noexcept
-
 @cython.locals(n=int, city=int, size=int, place=int, other=int, chosen=int, total=double, own=double, weight=double, least=double, near="double[::1]", outside="int[::1]")
 cpdef double full_tree(Distances distances, const double[::1] penalty, int[::1] parent) except? -1
 

@@ -56,7 +56,9 @@ def _draw(r: Range, corners: Floats, t: int, owner: int) -> None:
         left, right = _least(u0 + r.cx, left), _most(u1 + r.cx, right)
         top, bottom = _least(v0 + r.cy, top), _most(v1 + r.cy, bottom)
     _planes(r, corners, t)
-    offset = r.plane[3, 0] * corners[t, 0, 0] + r.plane[3, 1] * corners[t, 0, 1] + r.plane[3, 2] * corners[t, 0, 2]
+    offset = (
+        r.plane[3, 0] * corners[t, 0, 0] + r.plane[3, 1] * corners[t, 0, 1] + r.plane[3, 2] * corners[t, 0, 2]
+    )
     for v in range(top, bottom + 1):
         y = (v - r.cy) / r.focal
         for u in range(left, right + 1):

@@ -105,7 +105,7 @@ def test_a_place_where_nothing_can_be_written_is_bad_input(tmp_path: Path) -> No
 
 
 def test_a_reader_that_goes_away_is_no_error() -> None:
-    command = f"{sys.executable} -m engine.faces.cli plan bulkhead/twelve_points --format json | head -1"
+    command = f"{sys.executable} -m engine.faces.cli schema domain | head -1"
     result = subprocess.run(["bash", "-c", command], capture_output=True, text=True, check=False)
     assert (result.stdout, result.stderr) == ("{\n", "")
 

@@ -59,15 +59,15 @@ def test_without_a_library_nothing_is_said_of_one() -> None:
 
 
 def test_a_plan_from_the_library_passes_through_a_file_to_the_checker(store: str, tmp_path: Path) -> None:
-    answer("plan", "themse/one", "--store", store)
+    answer("plan", "bulkhead/one_point", "--store", store)
     file = tmp_path / "plan.json"
-    file.write_text(run(app, ["plan", "themse/one", "--store", store, "--format", "json"]).stdout)
+    file.write_text(run(app, ["plan", "bulkhead/one_point", "--store", store, "--format", "json"]).stdout)
     assert json.loads(file.read_text())["data"]["source"]["origin"] == "library"
     assert run(app, ["validate", str(file)]).exit_code == 0
     other = str(tmp_path / "other.db")
     code, found = answer("macros", "learn", str(file), "--store", other)
     assert (code, found["plans"][0]["macrop"]) == (0, 1)
-    assert source("themse/one", "--store", other) == ("library", 1)
+    assert source("bulkhead/one_point", "--store", other) == ("library", 1)
 
 
 def test_a_wrong_plan_is_not_learned(store: str, tmp_path: Path) -> None:
@@ -132,6 +132,21 @@ def test_an_edited_domain_makes_exactly_its_macrops_stale(store: str, tmp_path: 
     assert source("bulkhead/one_point", "--store", store)[0] == "library"
 
 
+def test_what_was_prepared_is_looked_up(store: str, tmp_path: Path) -> None:
+    create(tmp_path / "mine")
+    origins = [
+        {
+            each["origin"]
+            for each in answer("prepare", str(tmp_path / "mine"), "--store", store, "--jobs", jobs)[1][
+                "problems"
+            ]
+        }
+        for jobs in ("2", "1")
+    ]
+    assert origins == [{"planner"}, {"library"}]
+
+
+@pytest.mark.slow
 def test_a_prepared_problem_set_is_looked_up(store: str) -> None:
     code, first = answer("prepare", "bulkhead", "--store", store, "--jobs", "2")
     assert code == 0

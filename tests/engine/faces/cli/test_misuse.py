@@ -82,7 +82,7 @@ def test_more_memory_than_there_can_be_is_no_limit() -> None:
     assert run("plan", "bulkhead/one_point", "--memory-limit", "9" * 30).returncode == 0
 
 
-@pytest.mark.parametrize("encoding", ["ascii", "latin-1"])
+@pytest.mark.parametrize("encoding", ["ascii", pytest.param("latin-1", marks=pytest.mark.slow)])
 def test_no_answer_fails_for_its_characters(encoding: str) -> None:
     shown = run("schedule", "bulkhead/one_point", env={**os.environ, "PYTHONIOENCODING": encoding})
     assert (shown.returncode, shown.stderr) == (0, b"")
@@ -128,8 +128,7 @@ def test_who_cannot_be_told_of_progress_gets_the_answer(arguments: tuple[str, ..
     assert result.stdout
 
 
-@pytest.mark.parametrize("sent", [signal.SIGINT, signal.SIGTERM])
-@pytest.mark.parametrize("options", [(), ("--race",)])
+@pytest.mark.parametrize(("sent", "options"), [(signal.SIGINT, ("--race",)), (signal.SIGTERM, ())])
 def test_a_signal_ends_the_search_with_the_best_plan_so_far(
     sent: signal.Signals, options: tuple[str, ...]
 ) -> None:

@@ -38,7 +38,7 @@ def test_a_point_and_joint_values_are_ends_too() -> None:
 def test_a_goal_beyond_a_limit_is_told_with_joint_and_limits() -> None:
     result = run(app, ["motion", "plan", "bulkhead", "--from", "home", "--to", "0, 10, 0, 0, 0, 0"])
     assert result.exit_code == 10
-    assert "goal 1: joint_2 is at 0.1745, its limits are 0.5236 and 2.042" in result.stdout
+    assert "goal 1: joint_2 is at 10, 20 degrees beyond its limits, 30 and 117" in result.stdout
 
 
 @pytest.mark.parametrize(

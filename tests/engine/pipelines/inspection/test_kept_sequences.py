@@ -238,7 +238,8 @@ def _work_off(store: str, file: str, mine: list[str]) -> None:
 
 def test_two_processes_at_once_lose_no_visit(tmp_path: Path) -> None:
     store, file = str(tmp_path / "s.db"), written(tmp_path, NAMES)
-    context = multiprocessing.get_context("spawn")
+    context = multiprocessing.get_context("forkserver")
+    context.set_forkserver_preload(["engine.pipelines.inspection", "kb.store.sequences", "pytest"])
     shares = (NAMES[:6], NAMES[6:12])
     workers = [context.Process(target=_work_off, args=(store, str(file), share)) for share in shares]
     for each in workers:

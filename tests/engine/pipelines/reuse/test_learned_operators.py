@@ -136,6 +136,7 @@ def _holding(operator: Operator) -> Operator:
     return replace(operator, resources=(*operator.resources, operator.parameters[0].variable))
 
 
+@pytest.mark.slow
 def test_what_pays_nowhere_is_dropped_and_what_is_offered_in_vain_is_offered_no_more(
     library: Library, tmp_path: Path
 ) -> None:
@@ -167,6 +168,7 @@ def test_they_are_exported_and_imported_as_what_they_are_and_never_looked_up(
             assert len(repertoire) == 0
 
 
+@pytest.mark.slow
 def test_a_library_that_is_only_used_is_left_as_it_is(library: Library, tmp_path: Path) -> None:
     taught(library, parcels(tmp_path, "ab bc cd da ac bd"))
     before = (Utilities(library).of(), library.serving("parcels", SIGNATURE))
@@ -184,6 +186,7 @@ def test_what_no_search_was_offered_is_not_counted(library: Library, tmp_path: P
     assert Utilities(library).of() == before
 
 
+@pytest.mark.slow
 def test_a_folded_plan_has_every_step_once_and_shows_the_macrops_in_it(
     library: Library, tmp_path: Path
 ) -> None:

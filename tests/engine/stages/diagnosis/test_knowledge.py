@@ -24,7 +24,7 @@ from engine.stages.diagnosis.session import Session
 from kb.model.faults import Cause, FaultModel, FaultTest, Interruption, Repair
 from kb.terms import Function
 
-MANY = settings(max_examples=120, deadline=None)
+MANY = settings(max_examples=50, deadline=None)
 GAUGE = FaultTest(
     "gauge",
     "",

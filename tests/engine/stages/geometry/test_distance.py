@@ -48,7 +48,7 @@ def standing(*pieces: Piece) -> Room:
     return Room(pack(pieces), np.empty((0, 1, 3, 4)))
 
 
-@settings(max_examples=400, deadline=None)
+@settings(max_examples=150, deadline=None)
 @given(kinds, kinds, seeds)
 def test_compiled_distances_agree_with_the_plain_ones(one: str, other: str, seed: int) -> None:
     rng = np.random.default_rng(seed)
@@ -56,7 +56,7 @@ def test_compiled_distances_agree_with_the_plain_ones(one: str, other: str, seed
     assert math.isclose(compiled(first, second)[0], signed_distance(first, second), abs_tol=1e-9)
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=80, deadline=None)
 @given(kinds, kinds, seeds)
 def test_distances_are_symmetric_and_the_normal_turns_round(one: str, other: str, seed: int) -> None:
     rng = np.random.default_rng(seed)
@@ -67,7 +67,7 @@ def test_distances_are_symmetric_and_the_normal_turns_round(one: str, other: str
         assert np.abs(there[1][6:] + back[1][6:]).max() < 1e-5
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=80, deadline=None)
 @given(kinds, kinds, seeds, st.floats(0, 0.3), st.floats(0, 0.3))
 def test_witness_points_stand_as_far_apart_as_is_said_along_the_normal(
     one: str, other: str, seed: int, ra: float, rb: float
@@ -80,7 +80,7 @@ def test_witness_points_stand_as_far_apart_as_is_said_along_the_normal(
     assert math.isclose(distance, compiled(first, second)[0] - ra - rb, abs_tol=1e-9)
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=80, deadline=None)
 @given(kinds, kinds, seeds)
 def test_moving_by_the_depth_along_the_normal_parts_two_bodies(one: str, other: str, seed: int) -> None:
     rng = np.random.default_rng(seed)
@@ -91,7 +91,7 @@ def test_moving_by_the_depth_along_the_normal_parts_two_bodies(one: str, other: 
         assert -1e-9 <= parted < 1e-6
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=80, deadline=None)
 @given(st.sampled_from(["point", "segment"]), st.sampled_from(["point", "segment"]), seeds)
 def test_segments_have_a_formula_of_their_own(one: str, other: str, seed: int) -> None:
     rng = np.random.default_rng(seed)
@@ -101,7 +101,7 @@ def test_segments_have_a_formula_of_their_own(one: str, other: str, seed: int) -
     assert math.isclose(math.sqrt(gap), max(0.0, compiled(first, second)[0]), abs_tol=1e-7)
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=120, deadline=None)
 @given(st.sampled_from(["point", "segment"]), seeds)
 def test_segments_and_blocks_have_a_formula_of_their_own(one: str, seed: int) -> None:
     rng = np.random.default_rng(seed)

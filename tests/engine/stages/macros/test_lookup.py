@@ -68,7 +68,7 @@ PLAIN = [each for each in EXAMPLES if not each.problem.chains] + [bundled("thems
 
 @pytest.mark.slow
 @given(data=st.data())
-@settings(max_examples=40, deadline=None, suppress_health_check=list(HealthCheck))
+@settings(max_examples=20, deadline=None, suppress_health_check=list(HealthCheck))
 def test_the_index_offers_every_macrop_that_matches(data: st.DataObject) -> None:
     found = data.draw(st.sampled_from(PLAIN))
     here = data.draw(st.sampled_from(states(found)))
@@ -91,7 +91,7 @@ def test_the_index_offers_every_macrop_that_matches(data: st.DataObject) -> None
 
 
 @given(data=st.data())
-@settings(max_examples=40, deadline=None, suppress_health_check=list(HealthCheck))
+@settings(max_examples=20, deadline=None, suppress_health_check=list(HealthCheck))
 def test_goals_with_few_choices_first_gives_the_bindings_of_the_plain_join(data: st.DataObject) -> None:
     found = data.draw(st.sampled_from(PLAIN))
     here = data.draw(st.sampled_from(states(found)))

@@ -5,7 +5,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from engine.model.geometry import Floats, Joints, Piece, Scene
+from engine.model.geometry import Floats, Joints, Piece, Scene, Truths
 from engine.stages.geometry import transforms
 from engine.stages.geometry.collision.builtin import BuiltinChecker
 from engine.stages.geometry.collision.ground import Ground
@@ -38,7 +38,7 @@ def arm_among(blocks: list[Piece], links: int = 2, length_m: float = 1.0) -> Sce
     return Scene(joints, pieces, np.array(pairs, dtype=np.int64).reshape(-1, 2), bodies=bodies)
 
 
-def random_ground(rng: np.random.Generator, blocks: int, links: int = 2) -> Ground:
+def random_ground(rng: np.random.Generator, blocks: int, links: int = 2, length_m: float = 1.0) -> Ground:
     """An arm among blocks at random places that are not on its base."""
     found: list[Piece] = []
     while len(found) < blocks:
@@ -46,7 +46,7 @@ def random_ground(rng: np.random.Generator, blocks: int, links: int = 2) -> Grou
         if np.linalg.norm(middle) > 0.6:
             size = rng.uniform(0.1, 0.5, 2)
             found.append(block(f"block {len(found)}", (middle[0], middle[1]), (size[0], size[1])))
-    return Ground(BuiltinChecker(arm_among(found, links)))
+    return Ground(BuiltinChecker(arm_among(found, links, length_m)))
 
 
 def finely(path: Floats, step: float) -> Floats:
@@ -56,6 +56,26 @@ def finely(path: Floats, step: float) -> Floats:
         for one, two in pairwise(path)
     ]
     return np.concatenate(parts)
+
+
+def touching(ground: Ground, q: Floats) -> Truths:
+    """Which configurations of a planar arm (n, k) have a point of a link in a block, by plain trigonometry.
+
+    Points in the middle of a link are looked at, half its thickness apart, so what is told to touch does.
+    """
+    scene, hits = ground.scene, np.zeros(len(q), dtype=bool)
+    links = [piece for piece in scene.pieces if piece.carrier]
+    blocks = [piece for piece in scene.pieces if not piece.carrier]
+    angles, start = np.cumsum(q, axis=1), np.zeros((len(q), 2))
+    for n, link in enumerate(links):
+        along, length = np.stack([np.cos(angles[:, n]), np.sin(angles[:, n])], axis=1), link.vertices[1, 0]
+        for share in np.linspace(0.0, 1.0, int(length / link.radius_m) + 1):
+            point = start + share * length * along
+            for each in blocks:
+                off = np.abs(point - each.T_carrier_piece[:2, 3]) - each.vertices.max(axis=0)[:2]
+                hits |= np.linalg.norm(off.clip(min=0.0), axis=1) < link.radius_m - 1e-9
+        start = start + length * along
+    return hits
 
 
 @pytest.fixture

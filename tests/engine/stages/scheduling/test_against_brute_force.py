@@ -95,13 +95,13 @@ def agrees(shop: Shop, until: int) -> None:
         assert expected is None or expected >= (made.tardiness, made.makespan)
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=20, deadline=None)
 @given(shops_with_windows())
 def test_schedules_with_windows_are_as_short_as_the_best_of_all(shop: Shop) -> None:
     agrees(shop, 7)
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=20, deadline=None)
 @given(shops_with_devices())
 def test_schedules_with_devices_are_as_short_as_the_best_of_all(shop: Shop) -> None:
     agrees(shop, 6)

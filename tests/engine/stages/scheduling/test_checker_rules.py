@@ -151,7 +151,7 @@ def timed(draw: st.DrawFn) -> tuple[Shop, Schedule]:
     return shop, complete(shop, starts, tuple(made))
 
 
-@settings(max_examples=250, deadline=None, suppress_health_check=list(HealthCheck))
+@settings(max_examples=100, deadline=None, suppress_health_check=list(HealthCheck))
 @given(timed())
 def test_the_checker_names_the_rules_that_a_replay_finds_broken(case: tuple[Shop, Schedule]) -> None:
     shop, made = case

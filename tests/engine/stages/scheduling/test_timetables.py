@@ -74,6 +74,7 @@ def test_a_plan_without_structure_keeps_its_own_order() -> None:
     assert made.schedule.makespan == makespan(made.plan)
 
 
+@pytest.mark.slow
 def test_two_places_of_the_freezer_are_used_at_once(tmp_path: Path) -> None:
     """When cooling takes longer than heating, capacity of the freezer is what counts; its slots are interchangeable."""
     text = """problem: cold
@@ -148,6 +149,7 @@ def test_empty_travel_counts(laboratory: Path) -> None:
     assert made.schedule.proved
 
 
+@pytest.mark.slow
 def test_nothing_stays_in_the_heat_longer_than_allowed(laboratory: Path) -> None:
     free = timed(of_two(laboratory)).schedule
     made = timed(of_two(laboratory, "longest_stay(furnace, 906)"))

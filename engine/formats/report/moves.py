@@ -1,0 +1,87 @@
+"""The motions of a plan, step by step, as text and as data."""
+
+from typing import TYPE_CHECKING, Any
+
+from engine.model.moves import Leg, MovedStep, Unmoved
+
+if TYPE_CHECKING:
+    from rich.console import RenderableType
+
+    from engine.pipelines.moves.planning import Moving
+
+
+def text(moving: "Moving") -> "list[RenderableType]":
+    """A table of the motions, and what had none."""
+    from rich.table import Table
+    from rich.text import Text
+
+    found: list[RenderableType] = []
+    if moving.steps:
+        table = Table("step", "at", "motion, with its time (s)", "in all (s)", box=None, pad_edge=False)
+        for each in moving.steps:
+            table.add_row(str(each.step), each.place, _legs(each), f"{each.seconds:.1f}")
+        found += [table, Text(_proof(moving.steps))]
+    for refused in moving.refused:
+        found.append(Text(f"{refused.operator} was left out: it has no motion, {_where(refused)}"))
+    return found
+
+
+def _legs(step: MovedStep) -> str:
+    parts = [f"{leg.kind.value} {leg.seconds:.1f}" for leg in step.legs if leg.seconds]
+    return (
+        ", ".join([*parts, *([f"there {step.takes_s:.1f}"] if step.takes_s else [])])
+        or "none: it is there already"
+    )
+
+
+def _proof(steps: tuple[MovedStep, ...]) -> str:
+    open_ = [each for each in steps if not each.proved]
+    legs = sum(len(each.legs) for each in steps)
+    if not open_:
+        return f"{legs} paths, all proved to touch nothing that they may not"
+    return f"{legs} paths; those of {len(open_)} steps are free wherever they were looked at, but not proved"
+
+
+def _where(refused: Unmoved) -> str:
+    while_ = f", while {', '.join(map(str, refused.while_true))}" if refused.while_true else ""
+    return f"{refused.reason}{while_}"
+
+
+def entry(moving: "Moving") -> dict[str, Any]:
+    """The motions for JSON: joint values in rad or m, times in s from the start of each leg."""
+    return {
+        "motion": [_step(each) for each in moving.steps],
+        "without_motion": [
+            {
+                "operator": str(each.operator),
+                "place": each.place,
+                "level": each.level,
+                "reason": each.reason,
+                "in_the_way": list(each.culprits),
+                "while": list(map(str, each.while_true)),
+            }
+            for each in moving.refused
+        ],
+    }
+
+
+def _step(step: MovedStep) -> dict[str, Any]:
+    return {
+        "step": step.step,
+        "operator": str(step.operator),
+        "place": step.place,
+        "seconds": round(step.seconds, 6),
+        "there_s": step.takes_s,
+        "legs": [_leg(each) for each in step.legs],
+    }
+
+
+def _leg(leg: Leg) -> dict[str, Any]:
+    return {
+        "kind": leg.kind.value,
+        "arm": leg.arm,
+        "configurations": leg.path.tolist(),
+        "times_s": leg.corners_s.tolist(),
+        "proved": leg.proved,
+        "holding": list(leg.holding),
+    }

@@ -1,0 +1,15 @@
+# Types with which Cython compiles mechanism.py. Its meaning is written there.
+import cython
+from engine.kernels.geometry cimport forward
+
+@cython.final
+cdef class Mechanism:
+    cdef readonly Py_ssize_t count
+    cdef readonly object parents, origins, axes, sliding, travels
+    cdef const long long[::1] parent
+    cdef const double[:, :, ::1] origin
+    cdef const double[:, ::1] axis
+    cdef const unsigned char[::1] slides
+    cdef const double[::1] travel
+
+cdef void place_carriers(Mechanism m, const double[::1] at, Py_ssize_t n, double[:, :, :, ::1] poses) noexcept nogil

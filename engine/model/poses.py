@@ -1,0 +1,35 @@
+"""The measurement knowledge base: where an arm can stand to take a measurement. Metres, radians."""
+
+from dataclasses import dataclass
+
+from engine.model.geometry import Floats
+from kb.model.cell import Patch
+
+Box = tuple[tuple[float, float, float], tuple[float, float, float]]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MeasurementPoses:
+    """The configurations in which an arm takes a measurement from a station, with a tool; or why there is none.
+
+    `straight` are the ways (m, k) from free space into the pose, the preferred ones first: the last row of each is the pose,
+    the first the approach point. `tilt_rad` is the angle to the normal. `patch` is where a scanner looks in its picture.
+    `box` holds everything that the arm and its tool can touch in any pose that was looked at; None if there was no pose.
+    `own` and `near` are digests: of the arm, the tool and the place, and of the bodies in the box.
+    """
+
+    measurement: str
+    tool: str
+    station: str
+    straight: tuple[Floats, ...] = ()
+    tilt_rad: float = 0.0
+    patch: Patch | None = None
+    reason: str = ""
+    box: Box | None = None
+    own: str = ""
+    near: str = ""
+
+    @property
+    def reached(self) -> bool:
+        """Whether the arm can take it from there."""
+        return bool(self.straight)

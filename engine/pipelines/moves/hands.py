@@ -1,0 +1,104 @@
+"""The arms of a cell as they go along: where each is, the ways that it takes, and how long it takes for them."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from engine.model.geometry import Floats
+from engine.model.motion import Blocked, Moved, Query
+from engine.model.moves import Leg, LegKind
+from engine.pipelines.moves.rooms import Room
+from engine.stages.geometry.world.model import World
+from engine.stages.motion.planner import plan as plan_way
+from engine.stages.motion.trajectory import Limits, fastest
+from kb.model.cell import Cell, Place
+
+BUDGET = 400_000  # configurations that the search for a way looks at
+UNKNOWN_SPEED = 1.0  # rad/s or m/s
+SWIFT, ABRUPT = 4.0, 10.0  # 1/s: acceleration of the full speed, jerk of the full acceleration
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Front:
+    """The arm stands before a place, or in it; `straight` (m, k) is the way from the front into the place."""
+
+    place: str
+    straight: Floats
+    inside: bool = False
+
+
+@dataclass(eq=False)
+class Hands:
+    """Where the arms of a cell are, and before or in which places."""
+
+    cell: Cell
+    seed: int = 0
+    bridges: int = 30
+    _now: dict[str, Floats] = field(default_factory=dict)
+    _front: dict[str, Front] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        self._home = World.of(self.cell).configurations
+        self.go_home()
+
+    def go_home(self) -> None:
+        """Every arm is where its file has it rest."""
+        self._now, self._front = dict(self._home), {}
+
+    def now(self, arm: str) -> Floats:
+        """Where an arm is: its configuration (k,)."""
+        return self._now[arm]
+
+    def arrive(self, arm: str, q: Floats, front: Front | None) -> None:
+        """The arm is at a configuration now, before or in a place."""
+        self._now[arm] = q
+        self._front.pop(arm, None)
+        if front is not None:
+            self._front[arm] = front
+
+    def standing(self, arm: str) -> Front | None:
+        """How an arm stands before a place, or in it; None if it is elsewhere."""
+        return self._front.get(arm)
+
+    def front(self, place: Place) -> Front | None:
+        """How the arm stands before this place, or in it; None if it is elsewhere."""
+        found = self._front.get(place.arm)
+        return found if found is not None and found.place == place.name else None
+
+    def leg(
+        self, kind: LegKind, arm: str, path: Floats, room: Room, proved: bool = True, factor: float = 1.0
+    ) -> Leg:
+        """A leg in the least time, within what the joints can do."""
+        joints = self.cell.arms[arm].arm.joints
+        speed = np.array([joint.speed or UNKNOWN_SPEED for joint in joints]) * factor
+        rated = np.array([joint.acceleration or SWIFT * (joint.speed or UNKNOWN_SPEED) for joint in joints])
+        rated = rated * factor
+        corners = fastest(path, Limits(speed, rated, rated * ABRUPT)).corners_s
+        return Leg(kind, arm, path, corners, proved, held(room.world, arm))
+
+    def way(self, room: Room, arm: str, goals: Floats, budget: int = BUDGET) -> Leg | Blocked | None:
+        """The way from where the arm is to one of some configurations (n, k); None if start or goals are not free."""
+        world = room.world
+        first, count = world.first_carriers[arm], world.models[arm].joints.count
+        query = Query(
+            room.whole(arm, self.now(arm)[None])[0],
+            room.whole(arm, goals),
+            seed=self.seed,
+            budget=budget,
+            bridges=self.bridges,
+            moving=tuple(range(first, first + count)),
+        )
+        answer = plan_way(room.free(arm), query)
+        if isinstance(answer, Moved):
+            path = answer.path[:, first : first + count]
+            return self.leg(LegKind.WAY, arm, path, room, answer.proved)
+        return answer if isinstance(answer, Blocked) else None
+
+
+def held(world: World, arm: str) -> tuple[str, ...]:
+    """The bodies that an arm carries."""
+    return tuple(body for body in world.cell.bodies if _rides(world, body, arm))
+
+
+def _rides(world: World, body: str, arm: str) -> bool:
+    return any(each.startswith(f"{arm}.") and each != f"{arm}.base" for each in world.supports(body)[1:])

@@ -1,0 +1,154 @@
+"""From a problem to a plan that moves: plan, walk through it with the arm, and plan again where a step has no motion.
+
+A step without a motion becomes a condition of its operator (`bars`), and planning goes on. When every step moves, its real
+time replaces the declared one, the steps are scheduled again, and the plan passes the gate with these times.
+"""
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+from engine.model.moves import MovedStep, Unmoved
+from engine.model.outcome import Found, GaveUp, Infeasible, Outcome
+from engine.model.schedule import Timetable
+from engine.pipelines.gate import PlanGate
+from engine.pipelines.moves.bars import told, without_blocked
+from engine.pipelines.moves.walking import Walk, Ways
+from engine.pipelines.objective import Run
+from engine.pipelines.timetable import keeping, own_order, timed
+from engine.pipelines.timetable.kept import LONG
+from engine.ports import GeometryBackend
+from engine.stages.grounding import ground
+from kb.diagnostics import Diagnostic, InvalidInput, Source
+from kb.model.cell import Cell
+from kb.model.plan import Plan
+from kb.model.problem import Problem
+from kb.syntax import SECONDS
+from kb.terms import Function
+
+MOST_BARS = 60  # steps without motion, after which planning gives up
+ROUNDS = 4  # schedules, each of whose order is walked through again
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Moving:
+    """A run whose plan moves. `problem` has the real times of the steps, `steps` their motions, `refused` what had none."""
+
+    run: Run
+    problem: Problem
+    steps: tuple[MovedStep, ...] = ()
+    refused: tuple[Unmoved, ...] = ()
+
+
+def plan_moving(
+    problem: Problem,
+    cell: Cell,
+    backend: GeometryBackend,
+    planned: Callable[[Problem], Run],
+    seed: int = 0,
+    ways: Ways | None = None,
+) -> Moving:
+    """A plan for the problem, by `planned`, in which every step moves.
+
+    `ways` are straight ways into places that are known already. Raises `InvalidInput` for a cell without operations.
+    """
+    _require_operations(cell)
+    refused: list[Unmoved] = []
+    walk = Walk(PlanGate().semantics(problem), cell, backend, seed, ways=ways or {})
+    while len(refused) <= MOST_BARS:
+        asked = without_blocked(problem, refused)
+        run = planned(asked)
+        if not isinstance(run.outcome, Found):
+            return Moving(Run(_without(run.outcome, refused)), problem, refused=tuple(refused))
+        steps = list(walk.steps(run.outcome.plan))
+        if steps and isinstance(steps[-1], Unmoved):
+            refused.append(steps[-1])
+            continue
+        moved = [each for each in steps if isinstance(each, MovedStep)]
+        return _in_real_time(_Asked(problem, asked, walk), run, moved, refused)
+    reason = f"{len(refused)} steps have no motion; the last: {told(refused[-1:])}"
+    return Moving(Run(GaveUp(reason, "work")), problem, refused=tuple(refused))
+
+
+def _require_operations(cell: Cell) -> None:
+    if not cell.operations:
+        hint = "say what the arm does in a step under `operations:`, such as pick(Item, Place): {at: Place}"
+        raise InvalidInput([Diagnostic(Source(cell.path), "K405", "the cell declares no operations", hint)])
+
+
+def _without(outcome: Outcome, refused: Sequence[Unmoved]) -> Outcome:
+    """The outcome of planning without the steps that have no motion."""
+    if not refused or not isinstance(outcome, Infeasible):
+        return outcome
+    reason = f"{outcome.reason}; {told(refused)}"
+    if all(each.sure for each in refused):
+        return replace(outcome, reason=reason)
+    return GaveUp(f"{reason}. Whether there really is no way was not proved", "work", outcome.statistics)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Asked:
+    """The problem as it was given, and without the steps that have no motion; the arm that walks through its plans."""
+
+    problem: Problem
+    barred: Problem
+    walk: Walk
+
+
+def _in_real_time(asked: _Asked, run: Run, steps: list[MovedStep], refused: Sequence[Unmoved]) -> Moving:
+    """The plan with the times of its motions, in the best order that is found; in its own order if no order settles."""
+    assert isinstance(run.outcome, Found)
+    plan = run.outcome.plan
+    for _ in range(ROUNDS):
+        barred, plan = _with_times(asked.barred, plan, steps)
+        table = _scheduled(barred, plan, run)
+        if table is None:
+            break
+        again = list(asked.walk.steps(table.plan))
+        if any(isinstance(each, Unmoved) for each in again):
+            break
+        moved = [each for each in again if isinstance(each, MovedStep)]
+        settled = _times(moved, barred) == _times(steps, barred)
+        plan, steps = table.plan, moved
+        if settled:
+            return _made(asked, run, table, steps, refused)
+    barred, plan = _with_times(asked.barred, plan, steps)
+    table = own_order(barred, ground(barred), plan)
+    return _made(asked, run, table, steps, refused)
+
+
+def _made(
+    asked: _Asked, run: Run, table: Timetable, steps: Sequence[MovedStep], refused: Sequence[Unmoved]
+) -> Moving:
+    """The answer, which has passed the gate with the times of its motions in place of those of the domain."""
+    assert isinstance(run.outcome, Found)
+    problem = replace(asked.problem, durations=_times(steps, asked.problem))
+    plan = PlanGate().accepted(problem, table.plan)
+    outcome = replace(run.outcome, plan=plan, optimal=False)
+    return Moving(replace(run, outcome=outcome, timetable=table), problem, tuple(steps), tuple(refused))
+
+
+def _times(steps: Sequence[MovedStep], problem: Problem) -> Mapping[Function, int]:
+    """How long each step lasts, in the domain's unit, rounded up; the longest time of those with the same name."""
+    unit = float(SECONDS[problem.domain.time_unit])
+    found = dict(problem.durations)
+    longest: dict[Function, int] = {}
+    for each in steps:
+        lasts = math.ceil(each.seconds / unit - 1e-9)
+        longest[each.operator] = max(lasts, longest.get(each.operator, 0))
+    return found | longest
+
+
+def _with_times(problem: Problem, plan: Plan, steps: Sequence[MovedStep]) -> tuple[Problem, Plan]:
+    """The problem and the plan with the times of motions."""
+    times = _times(steps, problem)
+    lasting = tuple(replace(step, duration=times.get(step.operator, step.duration)) for step in plan.steps)
+    return replace(problem, durations=times), replace(plan, steps=lasting)
+
+
+def _scheduled(problem: Problem, plan: Plan, run: Run) -> Timetable | None:
+    """The plan in the best order that is found with these times; a sequence of measurements keeps its order."""
+    if run.itinerary is not None or len(plan.steps) > LONG:
+        return keeping(problem, plan)
+    made = timed(problem, ground(problem), plan)
+    return made if isinstance(made, Timetable) else None

@@ -1,0 +1,281 @@
+"""The motion of one step at a place: a way to its front, straight in, what is done there, and straight out again."""
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from engine.model.geometry import Contact, Floats
+from engine.model.motion import Blocked
+from engine.model.moves import Leg, LegKind, MovedStep, Unmoved
+from engine.pipelines.moves.hands import Front, Hands, held
+from engine.pipelines.moves.rooms import Room
+from engine.stages.geometry import transforms
+from engine.stages.geometry.reach.reach import Unreached
+from engine.stages.geometry.world.model import World
+from kb.model.cell import Cell, Ends, JointKind, Operation, Place, Placement
+from kb.model.plan import Step
+
+TRIED = (
+    24,
+    192,
+)  # configurations at a place that are tried, the nearest first: at once, and if no way leads to those
+GOALS = (4, 32)  # of them, those that a way is planned to
+KNOWN = 3  # straight ways, of those that are known, that are tried: the nearest
+BUDGET = (40_000, 400_000)  # configurations that the search for a way looks at
+DRAG_STEPS = 24
+CAREFUL = 0.4  # of the full speed: on straight ways, and while something is dragged
+
+
+@dataclass(eq=False)
+class StepMotion:
+    """One step at a place: what is tried, and what has refused it so far."""
+
+    hands: Hands
+    step: Step
+    operation: Operation
+    place: Place
+    before: Room
+    after: Room
+    known: Sequence[Floats] = ()
+
+    @property
+    def arm(self) -> str:
+        """The arm that takes the step."""
+        return self.place.arm
+
+    def moved(self) -> MovedStep | Unmoved:
+        """The motion of the step, or why there is none."""
+        standing = self.hands.front(self.place)
+        if self.operation.ends is Ends.BEFORE and standing is not None:
+            return self._back(standing)
+        if standing is not None and (found := self._from_front(standing)):
+            return found
+        return self._anew()
+
+    def _back(self, standing: Front) -> MovedStep:
+        """Out of the place, if the arm is in it."""
+        legs = []
+        if standing.inside:
+            path = standing.straight[::-1]
+            legs = [self._slow(LegKind.OUT, path, self.before)]
+            self.hands.arrive(self.arm, path[-1], Front(self.place.name, standing.straight))
+        return self._made(legs)
+
+    def _from_front(self, standing: Front) -> MovedStep | None:
+        """The step with the straight way that the arm stands before; None if that does not serve it."""
+        if not self.before.is_free(self.place, standing.straight):
+            return None
+        legs = self._at_place(standing.straight)
+        return None if isinstance(legs, str) else self._made(legs)
+
+    def _anew(self) -> MovedStep | Unmoved:
+        """A way from where the arm is, to a straight way that is known or found now."""
+        if (known := self._as_known()) is not None:
+            return known
+        free = self._free_poses()
+        if isinstance(free, Unmoved):
+            return free
+        found: Leg | Blocked | None = None
+        for tried, goals, budget in zip(TRIED, GOALS, BUDGET, strict=True):
+            ready = self._ready(free[:tried], goals)
+            fronts = [path[0] for path in ready] or self._fronts_alone(tried)[:goals]
+            if not fronts:
+                continue
+            found = self.hands.way(self.before, self.arm, np.array(fronts), budget)
+            if isinstance(found, Leg):
+                return self._arrived(found, ready)
+        return self._no_way(found) if fronts else self._no_straight(free)
+
+    def _as_known(self) -> MovedStep | None:
+        """The step by one of the straight ways that are known; None if none serves it now."""
+        now = self.hands.now(self.arm)
+        near = sorted(self.known, key=lambda path: float(np.abs(path[0] - now).max()))
+        ready = [path for path in near[:KNOWN] if self._serves(path)]
+        if not ready:
+            return None
+        found = self.hands.way(self.before, self.arm, np.array([path[0] for path in ready]), BUDGET[0])
+        return self._arrived(found, ready) if isinstance(found, Leg) else None
+
+    def _free_poses(self) -> Floats | Unmoved:
+        """The configurations (n, k) at the place that touch nothing; none are needed if the arm only goes before it."""
+        poses = self.before.poses(self.place, self.hands.now(self.arm))
+        if len(poses):
+            free: Floats = poses[
+                ~self.before.checker(self.place).collides(self.before.whole(self.arm, poses))
+            ]
+            if len(free):
+                return free
+        return poses[:0] if self.operation.ends is Ends.BEFORE else self._unreached(poses)
+
+    def _arrived(self, way: Leg, ready: list[Floats]) -> MovedStep:
+        """The step after the way to the front of the place."""
+        reached = way.path[-1]
+        straight = next((path for path in ready if np.abs(path[0] - reached).max() < 1e-9), reached[None])
+        self.hands.arrive(self.arm, reached, Front(self.place.name, straight))
+        if self.operation.ends is Ends.BEFORE:
+            return self._made([way])
+        legs = self._at_place(straight)
+        assert not isinstance(legs, str), "a straight way that is ready was tried already"
+        return self._made([way, *legs])
+
+    def _ready(self, poses: Floats, most: int) -> list[Floats]:
+        """The straight ways into the place that serve the whole step; of many the first."""
+        found: list[Floats] = []
+        for q in poses:
+            path = self.before.straight(self.place, q, self.place.approach_m)
+            if path is not None and self._serves(path):
+                found.append(path)
+            if len(found) == most:
+                break
+        return found
+
+    def _serves(self, path: Floats) -> bool:
+        """Whether the whole step can be taken by a straight way into the place."""
+        if not self._front_is_free(path[0]) or not self.before.is_free(self.place, path):
+            return False
+        return not isinstance(self._at_place(path, dry=True), str)
+
+    def _front_is_free(self, q: Floats) -> bool:
+        return not bool(self.before.free(self.arm).collides(self.before.whole(self.arm, q[None]))[0])
+
+    def _fronts_alone(self, tried: int) -> list[Floats]:
+        """Configurations before the place, if that is where the step ends; whether the arm gets in from there is not asked."""
+        if self.operation.ends is not Ends.BEFORE:
+            return []
+        away = transforms.of_pose(self.place.placement.pose) @ transforms.translation(
+            0, 0, -self.place.approach_m
+        )
+        before = replace(
+            self.place, placement=Placement(self.place.placement.parent, transforms.to_pose(away))
+        )
+        poses = self.before.poses(before, self.hands.now(self.arm))[:tried]
+        return [q for q in poses if self._front_is_free(q)]
+
+    def _at_place(self, straight: Floats, dry: bool = False) -> list[Leg] | str:
+        """The legs from the front into the place, and, if the step says so, back out; a text if something touches.
+
+        A dry run leaves the arm where it is.
+        """
+        legs = [self._slow(LegKind.IN, straight, self.before)]
+        if self.operation.ends is not Ends.OUTSIDE:
+            if not dry:
+                self.hands.arrive(self.arm, straight[-1], Front(self.place.name, straight, inside=True))
+            return legs
+        q, out = straight[-1], straight[::-1]
+        if self.operation.drags:
+            dragged = self._dragged(q)
+            if isinstance(dragged, str):
+                return dragged
+            legs.append(self._slow(LegKind.DRAG, dragged, self.before))
+            q = dragged[-1]
+            away = self.after.straight(self.place, q, self.place.approach_m)
+            if away is None:
+                return "the arm cannot leave it again"
+            out = away[::-1]
+        if not self.after.is_free(self.place, out):
+            return "something is in the way out of it"
+        if not dry:
+            self.hands.arrive(self.arm, out[-1], Front(self.place.name, np.ascontiguousarray(out[::-1])))
+        return [*legs, self._slow(LegKind.OUT, out, self.after)]
+
+    def _dragged(self, at: Floats) -> Floats | str:
+        """The way of the arm (m, k) while it moves a body along its joint; a text if it cannot, or something touches."""
+        body, world = self.operation.drags, self.before.world
+        first, last = (_value(self.hands.cell, room.world, body) for room in (self.before, self.after))
+        model = world.models[self.arm]
+        start = world.pose(f"{self.arm}.base", body)
+        T_body_flange = transforms.inverse(start) @ model.flange_pose(at)
+        poses = [
+            world.guided(body, float(value)).pose(f"{self.arm}.base", body) @ T_body_flange
+            for value in np.linspace(first, last, DRAG_STEPS + 1)
+        ]
+        path = self.before.followed(self.arm, np.array(poses), at)
+        if path is None:
+            return f"the arm cannot move {body} all the way"
+        held = world.moved(self.arm, at).affix(body, f"{self.arm}.tool")
+        room = Room(held, self.before.backend, self.before.kinematics)
+        if not room.is_free(self.place, path):
+            return f"something is in the way of {body}"
+        return path
+
+    def _slow(self, kind: LegKind, path: Floats, room: Room) -> Leg:
+        return self.hands.leg(kind, self.arm, path, room, factor=CAREFUL)
+
+    def _made(self, legs: list[Leg]) -> MovedStep:
+        return MovedStep(
+            self.step.id, self.step.operator, self.place.name, tuple(legs), self.operation.takes_s
+        )
+
+    def _unreached(self, poses: Floats) -> Unmoved:
+        """No configuration at the place is free, or there is none."""
+        answer = self.before.reach.at(self.place)
+        reason = answer.reason if isinstance(answer, Unreached) else "no configuration is free"
+        if not len(poses):
+            return self._unmoved("reach", reason, sure=True)
+        culprits = {name for q in poses for name in self._others(q, self.before)}
+        return self._unmoved("contact", reason, tuple(sorted(culprits)), sure=True)
+
+    def _no_straight(self, poses: Floats) -> Unmoved:
+        """The arm gets to the place in some configurations, but not straight in and out in any of them.
+
+        It is sure if something that touches was found for each way that the arm can follow.
+        """
+        culprits, sure = set[str](), not self.operation.drags
+        for q in poses:
+            path = self.before.straight(self.place, q, self.place.approach_m)
+            touched = set(self._touched_along(path)) if path is not None else set()
+            sure = sure and (path is None or bool(touched))
+            culprits |= touched
+        past = f" past {', '.join(sorted(culprits))}" if culprits else ""
+        reason = f"there is no straight way in and out{past}"
+        return self._unmoved("approach", reason, tuple(sorted(culprits)), sure)
+
+    def _touched_along(self, path: Floats) -> Iterator[str]:
+        """What is touched first on a straight way into the place, or on the way out of it."""
+        for room in (self.before, self.after):
+            hits = room.checker(self.place).collides(room.whole(self.arm, path))
+            if hits.any():
+                yield from self._others(path[int(np.argmax(hits))], room)
+                return
+        yield from self._strangers(
+            self.before.free(self.arm).contacts(self.before.whole(self.arm, path[:1])[0])
+        )
+
+    def _others(self, q: Floats, room: Room) -> Iterator[str]:
+        """The bodies that the arm, or what it holds, touches at a configuration."""
+        return self._strangers(room.touching(self.place, q))
+
+    def _strangers(self, contacts: Iterable[Contact]) -> Iterator[str]:
+        """What is in contact, but for the arm and what it holds; the arm's own name where it touches itself."""
+        own = {*held(self.before.world, self.arm), *held(self.after.world, self.arm)}
+        for contact in contacts:
+            names = [
+                name
+                for name in (contact.first, contact.second)
+                if name not in own and not name.startswith(f"{self.arm}.")
+            ]
+            yield from names or [self.arm]
+
+    def _no_way(self, found: Blocked | None) -> Unmoved:
+        if found is None:
+            return self._unmoved("way", f"{self.arm} stands where something touches it")
+        names = {name for each in found.contacts for name in (each.first, each.second)}
+        reason = "no way leads there" + (f" past {', '.join(sorted(names))}" if names else "")
+        return self._unmoved("way", reason, tuple(sorted(names)))
+
+    def _unmoved(
+        self, level: str, reason: str, culprits: tuple[str, ...] = (), sure: bool = False
+    ) -> Unmoved:
+        bodies = tuple(each for each in culprits if each in self.hands.cell.bodies)
+        return Unmoved(self.step.id, self.step.operator, self.place.name, level, reason, bodies, sure=sure)
+
+
+def _value(cell: Cell, world: World, body: str) -> float:
+    """How far a body is along its guide in a world."""
+    guide = cell.bodies[body].guide
+    assert guide is not None
+    home = transforms.of_pose(cell.bodies[body].placement.pose)
+    moved = transforms.inverse(home) @ world.placed[body].T_parent_frame
+    along = moved[:3, 3] if guide.kind is JointKind.PRISMATIC else transforms.rotation_vector(moved[:3, :3])
+    return float(along @ np.array(guide.axis))

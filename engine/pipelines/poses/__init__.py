@@ -1,0 +1,165 @@
+"""The geometric reasoner for measurements: from which stations, and in which poses, an arm takes each of them.
+
+Its answers make the measurement knowledge base. They can be kept in a store, and are found again only where the arm, the tool,
+the place or a body near the poses has changed.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+from engine.model.poses import MeasurementPoses
+from engine.pipelines.gate import PlanGate
+from engine.pipelines.moves.places import measured_at, with_measured_places
+from engine.pipelines.moves.rooms import Room
+from engine.pipelines.poses.digests import Standing, own_digest
+from engine.pipelines.poses.finding import found_poses
+from engine.ports import GeometryBackend
+from engine.stages.geometry.kinematics.inverse import InverseKinematics
+from engine.stages.geometry.world.following import following
+from engine.stages.geometry.world.model import World
+from engine.stages.validation.semantics import Semantics
+from kb.model.cell import Cell, Measuring, Place
+from kb.model.problem import Problem
+from kb.terms import Atom, Function, Number, Text, is_ground
+
+Key = tuple[str, str, str]  # measurement, tool, station
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Knowledge:
+    """The poses of all measurements of a problem, by measurement, tool and station.
+
+    `kept` counts those that were known already, `made` those that were found now.
+    """
+
+    poses: Mapping[Key, MeasurementPoses] = field(default_factory=dict)
+    kept: int = 0
+    made: int = 0
+
+    def unreached(self) -> dict[str, str]:
+        """The measurements that no station reaches, each with the reasons, station by station."""
+        reached = {each.measurement for each in self.poses.values() if each.reached}
+        reasons: dict[str, list[str]] = {}
+        for each in self.poses.values():
+            if each.measurement not in reached:
+                where = f"from {each.station}: " if each.station else ""
+                reasons.setdefault(each.measurement, []).append(f"{where}{each.reason}")
+        return {name: "; ".join(dict.fromkeys(said)) for name, said in reasons.items()}
+
+    def stations(self) -> dict[str, tuple[str, ...]]:
+        """The stations that reach each measurement."""
+        found: dict[str, list[str]] = {}
+        for each in self.poses.values():
+            if each.reached and each.station:
+                found.setdefault(each.measurement, []).append(each.station)
+        return {name: tuple(sorted(stations)) for name, stations in found.items()}
+
+
+def known_poses(
+    problem: Problem,
+    cell: Cell,
+    backend: GeometryBackend,
+    known: Mapping[Key, MeasurementPoses] | None = None,
+) -> Knowledge:
+    """The poses of every measurement that a tool is chosen for. What is `known` and still valid is not found again."""
+    semantics = PlanGate().semantics(problem)
+    words = problem.domain.conventions
+    tools = {str(each.arguments[1]): str(each.arguments[0]) for each in semantics.statics.named(words.chosen)}
+    whole = with_measured_places(cell, problem, tools)
+    widths = _widths(semantics)
+    found: dict[Key, MeasurementPoses] = {}
+    kept = 0
+    kinematics = {name: InverseKinematics(model) for name, model in World.of(whole).models.items()}
+    for station, fact in stations_of_cell(whole) or (("", None),):
+        rooms: dict[str, Room] = {}
+        around: dict[str, Standing] = {}
+        for place in whole.places.values():
+            name = measured_at(words, place.name)
+            if name not in tools or place.tool != tools[name]:
+                continue
+            if place.tool not in rooms:
+                rooms[place.tool] = Room(_standing(whole, semantics, fact, place), backend, kinematics)
+                around[place.tool] = Standing(rooms[place.tool].world)
+            room, others = rooms[place.tool], around[place.tool]
+            how = _how(whole, place)
+            key = (name, place.tool, station)
+            old = (known or {}).get(key)
+            if old is not None and _valid(old, room.world, others, place, how):
+                found[key], kept = old, kept + 1
+                continue
+            found[key] = found_poses(room, others, place, how, name, station, widths.get(name, 0.0))
+    return Knowledge(found, kept, len(found) - kept)
+
+
+def _valid(old: MeasurementPoses, world: World, others: Standing, place: Place, how: Measuring) -> bool:
+    return old.own == own_digest(world, place, how) and old.near == others.digest(old.box)
+
+
+def _how(cell: Cell, place: Place) -> Measuring:
+    """How the tool is used; a place of the cell itself allows no more than what it says."""
+    return cell.measuring.get(place.tool, Measuring(place.approach_m, place.touches))
+
+
+def _widths(semantics: Semantics) -> dict[str, float]:
+    """How wide the bores are that measurements lie in, in metres."""
+    name = semantics.problem.domain.conventions.bore
+    found = {}
+    for fact in semantics.statics.named(name):
+        if isinstance(fact.arguments[-1], Number):
+            found[str(fact.arguments[0])] = fact.arguments[-1].value * 1e-6
+    return found
+
+
+def stations_of_cell(cell: Cell) -> list[tuple[str, Atom]]:
+    """The stations of the arms: facts that put a body somewhere along its joint that carries an arm, each with its name.
+
+    The name is the last argument of the fact.
+    """
+    world, found = World.of(cell), []
+    carriers = {each for name in cell.arms for each in world.supports(f"{name}.base")}
+    for location in cell.locations:
+        if location.value is None or str(location.body) not in carriers or not location.fact.arguments:
+            continue
+        last = location.fact.arguments[-1]
+        if isinstance(last, Function) and is_ground(last):
+            found.append((str(last), location.fact))
+    return found
+
+
+def _standing(cell: Cell, semantics: Semantics, fact: Atom | None, place: Place) -> World:
+    """The cell as the problem begins, with the arm at a station and the tool of a place in its hand."""
+    start = semantics.initial()
+    world = following(World.of(cell), [each for each in start if fact is None or each.name != fact.name])
+    if fact is not None:
+        location = next(each for each in cell.locations if each.fact == fact)
+        world = world.guided(str(location.body), location.value or 0.0)
+    return world.held(place.tool, place.arm) if place.tool else world
+
+
+def with_stations(problem: Problem, knowledge: Knowledge) -> Problem:
+    """The problem with a fact for each station that reaches a measurement, and one for each measurement that none reaches.
+
+    Where the problem says itself from where a measurement is reached, that counts.
+    """
+    words, facts = problem.domain.conventions, list[Atom]()
+    said = {str(fact.arguments[-1]) for fact in problem.statics if fact.name == words.serves}
+    if words.serves in problem.domain.predicates:
+        for name, stations in sorted(knowledge.stations().items()):
+            facts += [
+                Function(words.serves, (Function(each), Function(name)))
+                for each in stations
+                if name not in said
+            ]
+    if words.impossible in problem.domain.predicates:
+        for name, why in sorted(knowledge.unreached().items()):
+            facts.append(Function(words.impossible, (Function(name), Text(why))))
+    return replace(problem, statics=(*problem.statics, *facts))
+
+
+def summary(knowledge: Knowledge) -> Sequence[str]:
+    """What is known, in lines for people."""
+    reached = {each.measurement for each in knowledge.poses.values() if each.reached}
+    lines = [
+        f"{len(reached)} measurements are reached: {knowledge.made} poses found, {knowledge.kept} known already"
+    ]
+    return [*lines, *(f"{name} is not reached: {why}" for name, why in sorted(knowledge.unreached().items()))]

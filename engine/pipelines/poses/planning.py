@@ -1,0 +1,43 @@
+"""Plans that move, of inspections too: first the poses of the measurements, then the order, the plan, and the motions."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from engine.model.measurements import chooses_tools
+from engine.pipelines.moves.planning import Moving, plan_moving
+from engine.pipelines.objective import Run
+from engine.pipelines.poses import Knowledge, known_poses, with_stations
+from engine.pipelines.poses.keeping import kept_poses
+from engine.ports import GeometryBackend
+from kb.model.cell import Cell
+from kb.model.problem import Problem
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MovingInspection:
+    """A plan that moves, and what is known of the poses of its measurements; None if it has no measurements."""
+
+    moving: Moving
+    knowledge: Knowledge | None = None
+
+
+def plan_with_poses(
+    problem: Problem,
+    cell: Cell,
+    backend: GeometryBackend,
+    planned: Callable[[Problem], Run],
+    seed: int = 0,
+    store: str = "",
+) -> MovingInspection:
+    """A plan in which every step moves. Poses come from the store, if one is given, and are kept there. Raises `InvalidInput`."""
+    if not chooses_tools(problem.domain):
+        return MovingInspection(plan_moving(problem, cell, backend, planned, seed))
+    knowledge = kept_poses(store, problem, cell, backend) if store else known_poses(problem, cell, backend)
+    words = problem.domain.conventions
+    ways = {
+        (words.place(name), station): each.straight
+        for (name, _, station), each in knowledge.poses.items()
+        if each.reached
+    }
+    told = with_stations(problem, knowledge)
+    return MovingInspection(plan_moving(told, cell, backend, planned, seed, ways), knowledge)

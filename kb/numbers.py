@@ -1,0 +1,42 @@
+"""Numbers in files, whatever the format: finite, not too large, and written with few digits."""
+
+import math
+import re
+
+LARGEST = 1e15  # whole numbers up to here are exact as floating-point numbers, too
+DIGITS = 40  # characters of a number
+WHOLE = re.compile(r"[+-]?[0-9]+")
+DECIMAL = re.compile(r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")
+
+
+class NumberError(ValueError):
+    """A text that is no number for us. The message says why, and can follow the text in quotation marks."""
+
+
+def whole(text: str, least: int | None = None, most: int = int(LARGEST)) -> int:
+    """The whole number that a text is, from `least` to `most`. Raises `NumberError`."""
+    if not WHOLE.fullmatch(text):
+        raise NumberError("is not a whole number")
+    value = _in_range(int(_short(text)), most)
+    if least is not None and value < least:
+        raise NumberError(f"is less than {least}")
+    return int(value)
+
+
+def decimal(text: str, most: float = LARGEST) -> float:
+    """The number that a text is: at most `most` in size. Raises `NumberError`."""
+    if not DECIMAL.fullmatch(text):
+        raise NumberError("is not a number")
+    return _in_range(float(_short(text)), most)
+
+
+def _short(text: str) -> str:
+    if len(text) > DIGITS:
+        raise NumberError(f"has more than {DIGITS} characters")
+    return text
+
+
+def _in_range(value: float, most: float) -> float:
+    if not math.isfinite(value) or abs(value) > most:
+        raise NumberError(f"is too large: the largest is {most:g}")
+    return value

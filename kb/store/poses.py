@@ -1,0 +1,54 @@
+"""The measurement knowledge base in the same database as the MACROPs: one document for each measurement, tool and station."""
+
+from collections.abc import Mapping
+from types import TracebackType
+
+from sqlalchemy import delete, insert, select
+
+from kb.store.engines import transaction
+from kb.store.opening import opened
+from kb.store.schema import poses
+
+Key = tuple[str, str, str]  # measurement, tool, station
+
+
+class PoseStore:
+    """The kept poses in a database, given by a file or a URL. Raises `InvalidInput` if the database reports an error."""
+
+    def __init__(self, target: str) -> None:
+        self.target = target
+        self._engine = opened(target)
+
+    def __enter__(self) -> "PoseStore":
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._engine.dispose()
+
+    def of(self, domain: str, problem: str) -> dict[Key, str]:
+        """The documents of a problem."""
+        mine = (poses.c.domain == domain) & (poses.c.problem == problem)
+        asked = select(poses.c.measurement, poses.c.tool, poses.c.station, poses.c.document).where(mine)
+        with transaction(self._engine, self.target) as connection:
+            return {(row[0], row[1], row[2]): row[3] for row in connection.execute(asked)}
+
+    def keep(self, domain: str, problem: str, documents: Mapping[Key, str]) -> None:
+        """Put documents in the place of all that are kept for a problem."""
+        mine = (poses.c.domain == domain) & (poses.c.problem == problem)
+        rows = [
+            {
+                "domain": domain,
+                "problem": problem,
+                "measurement": m,
+                "tool": t,
+                "station": s,
+                "document": text,
+            }
+            for (m, t, s), text in sorted(documents.items())
+        ]
+        with transaction(self._engine, self.target) as connection:
+            connection.execute(delete(poses).where(mine))
+            if rows:
+                connection.execute(insert(poses), rows)

@@ -1,0 +1,156 @@
+"""Motions in the bundled cells: straight lines, touches, upright paths, zones, and why a line breaks."""
+
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from engine.model.motion import Moved, Strategy
+from engine.pipelines.motion.legs import APPROACH, Leg, leg_of
+from engine.pipelines.motion.moving import Motion, Site, Wish, move
+from engine.pipelines.motion.zones import zones_of
+from engine.stages.geometry import transforms
+from engine.stages.geometry.reach.hand import ArmHand
+from engine.stages.geometry.reach.reach import Reached
+from engine.stages.geometry.reach.straight import STRAY_M, Broken, straight
+from kb.diagnostics import InvalidInput
+from kb.model.cell import Placement, Zone
+from kb.model.shapes import Box, Pose
+
+
+@pytest.fixture(scope="module")
+def bulkhead() -> Site:
+    return Site.of("bulkhead")
+
+
+@pytest.fixture(scope="module")
+def themse() -> Site:
+    return Site.of("themse")
+
+
+def tool_points(motion: Motion) -> np.ndarray:
+    times = np.linspace(0.0, motion.times.duration_s, 2000)
+    whole = np.repeat(motion.whole()[:1], len(times), axis=0)
+    whole[:, motion.own] = motion.times.at(times)[0]
+    return motion.hand.poses(whole)
+
+
+def test_the_tool_goes_straight_into_a_place_and_straight_out(bulkhead: Site) -> None:
+    found = move(bulkhead, "meas(m1)", ["meas(m2)"])
+    assert [leg.kind for leg in found.legs] == ["retract", "free", "approach"]
+    assert found.proved
+    for leg in (found.legs[0], found.legs[-1]):
+        points = found.hand.poses(leg.path)[:, :3, 3]
+        way = points[-1] - points[0]
+        off = np.linalg.norm(np.cross(points - points[0], way / np.linalg.norm(way)), axis=1)
+        assert off.max() < 1e-6
+        assert np.linalg.norm(way) == pytest.approx(0.12, abs=1e-6)
+
+
+def test_between_its_configurations_the_tool_stays_near_the_line(bulkhead: Site) -> None:
+    found = move(bulkhead, "home", ["meas(m2)"])
+    line = found.legs[-1].path
+    fine = np.concatenate([a + np.linspace(0, 1, 50)[:, None] * (b - a) for a, b in pairwise(line)])
+    points = found.hand.poses(fine)[:, :3, 3]
+    way = points[-1] - points[0]
+    off = np.linalg.norm(np.cross(points - points[0], way / np.linalg.norm(way)), axis=1)
+    assert off.max() < 2 * STRAY_M
+
+
+def test_a_line_that_breaks_says_at_which_joint_and_limit(bulkhead: Site) -> None:
+    found = move(bulkhead, "home", ["meas(m2)"])
+    q = found.whole()[-1]
+    far = found.hand.poses(q[None])[0] @ transforms.translation(0.0, 0.0, -1.5)
+    broken = straight(found.hand, q, far)
+    assert isinstance(broken, Broken)
+    assert 0.0 < broken.share <= 1.0
+    assert any(said in broken.why for said in ("limit", "singularity", "branch", "out of reach"))
+
+
+def pressing(site: Site, depth_m: float) -> Leg:
+    """The line into a point 4 mm below the surface of the web, of which `depth_m` are declared."""
+    place = site.world.cell.places["meas(m2)"]
+    x, y, _ = place.placement.pose.position_m
+    lower = replace(place.placement, pose=replace(place.placement.pose, position_m=(x, y, 0.004)))
+    place = replace(place, placement=lower, depth_m=depth_m)
+    answer = site.reach.at(place)
+    assert isinstance(answer, Reached)
+    checker = site.reach.checker(place)
+    hand = ArmHand(site.world, checker.scene, place.arm, site.reach.flange_to_end(place))
+    q = answer.q[0]
+    line = straight(hand, q, hand.poses(q[None])[0] @ transforms.translation(0.0, 0.0, -place.approach_m))
+    assert not isinstance(line, Broken)
+    return leg_of(APPROACH, line, place, site.reach)
+
+
+def test_what_touches_by_intention_is_proved_pair_by_pair(bulkhead: Site) -> None:
+    leg = pressing(bulkhead, 0.005)
+    (touch,) = leg.touches
+    assert {touch.first, touch.second} == {"us_probe", "web"}
+    assert leg.proved
+    assert touch.deepest_m == pytest.approx(0.004, abs=1e-6)
+
+
+def test_a_touch_deeper_than_declared_is_not_proved(bulkhead: Site) -> None:
+    leg = pressing(bulkhead, 0.003)
+    assert not leg.proved
+    (touch,) = leg.touches
+    assert touch.deepest_m > touch.allowed_m
+
+
+@pytest.mark.parametrize("strategy", list(Strategy))
+def test_every_strategy_finds_a_proved_way_in_both_cells(
+    bulkhead: Site, themse: Site, strategy: Strategy
+) -> None:
+    wish = Wish(strategy=strategy)
+    assert move(bulkhead, "home", ["meas(m9)"], wish).proved
+    assert move(themse, "slot(drawer, 1)", ["slot(freezer, 1)"], wish).proved
+
+
+def test_of_several_places_one_is_reached(themse: Site) -> None:
+    found = move(themse, "home", ["slot(freezer, 1)", "flap"])
+    assert found.goal in ("slot(freezer, 1)", "flap")
+    assert found.proved
+
+
+def test_an_upright_vessel_tilts_no_more_than_it_may(themse: Site) -> None:
+    found = move(themse, "slot(drawer, 1)", ["slot(freezer, 1)"], Wish(upright_rad=np.radians(5)))
+    assert isinstance(found.answer, Moved)
+    poses = tool_points(found)
+    up = poses[0, :3, :3].T @ [0, 0, 1]
+    tilts = np.arccos(np.clip((poses[:, :3, :3] @ up)[:, 2], -1, 1))
+    assert tilts.max() <= np.radians(5) + 1e-6
+
+
+def test_in_a_zone_no_point_of_the_arm_is_faster_than_it_may_be(themse: Site) -> None:
+    zone = Zone("people", Box((0.7, 0.5, 0.6)), Placement("world", Pose((0.6, -0.4, 1.2), (0, 0, 0))), 0.2)
+    world = replace(themse.world, cell=replace(themse.world.cell, zones={"people": zone}))
+    free = move(themse, "slot(drawer, 1)", ["slot(freezer, 1)"])
+    slow = move(replace(themse, world=world), "slot(drawer, 1)", ["slot(freezer, 1)"])
+    assert slow.times.slow == ("people",)
+    assert slow.times.duration_s > free.times.duration_s
+    times = np.linspace(0.0, slow.times.duration_s, 4000)
+    whole = np.repeat(slow.whole()[:1], len(times), axis=0)
+    whole[:, slow.own] = slow.times.at(times)[0]
+    points = slow.hand.poses(whole)[:, :3, 3]
+    speeds = np.linalg.norm(np.diff(points, axis=0), axis=1) / np.diff(times)
+    (people,) = zones_of(world, slow.ground)
+    inside = people.ground.collides(whole)[:-1]
+    assert inside.any()
+    assert speeds[inside].max() <= 0.2 + 1e-3
+    assert speeds[~inside].max() > 0.2
+
+
+def test_a_point_may_leave_the_turn_about_its_axis_open(bulkhead: Site) -> None:
+    fixed = move(bulkhead, "home", ["point 1.2, 0.3, 1.5"], Wish(tool="us_probe"))
+    open_ = move(bulkhead, "home", ["point 1.2, 0.3, 1.5 turns"], Wish(tool="us_probe"))
+    assert isinstance(fixed.answer, Moved)
+    assert isinstance(open_.answer, Moved)
+    assert np.allclose(open_.hand.poses(open_.whole()[-1:])[0, :3, 3], [1.2, 0.3, 1.5], atol=1e-6)
+    assert open_.times.duration_s <= fixed.times.duration_s + 1e-9
+
+
+def test_ends_of_two_tools_are_refused(bulkhead: Site) -> None:
+    with pytest.raises(InvalidInput, match="two tools"):
+        move(bulkhead, "meas(m1)", ["meas(m4)"])

@@ -1,0 +1,61 @@
+"""Smooth motions: within all limits at every moment, and as near to the path as the proof asks for."""
+
+import numpy as np
+
+from engine.stages.geometry.collision.builtin import BuiltinChecker
+from engine.stages.geometry.collision.ground import Ground
+from engine.stages.motion.smoothing import certified, smoothed
+from engine.stages.motion.trajectory import Limits, fastest, least_times
+from tests.engine.stages.motion.conftest import arm_among, block
+
+LIMITS = Limits(np.array([1.0, 2.0]), np.array([3.0, 5.0]), np.array([40.0, 60.0]))
+
+
+def test_a_smooth_motion_keeps_speed_acceleration_and_jerk(rng: np.random.Generator) -> None:
+    for _ in range(40):
+        path = rng.uniform(-2, 2, (int(rng.integers(2, 7)), 2))
+        waits, slower = rng.choice([0.0, 0.5, 1.0], len(path)), rng.uniform(1, 2, len(path) - 1)
+        found = smoothed(path, LIMITS, waits, slower)
+        times = np.linspace(-0.1, found.duration_s + 0.1, 4001)
+        q, v, a = found.at(times)
+        assert np.allclose(q[0], path[0], atol=1e-9)
+        assert np.allclose(q[-1], path[-1], atol=1e-9)
+        dt = times[1] - times[0]
+        jerk = np.diff(a, axis=0) / dt
+        assert (np.abs(v) <= LIMITS.speed * (1 + 1e-6)).all()
+        assert (np.abs(a) <= LIMITS.acceleration * (1 + 1e-5)).all()
+        assert (np.abs(jerk) <= LIMITS.jerk * (1 + 1e-3) + 1e-3).all()
+        assert np.abs(np.diff(q, axis=0) / dt - (v[1:] + v[:-1]) / 2).max() < 1e-3
+
+
+def test_with_whole_waits_it_stays_on_the_path() -> None:
+    path = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0]])
+    found = smoothed(path, LIMITS, np.ones(3), np.ones(2))
+    q = found.at(np.linspace(0, found.duration_s, 500))[0]
+    assert np.minimum(np.abs(q[:, 1]), np.abs(q[:, 0] - 1.0)).max() < 1e-9
+
+
+def test_a_corner_is_cut_only_as_far_as_nothing_is_touched() -> None:
+    path = np.array([[0.0, 0.0], [0.0, 1.2], [1.3, 1.2], [1.3, 0.0]])
+    free = Ground(BuiltinChecker(arm_among([])))
+    quick, proved = certified(free, path, LIMITS, slice(0, 2), 0.0, 1e-4, np.ones(3))
+    assert proved
+    tight = Ground(BuiltinChecker(arm_among([block("post", (1.35, 1.15), (0.5, 0.5))])))
+    slow, sure = certified(tight, path, LIMITS, slice(0, 2), 0.0, 1e-4, np.ones(3))
+    assert quick.duration_s <= slow.duration_s
+    if sure:
+        assert not tight.collides(slow.at(np.linspace(0, slow.duration_s, 3000))[0]).any()
+
+
+def test_many_corners_are_passed_sooner_than_with_rests() -> None:
+    path = np.column_stack([np.linspace(0, 2, 9), 0.1 * np.sin(np.linspace(0, 2, 9))])
+    found = smoothed(path, LIMITS, np.zeros(9), np.ones(8))
+    assert found.duration_s < 0.7 * fastest(path, LIMITS).corners_s[-1]
+
+
+def test_least_times_are_those_of_the_fastest_motion(rng: np.random.Generator) -> None:
+    first, second = rng.uniform(-3, 3, (2, 200, 2)) * 10.0 ** rng.uniform(-3, 0, (200, 1))
+    second[0] = first[0]
+    found = least_times(first, second, LIMITS)
+    one_by_one = [fastest(np.array(each), LIMITS).corners_s[-1] for each in zip(first, second, strict=True)]
+    assert np.allclose(found, one_by_one, rtol=1e-9)

@@ -1,0 +1,24 @@
+"""Names of libraries that cannot be used are refused with one diagnostic."""
+
+import pytest
+
+from kb.diagnostics import InvalidInput
+from kb.store.engines import address
+
+ODD = [
+    "", " ", "sqlite://", "sqlite:///", "sqlite:///a.db?mode=ro", "sqlite:///%00", "a\nb.db", "a\x00.db", "://",
+    "mysql://a/b", "http://[::1", "postgresql://", "postgresql://host", "postgresql://u:p@h:abc/d",
+    "postgresql://u@h:99999/d",
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("name", ODD)
+def test_an_odd_address_is_refused(name: str) -> None:
+    with pytest.raises(InvalidInput) as refused:
+        address(name)
+    assert [each.code for each in refused.value.diagnostics] == ["K416"]
+
+
+@pytest.mark.parametrize("name", ["library.db", "~nobody_of_this_name/library.db", "sqlite:///library.db"])
+def test_files_are_taken(name: str) -> None:
+    assert address(name).drivername == "sqlite"

@@ -1,0 +1,55 @@
+"""Numbers in files: finite, not too large, in few digits, in plain ASCII."""
+
+import math
+from contextlib import suppress
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from kb.numbers import LARGEST, NumberError, decimal, whole
+
+BAD = [
+    "",
+    "nan",
+    "inf",
+    "-Infinity",
+    "1_0",
+    "１",
+    "²",
+    "0x10",
+    "1e",
+    "--1",
+    "1 2",
+    "1e400",
+    "9" * 5000,
+    "1e16",
+]
+
+
+@pytest.mark.parametrize("text", BAD)
+def test_what_is_no_number_is_refused(text: str) -> None:
+    with pytest.raises(NumberError):
+        decimal(text)
+    with pytest.raises(NumberError):
+        whole(text)
+
+
+@given(st.floats(-LARGEST, LARGEST))
+def test_numbers_are_read_as_they_were_written(value: float) -> None:
+    assert decimal(repr(value)) == value
+
+
+@given(st.integers(-(10**15), 10**15), st.integers(-(10**15), 10**15))
+def test_whole_numbers_have_a_least(value: int, least: int) -> None:
+    if value >= least:
+        assert whole(str(value), least) == value
+    else:
+        with pytest.raises(NumberError, match="is less than"):
+            whole(str(value), least)
+
+
+@given(st.text(max_size=12))
+def test_any_text_is_a_number_or_refused(text: str) -> None:
+    with suppress(NumberError):
+        assert math.isfinite(decimal(text))
