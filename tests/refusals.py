@@ -44,6 +44,7 @@ REFUSALS = {
     "K416": ["macros list --store {other}", "macros list --store {closed}/a.db", "macros list --store x://y"],
     "K417": ["macros show 7 --store {store}"],
     "K418": ["measurement remove {problem} m1"],
+    "K421": ["resume none --store {store}", "stop none", "run themse/one --store {store} --fault 3"],
     "K906": ["diagnose bulkhead --exception no_echo --step tidy"],
 }
 

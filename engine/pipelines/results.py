@@ -29,7 +29,7 @@ def results_of(store: str, run: str) -> Results:
         if begun is None:
             known = [each.run for each in journal.begun()]
             hint = nearest(run, known) or "`cellwright results` lists the runs of a store"
-            raise InvalidInput([Diagnostic(Source(run), "K401", f"no run of this name in {store}", hint)])
+            raise InvalidInput([Diagnostic(Source(run), "K421", f"no run of this name in {store}", hint)])
         about = begun.document
         problem = problem_of(about["target"], about.get("goals", ""), about.get("command", ""))
         return read(begun, problem, journal.lines(run, kinds=KINDS))

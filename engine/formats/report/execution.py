@@ -32,6 +32,7 @@ def entry(ending: "Finish") -> dict[str, Any]:
         "forecast_ms": ending.forecast_ms,
         "exceptions": ending.exceptions,
         "steps": ending.steps,
+        "story": list(ending.story),
     }
 
 
@@ -41,6 +42,7 @@ def text(ending: "Finish", store: str) -> RenderableType:
     lines = [Text(f"Run {ending.run}: {SAID[ending.outcome]}{why}.")]
     took = f"{duration(ending.makespan_ms)} on the run's clock; the first plan was forecast to take {duration(ending.forecast_ms)}"
     lines.append(Text(f"{counted(ending.steps, 'step')}, {counted(ending.exceptions, 'exception')}, {took}."))
+    lines += [Text(f"  {each}") for each in ending.story]
     for goal, reason in ending.given_up:
         lines.append(Text(f"  given up: {goal}: {reason}"))
     told = {goal for goal, _ in ending.given_up}

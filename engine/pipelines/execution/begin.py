@@ -4,11 +4,13 @@ import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
+from pathlib import Path
 from typing import Any
 
 from engine.model.execution import VERSION, Finish, Record, RecordKind
 from engine.model.outcome import Outcome
 from engine.pipelines.execution.compiling import situation_of
+from engine.pipelines.execution.faults import settled
 from engine.pipelines.execution.orders import Orders
 from engine.pipelines.execution.planned import Ready, first
 from engine.pipelines.execution.recorder import Recorder, Watcher
@@ -18,11 +20,13 @@ from engine.pipelines.execution.scope import Scope
 from engine.pipelines.simulation import World
 from engine.pipelines.simulator.driver import fault_base
 from engine.plugins import driver
-from engine.ports import Driver, DriverSetup
+from engine.ports import DriverSetup
 from engine.stages.planning import Limits
 from kb.diagnostics import Diagnostic, InvalidInput, Source, nearest
 from kb.model.problem import Problem
 from kb.store.journal import Journal, Line
+
+OVER = ("reached", "partly", "aborted")  # endings after which there is nothing to resume
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,11 +72,18 @@ def begin(
     if not isinstance(found, Ready):
         return found
     with Journal(wanted.store) as journal:
-        run = wanted.run
+        run, base = wanted.run, fault_base(problem)
+        if wanted.options.get("fault"):
+            faults = settled(wanted.options["fault"], found, base)
+            wanted = replace(wanted, options={**wanted.options, "fault": faults})
         setup = DriverSetup(problem, run, wanted.seed, wanted.factor, wanted.options)
         made = driver(wanted.driver, setup)
         try:
-            return _executed(wanted, problem, found, made, journal, run, orders, watchers, limits)
+            recorder = Recorder(Ledger(journal, run), made.now_ms, watchers)
+            recorder.note(RecordKind.RUN, **document(wanted, problem))
+            execution = Execution(run, problem, made, recorder, orders, base, limits)
+            world = World.of(problem, situation_of(problem).state)
+            return _cleared(wanted, execution.start(found, world, wanted.approve))
         finally:
             made.close()
 
@@ -90,20 +101,21 @@ def resume(
             hint = nearest(run, names) or (
                 f"one of: {', '.join(names[-8:])}" if names else "this journal has none"
             )
-            raise InvalidInput([Diagnostic(Source(run), "K420", "there is no run of this name", hint)])
+            raise InvalidInput([Diagnostic(Source(run), "K421", "there is no run of this name", hint)])
         about = known.document
         problem = problem_of(str(about["target"]), str(about["goals"]), str(about["command"]))
         base = fault_base(problem)
         past = Past(World.of(problem, situation_of(problem).state), Scope(problem))
         for line in journal.lines(run):
             past.take(Record(line.number, line.at_ms, RecordKind(line.kind), line.content))
-        if past.plan is None or past.ended in ("reached", "partly", "aborted"):
+        if past.plan is None or past.ended in OVER:
             said = f"the run {run} is over: {past.ended}" if past.ended else f"the run {run} never had a plan"
-            raise InvalidInput([Diagnostic(Source(run), "K420", said, "begin another run")])
-        made = driver(str(about["driver"]), setup_of(about, problem, run))
+            raise InvalidInput([Diagnostic(Source(run), "K421", said, "begin another run")])
+        made = driver(str(about["driver"]), setup_of({**about, **past.run}, problem, run))
         try:
             recorder = Recorder(Ledger(journal, run), made.now_ms, watchers, past.last)
-            return Execution(run, problem, made, recorder, orders, base, limits).resume(past)
+            ending = Execution(run, problem, made, recorder, orders, base, limits).resume(past)
+            return _cleared(Wanted("", store=store, run=run, options=about["options"]), ending)
         finally:
             made.close()
 
@@ -111,24 +123,6 @@ def resume(
 def setup_of(about: Mapping[str, Any], problem: Problem, run: str) -> DriverSetup:
     """What the driver of a run was made for."""
     return DriverSetup(problem, run, int(about["seed"]), float(about["factor"]), dict(about["options"]))
-
-
-def _executed(
-    wanted: Wanted,
-    problem: Problem,
-    ready: Ready,
-    made: Driver,
-    journal: Journal,
-    run: str,
-    orders: Orders,
-    watchers: Sequence[Watcher],
-    limits: Limits,
-) -> Finish:
-    recorder = Recorder(Ledger(journal, run), made.now_ms, watchers)
-    recorder.note(RecordKind.RUN, **document(wanted, problem))
-    execution = Execution(run, problem, made, recorder, orders, fault_base(problem), limits)
-    world = World.of(problem, situation_of(problem).state)
-    return execution.start(ready, world, wanted.approve)
 
 
 def document(wanted: Wanted, problem: Problem) -> dict[str, object]:
@@ -160,11 +154,22 @@ def named(wanted: Wanted, problem: Problem) -> Wanted:
             if journal.begin(run, begun, document(made, problem)):
                 return made
     hint = f"give another name with --name, or go on with it: cellwright resume {wanted.run}"
-    raise InvalidInput([Diagnostic(Source("--name"), "K420", f"there is a run {wanted.run} already", hint)])
+    raise InvalidInput([Diagnostic(Source("--name"), "K421", f"there is a run {wanted.run} already", hint)])
+
+
+def _cleared(wanted: Wanted, ending: Finish) -> Finish:
+    """The ending; the log that a simulated cell got by itself is not needed any more when the run is over."""
+    if ending.outcome in OVER and wanted.options.get("log") == _log(wanted.store, wanted.run):
+        Path(wanted.options["log"]).unlink(missing_ok=True)
+    return ending
+
+
+def _log(store: str, run: str) -> str:
+    return f"{store}.{run}.sim.jsonl"
 
 
 def _logged(wanted: Wanted, run: str) -> Mapping[str, str]:
     """The options of the driver; a simulator without a log writes one beside a journal that is a file."""
     if wanted.driver != "sim" or "log" in wanted.options or "://" in wanted.store:
         return wanted.options
-    return {**wanted.options, "log": f"{wanted.store}.{run}.sim.jsonl"}
+    return {**wanted.options, "log": _log(wanted.store, run)}

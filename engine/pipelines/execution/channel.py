@@ -54,7 +54,7 @@ class Channel:
         place = address(self.run)
         if answers(self.run):
             said = f"the run {self.run} goes on in another process"
-            raise InvalidInput([Diagnostic(Source(self.run), "K420", said, "stop it there first")])
+            raise InvalidInput([Diagnostic(Source(self.run), "K421", said, "stop it there first")])
         place.unlink(missing_ok=True)
         self._server = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
         before = os.umask(0o177)
@@ -138,7 +138,7 @@ def tell(run: str, order: str, text: str = "") -> Mapping[str, Any]:
             known = sorted(each.stem for each in folder().glob("*.sock"))
             hint = f"these go on: {', '.join(known)}" if known else "no run goes on"
             said = f"the run {run} does not go on in any process of yours"
-            raise InvalidInput([Diagnostic(Source(run), "K420", said, hint)]) from None
+            raise InvalidInput([Diagnostic(Source(run), "K421", said, hint)]) from None
     return found if isinstance(found, dict) else {}
 
 

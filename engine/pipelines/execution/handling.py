@@ -7,6 +7,7 @@ from engine.model.cases import Diagnosis
 from engine.model.execution import Command, CommandKind, RecordKind
 from engine.model.outcome import Found, Infeasible
 from engine.model.troubleshooting import Action, Advice
+from engine.model.wording import counted
 from engine.pipelines.execution.compiling import GRACE_MS, PATIENCE, stream_of, unit_ms
 from engine.pipelines.execution.course import Course
 from engine.pipelines.execution.hands import Interruption, Performed, perform
@@ -48,6 +49,7 @@ class ExceptionHandler:
     base: FaultModel | None
     limits: Limits = field(default_factory=Limits)
     cases: dict[tuple[str, str], int] = field(default_factory=dict)
+    story: list[str] = field(default_factory=list)
 
     def handle(self, failures: Sequence[Failure]) -> Ready | GivesUp:
         """How the run goes on after failures. The first is looked into; the others show again if their causes are there."""
@@ -88,7 +90,7 @@ class ExceptionHandler:
         desk = opened(case, self.scope.problem.domain, moment)
         try:
             made = self._looked_into(desk)
-            self._diagnosed(made)
+            self._diagnosed(made, step)
             recovery = desk.recover(made, limits=self.limits)
             if recovery.repair is not None:
                 self._prepare(recovery.repair.prepared.steps)
@@ -152,7 +154,12 @@ class ExceptionHandler:
                 reached=dict(state.reached),
             )
 
-    def _diagnosed(self, made: Diagnosis) -> None:
+    def _diagnosed(self, made: Diagnosis, step: Function) -> None:
+        likely = [str(hypothesis) for hypothesis, _ in made.hypotheses[:3]]
+        cause = likely[0] if made.isolated and likely else f"not certain ({' or '.join(likely)})"
+        ended = f"{made.cured} put it right" if made.cured else "nothing put it right"
+        tests = f"{counted(len(made.stages), 'action')} of diagnosis"
+        self.story.append(f"{step}: {made.exception}; {tests}; cause: {cause}; {ended}")
         self.course.recorder.note(
             RecordKind.DIAGNOSIS,
             exception=made.exception,

@@ -51,6 +51,7 @@ class Past:
     steps: int = 0
     ended: str = ""
     paused: bool = False
+    run: Content = field(default_factory=dict)  # what it was begun with
     replans: bool = False  # the last plan leads nowhere any more
     added: str = ""
 
@@ -66,6 +67,10 @@ class Past:
     def _in_case(self, record: Record) -> None:
         if record.kind in REPEATED:
             self.case.append(record)
+
+    def begun(self, record: Record) -> None:
+        """The run begins."""
+        self.run = record.content
 
     def planned(self, record: Record) -> None:
         """Another plan: what was left of the old one is forgotten."""
@@ -158,6 +163,7 @@ class Past:
 
 
 MOVES = {
+    RecordKind.RUN: Past.begun,
     RecordKind.PLAN: Past.planned,
     RecordKind.COMMAND: Past.command,
     RecordKind.REPLY: Past.reply,

@@ -43,6 +43,7 @@ class Execution:
     steps: int = 0
     exceptions: int = 0
     forecast_ms: int = 0
+    story: list[str] = field(default_factory=list)
 
     def start(self, ready: Ready, world: World, approve: bool = False) -> Finish:
         """Execute a first plan to the end of the run."""
@@ -108,6 +109,7 @@ class Execution:
     ) -> Finish:
         """Run to the end. If the journal cannot be written, everything halts: nothing is done that is not noted."""
         handler = handler or ExceptionHandler(course, scope, self.base, self.limits)
+        handler.story = self.story
         try:
             if approve and not self._approved(course):
                 return self._end(course, handler.scope, ABORTED, "the plan was not approved")
@@ -236,4 +238,5 @@ class Execution:
             self.forecast_ms,
             self.exceptions,
             self.steps,
+            tuple(self.story),
         )

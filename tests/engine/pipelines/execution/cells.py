@@ -68,9 +68,8 @@ def killed_and_resumed(
     What the cell itself says that it did comes with it; None if the run was over before.
     """
     problem, ready = planned(target)
-    wanted = named(
-        Wanted(target, store=str(folder / "j.db"), options={"fault": fault} if fault else {}), problem
-    )
+    options = {"log": str(folder / "cell.jsonl")} | ({"fault": fault} if fault else {})
+    wanted = named(Wanted(target, store=str(folder / "j.db"), options=options), problem)
     ledger, plan = BEGIN.Ledger.append, BEGIN.first
     count = 0
 
