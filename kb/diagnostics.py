@@ -67,6 +67,7 @@ CODES = {
     "K418": "a problem file that cannot be edited",
     "K419": "not enough memory",
     "K420": "not enough time",
+    "K421": "a run that cannot be begun or told",
     "K425": "a controller that does not answer",
     "K501": "the plan does not execute",
     "K502": "the plan misses a goal",

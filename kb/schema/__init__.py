@@ -8,7 +8,7 @@ from kb.schema.validation import Deviation, deviations, model_of
 
 __all__ = ["KINDS", "Deviation", "DomainFile", "ProblemFile", "deviations", "json_schema"]
 
-KINDS = ("domain", "problem", "plan", "cell", "arm", "faults", "contacts", "events")
+KINDS = ("domain", "problem", "plan", "cell", "arm", "faults", "contacts", "scene", "events")
 
 
 def json_schema(kind: str) -> dict[str, Any]:

@@ -22,6 +22,19 @@ class Deviation:
     at_key: bool = False
 
 
+MODELS = {
+    "domain": ("domain", "DomainFile"),
+    "problem": ("problem", "ProblemFile"),
+    "plan": ("plan", "PlanFile"),
+    "cell": ("cell", "CellFile"),
+    "arm": ("cell", "ArmFile"),
+    "faults": ("faults", "FaultsFile"),
+    "contacts": ("contacts", "ContactsFile"),
+    "scene": ("scene", "SceneFile"),
+}
+"""For each kind of file, the module and the name of its model."""
+
+
 def deviations(kind: str, content: Any) -> list[Deviation]:
     """The differences of plain content (strings, lists, dicts, None for an empty scalar) from the form of its kind."""
     model = model_of(kind)
@@ -48,8 +61,8 @@ MODELS = {
 def model_of(kind: str) -> type[BaseModel]:
     """The model of a kind of file, imported when it is needed. Raises `KeyError`."""
     module, name = MODELS[kind]
-    model: type[BaseModel] = getattr(import_module(f"kb.schema.{module}"), name)
-    return model
+    found: type[BaseModel] = getattr(import_module(f"kb.schema.{module}"), name)
+    return found
 
 
 def _merged(errors: Sequence[Any], model: type[BaseModel], content: Any) -> Iterator[Deviation]:

@@ -48,6 +48,7 @@ class SchemaKind(StrEnum):
     ARM = "arm"
     FAULTS = "faults"
     CONTACTS = "contacts"
+    SCENE = "scene"
     EVENTS = "events"
 
 

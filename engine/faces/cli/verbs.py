@@ -34,6 +34,7 @@ VERBS = {
     "macros": "macros:app",
     "measurement": "measurement:app",
     "motion": "motion:app",
+    "place": "place:place",
     "plan": "plan:plan",
     "prepare": "prepare:prepare",
     "resume": "resume:resume",

@@ -11,10 +11,11 @@ from functools import cached_property
 import numpy as np
 
 from engine.kernels.rigid import transform
-from engine.model.geometry import Floats, Truths
+from engine.model.geometry import Floats, Longs, Truths
 from engine.model.solid import Facet, Solid
 from engine.model.vision import DepthImage
-from engine.stages.vision.outlines import Lines, Region, axes_of
+from engine.stages.vision.lines import Lines
+from engine.stages.vision.outlines import Region, axes_of
 from engine.stages.vision.symmetry import symmetries
 
 ANGLE = np.radians(6)
@@ -126,10 +127,11 @@ def _matches(seen: Lines, edges: Lines) -> tuple[Floats, Floats]:
         seen.offset[i[first]] - edges.offset[k[first]],
         seen.offset[i[second]] - edges.offset[k[second]],
     )
-    within = _within(seen, i[first], edges, k[first], turns, shifts)
-    within &= _within(seen, i[second], edges, k[second], turns, shifts)
-    whole_turns, whole_shifts = _whole(seen, edges, i, k, turn)
-    return np.concatenate([turns[within], whole_turns]), np.concatenate([shifts[within], whole_shifts])
+    within = _within(seen, i[first], edges, k[first], shifts) & _within(
+        seen, i[second], edges, k[second], shifts
+    )
+    more_turns, more_shifts = _one_edge(seen, edges, i, k, turn)
+    return np.concatenate([turns[within], more_turns]), np.concatenate([shifts[within], more_shifts])
 
 
 def _angle(normal: Floats) -> Floats:
@@ -146,22 +148,29 @@ def _meeting(n: Floats, m: Floats, a: Floats, b: Floats) -> Floats:
     return np.stack([a * m[:, 1] - b * n[:, 1], n[:, 0] * b - m[:, 0] * a], axis=1) / _cross(n, m)[:, None]
 
 
-def _within(seen: Lines, i: Floats, edges: Lines, k: Floats, turn: Floats, shift: Floats) -> Truths:
-    """Whether seen edges i lie within the facet's edges k, after a turn and a shift."""
+def _within(seen: Lines, i: Longs, edges: Lines, k: Longs, shift: Floats) -> Truths:
+    """Whether seen edges i lie within the facet's edges k, after a shift."""
     ends = seen.ends[i] - (seen.along[i] * shift).sum(axis=1)[:, None]
     slack = LENGTH_M
     found: Truths = (ends[:, 0] > edges.ends[k, 0] - slack) & (ends[:, 1] < edges.ends[k, 1] + slack)
     return found
 
 
-def _whole(seen: Lines, edges: Lines, i: Floats, k: Floats, turn: Floats) -> tuple[Floats, Floats]:
-    """Turns and shifts from edges that are seen in their whole length."""
-    length = (seen.ends[i, 1] - seen.ends[i, 0]) - (edges.ends[k, 1] - edges.ends[k, 0])
-    keep = np.abs(length) < LENGTH_M
-    i, k = i[keep], k[keep]
-    along = seen.ends[i].mean(axis=1) - edges.ends[k].mean(axis=1)
-    across = seen.offset[i] - edges.offset[k]
-    return turn[keep], across[:, None] * seen.normal[i] + along[:, None] * seen.along[i]
+def _one_edge(seen: Lines, edges: Lines, i: Longs, k: Longs, turn: Floats) -> tuple[Floats, Floats]:
+    """Turns and shifts from one edge each: its middle where it is seen whole, else one of its ends on that of the model."""
+    lacking = (edges.ends[k, 1] - edges.ends[k, 0]) - (seen.ends[i, 1] - seen.ends[i, 0])
+    turns, shifts = [np.zeros(0)], [np.zeros((0, 2))]
+    for share, keep in (
+        (0.5, np.abs(lacking) < LENGTH_M),
+        (0.0, lacking >= LENGTH_M),
+        (1.0, lacking >= LENGTH_M),
+    ):
+        n, m = i[keep], k[keep]
+        weights = np.array([1.0 - share, share])
+        along, across = (seen.ends[n] - edges.ends[m]) @ weights, seen.offset[n] - edges.offset[m]
+        turns.append(turn[keep])
+        shifts.append(across[:, None] * seen.normal[n] + along[:, None] * seen.along[n])
+    return np.concatenate(turns), np.concatenate(shifts)
 
 
 def _covering(turn: Floats, shift: Floats, region: Region, edges: Floats) -> tuple[Floats, Floats]:

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from engine.kernels.rigid import apply
-from engine.model.geometry import Floats, Longs
+from engine.model.geometry import Floats, Longs, Truths
 from engine.model.solid import Solid
 from engine.model.vision import Camera, DepthImage
 from engine.stages.vision.kernels.rays import Range, draw
@@ -57,7 +57,7 @@ def _mixed(depth: Floats, random: np.random.Generator) -> Floats:
     return found
 
 
-def _grazed(image: DepthImage, grazing_rad: float) -> Floats:
+def _grazed(image: DepthImage, grazing_rad: float) -> Truths:
     """Where the surface is seen at a flatter angle than a sensor can measure (height, width)."""
     if grazing_rad >= np.pi / 2:
         return np.zeros(image.depth.shape, dtype=bool)
@@ -68,5 +68,5 @@ def _grazed(image: DepthImage, grazing_rad: float) -> Floats:
     normals = np.cross(np.gradient(points, axis=1), np.gradient(points, axis=0))
     length = np.linalg.norm(normals, axis=-1) * np.linalg.norm(rays, axis=-1)
     cosine = np.abs((normals * rays).sum(axis=-1)) / np.where(length > 0, length, 1.0)
-    found: Floats = cosine < np.cos(grazing_rad)
+    found: Truths = cosine < np.cos(grazing_rad)
     return found

@@ -20,6 +20,7 @@ TRIED, BETTERED, REFINED = (
 )  # hypotheses that are looked at, bettered a little, and brought to the best pose
 NEAR_M, NEAR_RAD = 0.006, np.radians(8)  # hypotheses this near to each other become one
 BELOW_M = 0.004
+UNSOUND = 0.005  # of the share that agrees, and a tenth of the share of the outline
 ABOVE_M = 0.006  # how far above what carries it a part may seem to be
 RING_PX = 12
 CARRIED = 0.1  # of the surroundings of a part that is above the floor, the share that must be high enough to carry it
@@ -31,7 +32,7 @@ class Demands:
 
     agreeing: float = 0.98
     seen: float = 0.4
-    edged: float = 0.8
+    edged: float = 0.88
     pixels: int = 250
     ahead: float = 40.0
 
@@ -72,26 +73,36 @@ def _ordered(model: Model, view: View, poses: Sequence[Floats]) -> list[Floats]:
 
 
 def worth(one: Hypothesis) -> float:
-    """How much speaks for a hypothesis: the pixels that show it, less for those that contradict it, and for its outline."""
-    return one.pixels * one.agreeing**8 * (0.3 + 0.7 * one.edged) ** 2
+    """How much speaks for a hypothesis: the pixels that show it, much less where some contradict it or its outline."""
+    return one.pixels * one.agreeing**30 * one.edged**6
 
 
 def _decided(model: Model, final: list[tuple[Hypothesis, Floats]], demands: Demands) -> Sighting:
+    """The best hypothesis, if it shows what is demanded, and if no other pose that is as sound has as much evidence."""
     if not final:
         return NotLocated("the part would lie below the floor, or rest on nothing, wherever it could be")
-    final.sort(key=lambda pair: (bool(_doubt(pair[0], demands)), -pair[0].evidence))
-    best, covariance = final[0]
+    first = max(final, key=lambda pair: worth(pair[0]))[0]
+    ranked = sorted(final, key=lambda pair: (not _as_sound(pair[0], first), -pair[0].evidence))
+    best, covariance = ranked[0]
     second = next(
-        (each for each, _ in final[1:] if not same(model, best.T_camera_part, each.T_camera_part)), None
+        (each for each, _ in ranked[1:] if not same(model, best.T_camera_part, each.T_camera_part)), None
     )
     reason = _doubt(best, demands)
-    if not reason and second is not None and not _doubt(second, demands):
-        ahead = best.evidence - second.evidence
-        reason = "two poses explain the image equally well" if ahead < demands.ahead else ""
+    if not reason and second is not None and _as_sound(second, first):
+        reason = (
+            "two poses explain the image equally well"
+            if best.evidence - second.evidence < demands.ahead
+            else ""
+        )
     if reason:
         return NotLocated(reason, best, second)
     poses = tuple(best.T_camera_part @ S for S in model.symmetries)
     return Located(best, covariance, poses, second)
+
+
+def _as_sound(one: Hypothesis, other: Hypothesis) -> bool:
+    """Whether a hypothesis is contradicted hardly more than another one."""
+    return one.agreeing > other.agreeing - UNSOUND and one.edged > other.edged - 10 * UNSOUND
 
 
 def _doubt(best: Hypothesis, demands: Demands) -> str:
@@ -153,7 +164,9 @@ def _rests(model: Model, T: Floats, view: View, ground: Ground) -> bool:
     ring = ndimage.binary_dilation(mask, iterations=RING_PX) & ~ndimage.binary_dilation(mask, iterations=2)
     v, u = np.nonzero(ring)
     depth = view.image.depth[v + seen.v0, u + seen.u0]
-    around = (view.image.camera.rays(u + float(seen.u0), v + float(seen.v0)) * depth[:, None])[depth > 0]
+    around = (
+        view.image.camera.rays((u + seen.u0).astype(float), (v + seen.v0).astype(float)) * depth[:, None]
+    )[depth > 0]
     return any(
         bool((around @ floor[:3] - floor[3] > height.min() - ABOVE_M).mean() > CARRIED)
         for floor, height in zip(ground.floors, heights, strict=True)

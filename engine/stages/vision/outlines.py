@@ -9,9 +9,10 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import ndimage
 
-from engine.model.geometry import Floats, Truths
+from engine.model.geometry import Floats, Longs, Truths
 from engine.model.vision import Camera, DepthImage
 from engine.stages.vision.kernels.regions import Grower, block, blocks, grow, release
+from engine.stages.vision.lines import Lines, lines_through
 
 SIDE, STRIDE = 8, 4  # pixels: of blocks that regions grow from
 PLANAR = 1.5  # of the noise: what a plane block may deviate
@@ -20,31 +21,8 @@ LEAST_PX = 120
 MOST = 24  # regions
 BEYOND = (2.0, 4.0, 6.0)  # pixels outside the border where is looked
 STEP = 4.0  # of the noise: what lies farther is beyond an edge
-ON_LINE_PX = 1.2
-TURN = np.cos(np.radians(25))
-SHORTEST_PX = 8
-LINES = 8
-CANDIDATES = 60
 AROUND = 4  # pixels: how far around a border pixel its direction is taken from
 DISC = np.array([(x, y) for x in range(-4, 5) for y in range(-4, 5) if x * x + y * y <= 18])
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Lines:
-    """Straight edges of a plane region or a facet, in two coordinates on its plane: the points p with `normal` . p = `offset`.
-
-    `normal` (n, 2) points outwards. `ends` (n, 2) are where an edge begins and ends, along the normal turned to the left.
-    """
-
-    normal: Floats
-    offset: Floats
-    ends: Floats
-
-    @property
-    def along(self) -> Floats:
-        """The directions (n, 2) of the edges."""
-        found: Floats = np.stack([-self.normal[:, 1], self.normal[:, 0]], axis=1)
-        return found
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -112,7 +90,7 @@ def axes_of(normal: Floats) -> Floats:
 
 
 def _region(
-    image: DepthImage, inverse: Floats, label: Floats, number: int, plane: Floats, box: tuple[slice, slice]
+    image: DepthImage, inverse: Floats, label: Longs, number: int, plane: Floats, box: tuple[slice, slice]
 ) -> Region | None:
     rows, columns = (slice(max(0, each.start - 3), each.stop + 3) for each in box)
     mask = ndimage.binary_fill_holes(label[rows, columns] == number)
@@ -131,7 +109,7 @@ def _region(
     rays = image.camera.rays(at[:, 0], at[:, 1]).mean(axis=0)
     flat = max(0.3, -float(rays @ axes[:, 2]) / float(np.linalg.norm(rays)))
     pitch = -offset / flat / image.camera.focal_px / flat
-    lines = _lines(points, normals, pitch)
+    lines = lines_through(points, normals, pitch)
     return Region(axes, offset, on_plane(image.camera, axes, offset, inside), lines, int(mask.sum()))
 
 
@@ -163,41 +141,7 @@ def _ends(inverse: Floats, plane: Floats, at: Floats, outward: Floats, noise_m: 
     farther = known & (apart > STEP * noise_m)
     nearer = known & (apart < -STEP * noise_m)
     before = np.maximum.accumulate(farther, axis=1)
-    found: Truths = farther.any(axis=1) & ~(nearer & ~before).any(axis=1)
-    return found
-
-
-def border(mask: Truths) -> tuple[Floats, Floats]:
-    """The border pixels (n, 2) of a mask, as (u, v), and the directions (n, 2) out of it: away from what is near and in it."""
-    v, u = np.nonzero(mask & ~shrunk(mask))
-    wide = np.pad(mask, AROUND)
-    near = wide[v[:, None] + DISC[:, 1] + AROUND, u[:, None] + DISC[:, 0] + AROUND]
-    outward = -(near @ DISC.astype(float))
-    length = np.linalg.norm(outward, axis=1)
-    keep = length > 1e-6
-    at = np.stack([u, v], axis=1).astype(float)
-    return at[keep], outward[keep] / length[keep, None]
-
-
-def shrunk(mask: Truths) -> Truths:
-    """The pixels of a mask all of whose four neighbours are in it; what lies outside the picture counts as in it."""
-    found: Truths = mask.copy()
-    found[1:] &= mask[:-1]
-    found[:-1] &= mask[1:]
-    found[:, 1:] &= mask[:, :-1]
-    found[:, :-1] &= mask[:, 1:]
-    return found
-
-
-def _ends(inverse: Floats, plane: Floats, at: Floats, outward: Floats, noise_m: float) -> Truths:
-    """At which border pixels (n, 2), as (u, v), what lies beyond is farther away (n,)."""
-    farther = np.zeros(len(at), dtype=bool)
-    nearer = np.zeros(len(at), dtype=bool)
-    for step in BEYOND:
-        apart, known = beyond_plane(inverse, plane, at + step * outward)
-        farther |= known & (apart > STEP * noise_m)
-        nearer |= known & (apart < -STEP * noise_m) & ~farther
-    found: Truths = farther & ~nearer
+    found: Truths = np.asarray(farther.any(axis=1) & ~(nearer & ~before).any(axis=1))
     return found
 
 
@@ -217,65 +161,3 @@ def on_plane(camera: Camera, axes: Floats, offset: float, at: Floats) -> Floats:
     points = rays * (offset / (rays @ axes[:, 2]))[:, None]
     found: Floats = points @ axes[:, :2]
     return found
-
-
-def _lines(points: Floats, outward: Floats, pitch_m: float) -> Lines:
-    """Straight edges through border points (n, 2) with outward directions (n, 2), the longest first."""
-    found: list[tuple[Floats, float, Floats]] = []
-    length = np.linalg.norm(outward, axis=1, keepdims=True)
-    normals = outward / np.where(length > 0, length, 1.0)
-    while len(points) >= SHORTEST_PX and len(found) < LINES:
-        chosen = _consensus(points, normals, pitch_m)
-        line = _fitted(points[chosen], normals[chosen], pitch_m)
-        if line is None:
-            break
-        on, entry = line
-        found.append(entry)
-        keep = np.ones(len(points), dtype=bool)
-        keep[np.nonzero(chosen)[0][on]] = False
-        points, normals = points[keep], normals[keep]
-    normal = np.array([each[0] for each in found]).reshape(-1, 2)
-    return Lines(
-        normal, np.array([each[1] for each in found]), np.array([each[2] for each in found]).reshape(-1, 2)
-    )
-
-
-def _consensus(points: Floats, normals: Floats, pitch_m: float) -> Truths:
-    """The points (n,) on the line, through one of them and square to its direction, that most lie on."""
-    some = np.linspace(0, len(points) - 1, min(len(points), CANDIDATES)).astype(int)
-    height = points @ normals[some].T - (points[some] * normals[some]).sum(axis=1)
-    on = (np.abs(height) < ON_LINE_PX * pitch_m) & (normals @ normals[some].T > TURN)
-    chosen: Truths = on[:, int(np.argmax(on.sum(axis=0)))]
-    for _ in range(2):
-        if chosen.sum() < 3:
-            break
-        normal, offset = _least_squares(points[chosen], normals[chosen])
-        chosen = (np.abs(points @ normal - offset) < ON_LINE_PX * pitch_m) & (normals @ normal > TURN)
-    return chosen
-
-
-def _least_squares(points: Floats, normals: Floats) -> tuple[Floats, float]:
-    middle = points.mean(axis=0)
-    _, _, rows = np.linalg.svd(points - middle, full_matrices=False)
-    normal: Floats = rows[1] if rows[1] @ normals.sum(axis=0) > 0 else -rows[1]
-    return normal, float(normal @ middle)
-
-
-def _fitted(
-    points: Floats, normals: Floats, pitch_m: float
-) -> tuple[Truths, tuple[Floats, float, Floats]] | None:
-    """The longest stretch of points on a line, and the line; None if it is too short."""
-    if len(points) < SHORTEST_PX:
-        return None
-    normal, _ = _least_squares(points, normals)
-    s = points @ np.array([-normal[1], normal[0]])
-    order = np.argsort(s)
-    breaks = np.nonzero(np.diff(s[order]) > 8 * pitch_m)[0] + 1
-    longest = max(np.split(order, breaks), key=len)
-    on = np.zeros(len(points), dtype=bool)
-    on[longest] = True
-    if len(longest) < SHORTEST_PX:
-        return None
-    normal, offset = _least_squares(points[on], normals[on])
-    s = points[on] @ np.array([-normal[1], normal[0]])
-    return on, (normal, offset, np.array([s.min() - pitch_m / 2, s.max() + pitch_m / 2]))

@@ -18,6 +18,7 @@ from engine.stages.vision.outlines import beyond_plane, border, shrunk
 
 ROUNDS = 6
 AGREES = 3.5  # of the noise
+BEFORE = 10.0  # of the noise: what lies nearer than this before the part hides it; else it contradicts it
 EDGE_PX = 0.5  # the standard deviation of a place where the surface ends
 REACH_PX = 5
 POINTS = 1500
@@ -93,7 +94,8 @@ def judged(model: Model, view: View, T: Floats) -> Hypothesis | None:
     apart = seen.apart[known]
     agree = int((np.abs(apart) <= AGREES * image.noise_m).sum())
     within = seen.apart[known & shrunk(seen.owner >= 0)]
-    through = int((within > AGREES * image.noise_m).sum())
+    beyond = np.abs(within) > AGREES * image.noise_m
+    through = int((beyond & (within > -BEFORE * image.noise_m)).sum())
     told = rim.continues | ~np.isnan(rim.shift_px)
     shift = np.abs(np.nan_to_num(rim.shift_px, nan=99.0))
     good = told & (shift <= 2.5)
@@ -117,7 +119,7 @@ def outline(model: Model, view: View, seen: Look) -> Rim:
     image = view.image
     at, outward = border(seen.owner >= 0)
     u, v = at.astype(np.int64).T
-    at = at + [seen.u0, seen.v0]
+    at += [float(seen.u0), float(seen.v0)]
     planes = _planes(model, image, seen.T)[seen.owner[v, u]].T
     steps = np.arange(-REACH_PX, REACH_PX + 1)
     places = at[:, None] + steps[:, None] * outward[:, None]
@@ -183,7 +185,7 @@ def _surface(model: Model, image: DepthImage, seen: Look, within: float) -> tupl
         gain, v, u = len(v) / POINTS, v[some], u[some]
     else:
         gain = 1.0
-    rays = image.camera.rays(u + float(seen.u0), v + float(seen.v0))
+    rays = image.camera.rays((u + seen.u0).astype(float), (v + seen.v0).astype(float))
     normals = np.array([facet.normal for facet in model.solid.facets]) @ seen.T[:3, :3].T
     n = normals[seen.owner[v, u]]
     slope = (n * rays).sum(axis=1)

@@ -50,7 +50,8 @@ def triangulated(corners: Floats, normal: Floats) -> Floats:
         ear = next((n for n in range(len(open_)) if _is_ear(corners, open_, n, normal)), 0)
         found.append([open_[ear - 1], open_[ear], open_[(ear + 1) % len(open_)]])
         del open_[ear]
-    return corners[np.array([*found, open_])]
+    triangles: Floats = corners[np.array([*found, open_])]
+    return triangles
 
 
 def _is_ear(corners: Floats, open_: Sequence[int], n: int, normal: Floats) -> bool:

@@ -16,10 +16,13 @@ cdef class Range:
 cpdef draw(Range r, corners, owners)
 @cython.locals(
     u0=double, u1=double, v0=double, v1=double, across=double, down=double, low=double, high=double, i=int,
-    left=Py_ssize_t, right=Py_ssize_t, top=Py_ssize_t, bottom=Py_ssize_t, u=Py_ssize_t, v=Py_ssize_t,
-    x=double, y=double, a=double, b=double, c=double, slope=double, z=double, offset=double
+    left=Py_ssize_t, right=Py_ssize_t, top=Py_ssize_t, bottom=Py_ssize_t, u=Py_ssize_t, v=Py_ssize_t
 )
 cdef void _draw(Range r, const double[:, :, ::1] corners, Py_ssize_t t, long long owner) noexcept nogil
+@cython.locals(x=double, y=double, a=double, b=double, c=double, slope=double, z=double, offset=double)
+cdef void _look(
+    Range r, const double[:, :, ::1] corners, Py_ssize_t t, long long owner, Py_ssize_t u, Py_ssize_t v
+) noexcept nogil
 cdef Py_ssize_t _least(double pixel, Py_ssize_t low) noexcept nogil
 cdef Py_ssize_t _most(double pixel, Py_ssize_t high) noexcept nogil
 @cython.locals(i=int, j=int, x=int, y=int, z=int)

@@ -56,24 +56,26 @@ def _draw(r: Range, corners: Floats, t: int, owner: int) -> None:
         left, right = _least(u0 + r.cx, left), _most(u1 + r.cx, right)
         top, bottom = _least(v0 + r.cy, top), _most(v1 + r.cy, bottom)
     _planes(r, corners, t)
+    for v in range(top, bottom + 1):
+        for u in range(left, right + 1):
+            _look(r, corners, t, owner, u, v)
+
+
+def _look(r: Range, corners: Floats, t: int, owner: int, u: int, v: int) -> None:
+    """Let one pixel see the triangle whose planes are set, if its ray meets it before anything else."""
+    x, y = (u - r.cx) / r.focal, (v - r.cy) / r.focal
+    a = r.plane[0, 0] * x + r.plane[0, 1] * y + r.plane[0, 2]
+    b = r.plane[1, 0] * x + r.plane[1, 1] * y + r.plane[1, 2]
+    c = r.plane[2, 0] * x + r.plane[2, 1] * y + r.plane[2, 2]
+    slope = a + b + c
+    if slope == 0.0 or min(a, b, c) * max(a, b, c) < 0.0:
+        return
     offset = (
         r.plane[3, 0] * corners[t, 0, 0] + r.plane[3, 1] * corners[t, 0, 1] + r.plane[3, 2] * corners[t, 0, 2]
     )
-    for v in range(top, bottom + 1):
-        y = (v - r.cy) / r.focal
-        for u in range(left, right + 1):
-            x = (u - r.cx) / r.focal
-            a = r.plane[0, 0] * x + r.plane[0, 1] * y + r.plane[0, 2]
-            b = r.plane[1, 0] * x + r.plane[1, 1] * y + r.plane[1, 2]
-            c = r.plane[2, 0] * x + r.plane[2, 1] * y + r.plane[2, 2]
-            if not ((a >= 0.0 and b >= 0.0 and c >= 0.0) or (a <= 0.0 and b <= 0.0 and c <= 0.0)):
-                continue
-            slope = r.plane[3, 0] * x + r.plane[3, 1] * y + r.plane[3, 2]
-            if slope == 0.0:
-                continue
-            z = offset / slope
-            if z > NEAR and (r._owner[v, u] == NONE or z < r._depth[v, u]):
-                r._depth[v, u], r._owner[v, u] = z, owner
+    z = offset / slope
+    if z > NEAR and (r._owner[v, u] == NONE or z < r._depth[v, u]):
+        r._depth[v, u], r._owner[v, u] = z, owner
 
 
 def _least(pixel: float, low: int) -> int:

@@ -21,8 +21,11 @@ cdef bint fit(Grower g) noexcept nogil
 cdef void _begin(Grower g, Py_ssize_t u, Py_ssize_t v) noexcept nogil
 @cython.locals(x=double, y=double, w=double)
 cdef void _add(Grower g, Py_ssize_t u, Py_ssize_t v) noexcept nogil
-@cython.locals(x=Py_ssize_t, y=Py_ssize_t, square=double, apart=double)
+cdef bint _free(Grower g, Py_ssize_t u, Py_ssize_t v) noexcept nogil
+@cython.locals(x=Py_ssize_t, y=Py_ssize_t)
 cpdef double block(Grower g, Py_ssize_t u, Py_ssize_t v, Py_ssize_t side) noexcept nogil
+@cython.locals(x=Py_ssize_t, y=Py_ssize_t, square=double, apart=double)
+cdef double _square(Grower g, Py_ssize_t u, Py_ssize_t v, Py_ssize_t side) noexcept nogil
 @cython.locals(row=Py_ssize_t, column=Py_ssize_t, rows=Py_ssize_t, columns=Py_ssize_t, out="double[:, ::1]")
 cpdef blocks(Grower g, Py_ssize_t side, Py_ssize_t stride)
 cpdef Py_ssize_t grow(Grower g, long long number, double tolerance_m)

@@ -67,27 +67,37 @@ def _add(g: Grower, u: int, v: int) -> None:
     g.sums[8] += y * w
 
 
+def _free(g: Grower, u: int, v: int) -> bool:
+    """Whether a pixel is known and in no region."""
+    return bool(g.inverse[v, u] > 0.0 and g.label[v, u] == 0)
+
+
 def block(g: Grower, u: int, v: int, side: int) -> float:
     """How far the pixels of a block from (v, u) are from the plane fitted to them, in metres (root of the mean square).
 
     The plane is that of `g`. A block with fewer than three quarters of its pixels free fits badly.
     """
     _begin(g, u + side // 2, v + side // 2)
-    if g.w0 == 0.0 or g.label[g.v0, g.u0] != 0:
+    if not _free(g, g.u0, g.v0):
         return DOUBT
     for y in range(v, v + side):
         for x in range(u, u + side):
-            if g.inverse[y, x] > 0.0 and g.label[y, x] == 0:
+            if _free(g, x, y):
                 _add(g, x, y)
     if 4.0 * g.sums[0] < 3.0 * side * side or not fit(g):
         return DOUBT
+    return float(math.sqrt(_square(g, u, v, side) / g.sums[0]) / (g.w0 * g.w0))
+
+
+def _square(g: Grower, u: int, v: int, side: int) -> float:
+    """The sum of the squares by which a block's free pixels deviate from the plane."""
     square = 0.0
     for y in range(v, v + side):
         for x in range(u, u + side):
-            if g.inverse[y, x] > 0.0 and g.label[y, x] == 0:
+            if _free(g, x, y):
                 apart = g.inverse[y, x] - (g.plane[0] * x + g.plane[1] * y + g.plane[2])
                 square += apart * apart
-    return float(math.sqrt(square / g.sums[0]) / (g.w0 * g.w0))
+    return square
 
 
 def blocks(g: Grower, side: int, stride: int) -> Floats:
@@ -127,7 +137,7 @@ def _grow(g: Grower, number: int, tolerance_m: float) -> int:
             y = v + (1 if side == 2 else -1 if side == 3 else 0)
             if x < 0 or y < 0 or x >= g.width or y >= g.height:
                 continue
-            if g.label[y, x] != 0 or g.inverse[y, x] <= 0.0:
+            if not _free(g, x, y):
                 continue
             w = g.plane[0] * x + g.plane[1] * y + g.plane[2]
             if abs(g.inverse[y, x] - w) <= tolerance_m * w * w:

@@ -1,0 +1,143 @@
+"""Depth images from files: NumPy arrays, 16-bit PNG, and the points of PCD and PLY files.
+
+A row of an array or a PNG is a row of the picture. Points are in the camera's frame in metres; each is put into its pixel, the
+nearest one counts.
+"""
+
+import io
+from pathlib import Path
+
+import numpy as np
+
+from engine.model.geometry import Floats
+from engine.model.vision import Camera
+from kb.diagnostics import Diagnostic, InvalidInput, Source
+
+MAX_BYTES = 256 * 2**20
+PNG_UNIT_M = 0.001  # what one count of a PNG stands for, as depth cameras write it
+PLY_TYPES = {
+    "float": "f4",
+    "float32": "f4",
+    "double": "f8",
+    "float64": "f8",
+    "uchar": "u1",
+    "uint8": "u1",
+    "char": "i1",
+}
+PLY_TYPES |= {
+    "short": "i2",
+    "ushort": "u2",
+    "int": "i4",
+    "uint": "u4",
+    "int8": "i1",
+    "int16": "i2",
+    "uint16": "u2",
+}
+PLY_TYPES |= {"int32": "i4", "uint32": "u4"}
+
+
+def read_depth(path: Path, camera: Camera) -> Floats:
+    """Depths (height, width) in metres, 0 for nothing. Raises `InvalidInput` for what cannot be read, or another size."""
+    readers = {".npy": _array, ".png": _png, ".pcd": _pcd, ".ply": _ply}
+    reader = readers.get(path.suffix.lower())
+    if reader is None:
+        raise _refused(path, f"'{path.suffix}' is not a kind of depth image", f"one of: {', '.join(readers)}")
+    try:
+        if path.stat().st_size > MAX_BYTES:
+            raise ValueError(f"larger than {MAX_BYTES // 2**20} MiB")
+        found = reader(path.read_bytes())
+    except OSError as error:
+        raise _refused(
+            path, f"it cannot be read: {error.strerror}", "is it a file that can be read?"
+        ) from None
+    except Exception as error:  # what a garbled file makes the readers raise is not laid down
+        said = str(error).splitlines()[0][:80] if str(error) else type(error).__name__
+        raise _refused(path, f"it cannot be read: {said}", "write it again as .npy or 16-bit PNG") from None
+    depth = _in_pixels(found, camera) if found.ndim == 2 and found.shape[1] == 3 else found
+    if depth.shape != (camera.height, camera.width):
+        size = f"{camera.width} x {camera.height}"
+        shape = " x ".join(map(str, depth.shape[::-1]))
+        raise _refused(
+            path, f"it has {shape} pixels, the camera {size}", "give the camera its `width` and `height`"
+        )
+    return np.where(np.isfinite(depth) & (depth > 0), depth, 0.0)
+
+
+def _refused(path: Path, message: str, hint: str) -> InvalidInput:
+    return InvalidInput([Diagnostic(Source(str(path)), "K702", message, hint)])
+
+
+def _array(data: bytes) -> Floats:
+    found = np.load(io.BytesIO(data), allow_pickle=False)
+    if found.ndim != 2 or found.dtype.kind not in "fiu":
+        raise ValueError("not an array of two dimensions with numbers")
+    scale = 1.0 if found.dtype.kind == "f" else PNG_UNIT_M
+    return np.asarray(found, dtype=float) * scale
+
+
+def _png(data: bytes) -> Floats:
+    from PIL import Image
+
+    with Image.open(io.BytesIO(data), formats=["PNG"]) as image:
+        if not image.mode.startswith("I"):
+            raise ValueError(f"a PNG of mode {image.mode}, not of 16 bits in one channel")
+        return np.asarray(image, dtype=float) * PNG_UNIT_M
+
+
+def _pcd(data: bytes) -> Floats:
+    """The points of a PCD file, as text or plain binary."""
+    header: dict[str, list[str]] = {}
+    at = 0
+    while "DATA" not in header:
+        end = data.index(b"\n", at)
+        key, *values = data[at:end].decode("ascii").split()
+        header[key] = values
+        at = end + 1
+    names, count = header["FIELDS"], int(header["POINTS"][0])
+    kinds = {"F": "f", "I": "i", "U": "u"}
+    columns = [(n, kinds[t] + s) for n, t, s in zip(names, header["TYPE"], header["SIZE"], strict=True)]
+    if any(each != "1" for each in header.get("COUNT", [])):
+        raise ValueError("fields of several numbers")
+    return _points(data[at:], columns, count, header["DATA"][0] == "ascii", "<")
+
+
+def _ply(data: bytes) -> Floats:
+    """The vertices of a PLY file."""
+    end = data.index(b"end_header") + len(b"end_header")
+    lines = data[:end].decode("ascii").splitlines()
+    at = data.index(b"\n", end) + 1
+    form = next(line.split()[1] for line in lines if line.startswith("format"))
+    columns, count, reading = [], 0, False
+    for line in map(str.split, lines):
+        if line[0] == "element":
+            if count == 0 and line[1] != "vertex":
+                raise ValueError("its vertices do not come first")
+            reading = line[1] == "vertex"
+            count = int(line[2]) if reading else count
+        elif line[0] == "property" and reading:
+            columns.append((line[2], PLY_TYPES[line[1]]))
+    return _points(data[at:], columns, count, form == "ascii", ">" if "big" in form else "<")
+
+
+def _points(data: bytes, columns: list[tuple[str, str]], count: int, written: bool, order: str) -> Floats:
+    """The x, y and z (n, 3) of rows of named columns."""
+    if written:
+        rows = [line.split() for line in data.decode("ascii").splitlines()[:count]]
+        table = np.array(rows, dtype=float).reshape(count, len(columns))
+        names = [name for name, _ in columns]
+        return table[:, [names.index(axis) for axis in "xyz"]]
+    kind = np.dtype([(name, order + form) for name, form in columns])
+    if len(data) < count * kind.itemsize:
+        raise ValueError(f"it ends before its {count} points")
+    made = np.frombuffer(data, kind, count)
+    return np.stack([made[axis].astype(float) for axis in "xyz"], axis=1)
+
+
+def _in_pixels(points: Floats, camera: Camera) -> Floats:
+    """The depths (height, width) of the nearest points (n, 3)."""
+    near = points[np.isfinite(points).all(axis=1) & (points[:, 2] > 0)]
+    u, v = (np.rint(each).astype(np.int64) for each in camera.pixels(near))
+    inside = (u >= 0) & (v >= 0) & (u < camera.width) & (v < camera.height)
+    depth = np.full((camera.height, camera.width), np.inf)
+    np.minimum.at(depth, (v[inside], u[inside]), near[inside, 2])
+    return np.where(np.isfinite(depth), depth, 0.0)

@@ -1,0 +1,114 @@
+"""What PLACE answers, as text and as content for JSON. Lengths are told in millimetres, angles in degrees."""
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from engine.model.assembly import Assembled, Freedom
+from engine.model.geometry import Floats
+from engine.model.vision import Hypothesis
+from engine.pipelines.placing.answers import Carry, NotPlaced, PlaceAnswer, Placed
+from engine.stages.geometry import transforms
+
+STATUS = {"relations": "infeasible", "regrasp": "infeasible"}
+
+
+def status(answer: PlaceAnswer) -> str:
+    """The status word of an answer: what is proved impossible is infeasible, all else that failed is given up."""
+    return "found" if isinstance(answer, Placed) else STATUS.get(answer.step, "gave up")
+
+
+def content(answer: PlaceAnswer) -> dict[str, Any]:
+    """An answer for JSON: poses as rows of matrices, metres and radians."""
+    if isinstance(answer, NotPlaced):
+        return {"step": answer.step, "reason": answer.reason, "hint": answer.hint}
+    return {
+        "goal": {
+            "T_world_part": answer.T_world_goal.tolist(),
+            "degrees": answer.goal.degrees,
+            "redundant": list(map(str, answer.goal.redundant)),
+        },
+        "found": {
+            "T_world_part": answer.T_world_part.tolist(),
+            "covariance": answer.sighting.covariance.tolist(),
+            "best": _hypothesis(answer.sighting.best),
+            "second": _hypothesis(answer.sighting.second) if answer.sighting.second else None,
+            "equivalent": len(answer.sighting.equivalent),
+        },
+        "holds": dict(zip(("all", "at_start", "at_goal"), answer.holds, strict=True)),
+        "carries": [_carry(each) for each in answer.carries],
+    }
+
+
+def _hypothesis(one: Hypothesis) -> dict[str, float]:
+    return {"agreeing": one.agreeing, "seen": one.seen, "edged": one.edged, "pixels": one.pixels}
+
+
+def _carry(one: Carry) -> dict[str, Any]:
+    return {
+        "facets": list(one.grasp.facets),
+        "width_m": one.grasp.width_m,
+        "torque_margin": one.grasp.torque_margin,
+        "T_part_hand": one.T_part_hand.tolist(),
+        "T_world_to": one.T_world_to.tolist(),
+        "rest": one.rest,
+        "legs": [
+            {"what": leg.what, "path": leg.path.tolist(), "carries": leg.carries, "proved": leg.proved}
+            for leg in one.legs
+        ],
+    }
+
+
+def text(answer: PlaceAnswer, part: str, base: str) -> str:
+    """An answer for people."""
+    if isinstance(answer, NotPlaced):
+        return f"{part} is not placed on {base}: {answer.reason}\n  try: {answer.hint}"
+    every, start, goal = answer.holds
+    lines = [
+        f"{part} lies at {_pose(answer.T_world_part)}, {_sureness(answer)}",
+        f"{part} belongs at {_pose(answer.T_world_goal)}, {_free(answer.goal)}",
+        f"{every} ways to hold it: {start} are possible where it lies, {goal} at its goal",
+    ]
+    for n, carry in enumerate(answer.carries, 1):
+        lines += _told(n, carry)
+    return "\n".join(lines)
+
+
+def _pose(T: Floats) -> str:
+    pose = transforms.to_pose(T)
+    at = ", ".join(f"{_rounded(1000 * x):.1f}" for x in pose.position_m)
+    return f"{at} mm, turned {', '.join(f'{_rounded(np.degrees(x)):.1f}' for x in pose.rpy_rad)} degrees"
+
+
+def _rounded(value: float) -> float:
+    """One digit after the point, and no zero with a sign."""
+    return round(float(value), 1) + 0.0
+
+
+def _sureness(answer: Placed) -> str:
+    sigma = np.sqrt(np.diag(answer.sighting.covariance))
+    many = len(answer.sighting.equivalent)
+    alike = f"; {many} poses look the same" if many > 1 else ""
+    return f"standard deviations {1000 * sigma[:3].max():.2f} mm and {np.degrees(sigma[3:].max()):.2f} degrees{alike}"
+
+
+def _free(goal: Assembled) -> str:
+    said = [_freedom(each) for each in goal.freedoms]
+    free = f"where it may still {', '.join(said)}" if said else "where nothing is free"
+    redundant = [f"'{each}' follows from the other relations" for each in goal.redundant]
+    return "; ".join([free, *redundant])
+
+
+def _freedom(one: Freedom) -> str:
+    along = ", ".join(f"{x:.2f}" for x in one.direction + 0.0)
+    return f"slide along ({along})" if np.isinf(one.pitch_m) else f"turn about ({along})"
+
+
+def _told(n: int, carry: Carry) -> Iterator[str]:
+    one, other = carry.grasp.facets
+    to = "to its goal" if carry.rest == "goal" else f"to the free place, to lie {carry.rest}"
+    yield f"{n}. taken at {one} and {other}, {1000 * carry.grasp.width_m:.1f} mm apart, and carried {to}"
+    for leg in carry.legs:
+        proved = "proved free everywhere" if leg.proved else "a straight line, free where it was looked at"
+        yield f"   {leg.what:<12} {len(leg.path)} configurations, {proved}"

@@ -1,0 +1,59 @@
+"""What PLACE answers: the whole way, or the first thing that is in the way of it."""
+
+from dataclasses import dataclass
+from typing import TypeAlias
+
+from engine.model.assembly import Assembled, Contradiction
+from engine.model.geometry import Floats
+from engine.model.grasping import Grasp
+from engine.model.vision import Located, NotLocated
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Leg:
+    """A stretch of motion: configurations (m, k) of all joints; `proved` if it is free everywhere, not only where looked at.
+
+    `what` says what happens, `carries` whether the part is in the hand.
+    """
+
+    what: str
+    path: Floats
+    carries: bool
+    proved: bool
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Carry:
+    """One taking and letting go: the grasp, the hand on the part T_part_hand, the part's poses in the world, and the legs."""
+
+    grasp: Grasp
+    T_part_hand: Floats
+    T_world_from: Floats
+    T_world_to: Floats
+    rest: str
+    legs: tuple[Leg, ...]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Placed:
+    """The way from the part as it was found to its goal: `carries`, of which all but the last end in a placement to regrasp."""
+
+    goal: Assembled
+    sighting: Located
+    T_world_part: Floats
+    T_world_goal: Floats
+    holds: tuple[int, int, int]  # all, those possible where the part lies, those possible at the goal
+    carries: tuple[Carry, ...]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class NotPlaced:
+    """Why the part is not placed: what stopped it (`relations`, `sight`, `grasp`, `regrasp` or `motion`), and what to try."""
+
+    step: str
+    reason: str
+    hint: str
+    cause: Contradiction | NotLocated | None = None
+
+
+PlaceAnswer: TypeAlias = Placed | NotPlaced

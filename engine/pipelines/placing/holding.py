@@ -1,0 +1,152 @@
+"""With which holds a part can be taken where it lies, and let go where it belongs.
+
+A hold is a grasp with one of its turns. It is possible at a pose of the part where the hand meets nothing, and the arm reaches.
+"""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from engine.kernels.rigid import apply, inverse
+from engine.model.geometry import Floats, Truths
+from engine.model.grasping import Grasp, ParallelJaws
+from engine.model.solid import Solid
+from engine.plugins import geometry_backend
+from engine.ports import CollisionChecker
+from engine.stages.geometry.reach.hand import ArmHand
+from engine.stages.geometry.shapes.solids import solid_of
+from engine.stages.geometry.world.model import World
+from engine.stages.geometry.world.scenes import scene_of
+from engine.stages.grasping.blocks import meet
+from engine.stages.grasping.grasps import grasps
+from engine.stages.grasping.placements import volume_and_centre
+from kb.model.cell import Body, BodyKind, Placement
+from kb.model.scene import Scene
+from kb.model.shapes import Box, PlacedShape, Pose
+
+HAND = "the_hand"  # the body that stands for the gripper; no file can name it so, since a scene's cell is checked for it
+TURNS = 24
+BACK_M = 0.1  # how far the hand backs off
+
+
+@dataclass(frozen=True, eq=False)
+class Holds:
+    """All holds of a part: its grasps, and for each hold the number of its grasp (h,) and the hand's pose T_part_hand."""
+
+    solid: Solid
+    jaws: ParallelJaws
+    grasps: tuple[Grasp, ...]
+
+    @cached_property
+    def grasp_of(self) -> tuple[int, ...]:
+        """The number of each hold's grasp."""
+        return tuple(n for n, each in enumerate(self.grasps) for _ in range(int(each.free.sum())))
+
+    @cached_property
+    def poses(self) -> Floats:
+        """T_part_hand (h, 4, 4) of each hold."""
+        found = [each.T_part_hand[each.free] for each in self.grasps]
+        return np.concatenate([np.zeros((0, 4, 4)), *found])
+
+    def clear(self, obstacles: Floats, which: Truths, back_m: tuple[float, ...] = (0.0,)) -> Truths:
+        """Which of some holds (h,) meet none of the triangles (m, 3, 3) in the part's frame, also backed off."""
+        found = which.copy()
+        numbers = np.array(self.grasp_of, dtype=int)
+        for n, each in enumerate(self.grasps):
+            mine = np.nonzero(found & (numbers == n))[0]
+            for back in back_m:
+                poses = self.poses[mine].copy()
+                poses[:, :3, 3] -= back * poses[:, :3, 2]
+                mine = mine[~meet(poses, *self.jaws.blocks(each.width_m), obstacles)]
+            found[numbers == n] = False
+            found[mine] = True
+        return found
+
+
+def holds_of(scene: Scene, body: Body) -> Holds:
+    """The holds of a part by the scene's gripper."""
+    entry, solid = scene.hand, solid_of(body)
+    jaws = ParallelJaws(
+        entry.opening_m,
+        entry.pad_m,
+        entry.finger_m,
+        entry.thick_m,
+        entry.cross_m,
+        entry.sensor_m,
+        entry.friction,
+        entry.force_n,
+    )
+    volume, centre = volume_and_centre(solid)
+    found = grasps(solid, jaws, scene.inset_m, volume * scene.density, centre, TURNS)
+    return Holds(solid, jaws, tuple(found))
+
+
+def triangles_of(world: World, names: list[str], T_world_part: Floats) -> Floats:
+    """The surfaces of bodies as triangles (m, 3, 3) in the frame of a part."""
+    back = inverse(T_world_part)
+    found = [
+        apply(back @ world.pose("world", name), solid_of(world.cell.bodies[name]).vertices).reshape(-1, 3, 3)
+        for name in names
+        if world.cell.bodies[name].shapes
+    ]
+    return np.concatenate([np.zeros((0, 3, 3)), *found])
+
+
+def with_hand(world: World, scene: Scene, jaws: ParallelJaws, width_m: float) -> World:
+    """The world with the scene's gripper at the tool point, opened for a width, as a body that is checked, too."""
+    shapes = tuple(
+        PlacedShape(Box(tuple(2 * half)), Pose(tuple(middle)))
+        for middle, half in zip(*jaws.blocks(width_m), strict=True)
+    )
+    arm = scene.hand.arm
+    body = Body(HAND, BodyKind.TOOL, Placement(f"{arm}.tool"), shapes)
+    near = [frozenset((HAND, f"{arm}.{link.name}")) for link in world.cell.arms[arm].arm.links[-2:]]
+    cell = replace(
+        world.cell, bodies={**world.cell.bodies, HAND: body}, allowed=world.cell.allowed | frozenset(near)
+    )
+    made = replace(world, cell=cell, placed={**world.placed})
+    return made.put(HAND, f"{arm}.tool", np.eye(4))
+
+
+@dataclass(frozen=True, eq=False)
+class Reach:
+    """The arm of a scene in a world with a hand, and possibly a part in it: which poses of the hand it reaches."""
+
+    world: World
+    arm: str
+    allowed: frozenset[frozenset[str]] = frozenset()
+    leave_out: tuple[str, ...] = ()
+
+    @cached_property
+    def checker(self) -> CollisionChecker:
+        """What says what collides."""
+        return geometry_backend().checker(scene_of(self.world, self.leave_out, self.allowed))
+
+    @cached_property
+    def hand(self) -> ArmHand:
+        """The arm's hand."""
+        tool = inverse(self.world.pose("world", f"{self.arm}.flange")) @ self.world.pose(
+            "world", f"{self.arm}.tool"
+        )
+        return ArmHand(self.world, self.checker.scene, self.arm, tool)
+
+    def configurations(self, T_world_hand: Floats, near: Floats) -> Floats:
+        """The free configurations (m, k) with the hand at a pose (4, 4), the nearest to `near` (k,) first."""
+        found = self.hand.reaching(T_world_hand[None], near)[0]
+        if not len(found):
+            return found
+        free: Floats = found[~self.checker.collides(found)]
+        return free
+
+    def line(self, T_world_hand: Floats, q: Floats, shift: Floats, steps: int = 6) -> Floats | None:
+        """Free configurations (steps + 1, k) from q (k,) on, while the hand moves straight by `shift` (3,); None if it cannot."""
+        poses = np.repeat(T_world_hand[None], steps, axis=0)
+        poses[:, :3, 3] += np.linspace(0, 1, steps + 1)[1:, None] * shift
+        path = [q]
+        for pose in poses:
+            found = self.hand.reaching(pose[None], path[-1])[0]
+            if not len(found) or np.abs(found[0] - path[-1]).max() > 0.4:
+                return None
+            path.append(found[0])
+        return None if self.checker.collides(np.array(path[1:])).any() else np.array(path)

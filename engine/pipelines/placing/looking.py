@@ -1,0 +1,80 @@
+"""What the camera of a scene sees: depth images made from the bodies of the cell, and the part found in them."""
+
+from collections.abc import Collection
+from dataclasses import dataclass
+
+import numpy as np
+
+from engine.kernels.rigid import inverse
+from engine.model.geometry import Floats
+from engine.model.vision import Camera, DepthImage, Sighting
+from engine.stages.geometry import transforms
+from engine.stages.geometry.shapes.solids import solid_of
+from engine.stages.geometry.world.model import World
+from engine.stages.vision.hypotheses import Model
+from engine.stages.vision.images import Sensor, disturbed, rendered
+from engine.stages.vision.localisation import Ground, locate
+from kb.model.scene import Scene
+
+KNOWN = 4.0  # of the noise: what is nearer to the known scene is that
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Looked:
+    """An image, where the camera was (T_world_camera), what is known in it, and what was found of the part."""
+
+    image: DepthImage
+    T_world_camera: Floats
+    ground: Ground
+    sighting: Sighting
+
+
+def camera_of(scene: Scene) -> Camera:
+    """The camera that a scene describes."""
+    entry = scene.camera
+    return Camera.viewing(entry.width, entry.height, entry.view_m, entry.distance_m)
+
+
+def camera_pose(scene: Scene, world: World) -> Floats:
+    """T_world_camera (4, 4)."""
+    placed = scene.camera.placement
+    found: Floats = world.pose("world", placed.parent) @ transforms.of_pose(placed.pose)
+    return found
+
+
+def depth_image(scene: Scene, world: World, camera: Camera, without: Collection[str] = ()) -> DepthImage:
+    """What a camera at the scene's place sees of the bodies of a world, without error and without the arms."""
+    T = inverse(camera_pose(scene, world))
+    shown = [body for name, body in world.cell.bodies.items() if name not in without and body.shapes]
+    return rendered([(solid_of(body), T @ world.pose("world", body.name)) for body in shown], camera)[0]
+
+
+def look(scene: Scene, world: World, part: str, seed: int, given: Floats | None = None) -> Looked:
+    """The part as it is found in an image: one `given` (height, width) in metres, else one made from the scene.
+
+    Known are all bodies but the part and the clutter. The floor is the plane of the scene's table.
+    """
+    camera, entry = camera_of(scene), scene.camera
+    if given is None:
+        sensor = Sensor(entry.noise_m, entry.dropouts)
+        image = disturbed(depth_image(scene, world, camera), sensor, seed)
+    else:
+        image = DepthImage(camera, given, entry.noise_m)
+    known = depth_image(scene, world, camera, {part, *scene.clutter}).depth
+    same = (known > 0) & (np.abs(image.depth - known) < KNOWN * max(entry.noise_m, 1e-6))
+    T_world_camera = camera_pose(scene, world)
+    ground = Ground(same, (_floor(scene, world, T_world_camera),))
+    found = locate(Model(solid_of(world.cell.bodies[part])), image, ground)
+    return Looked(image, T_world_camera, ground, found)
+
+
+def table_pose(scene: Scene, world: World) -> Floats:
+    """T_world_table (4, 4)."""
+    found: Floats = world.pose("world", scene.table.parent) @ transforms.of_pose(scene.table.pose)
+    return found
+
+
+def _floor(scene: Scene, world: World, T_world_camera: Floats) -> Floats:
+    """The plane of the table (4,) in the camera's frame."""
+    T = inverse(T_world_camera) @ table_pose(scene, world)
+    return np.append(T[:3, 2], T[:3, 2] @ T[:3, 3])

@@ -1,0 +1,137 @@
+"""Scene files: the cell is read, then what is said of parts, camera, hand and table. All names are checked."""
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, TypeVar
+
+from kb.diagnostics import unknown_name
+from kb.loader.arm import quantities_of
+from kb.loader.cell import read_cell
+from kb.loader.quantities import ANGLE, FACTOR, LENGTH, Quantities, child, required
+from kb.loader.reader import Findings, Reader, require, validate_shape
+from kb.loader.tree import Node, read_file
+from kb.model.cell import WORLD, Cell, Placement
+from kb.model.scene import DENSITY, INSET_M, CameraEntry, HandEntry, SaidRelation, Scene
+
+KINDS = ("parallel", "against", "coplanar", "aligned", "fits", "concentric", "distance", "angle")
+MEASURED = {"distance": LENGTH, "angle": ANGLE}
+T = TypeVar("T", CameraEntry, HandEntry)
+RELATION = re.compile(r"\s*(\w+)\.([\w.]+)\s+(\w+)\s+(\w+)\.([\w.]+?)\s*(?:=\s*(.+?)\s*)?")
+
+
+def load_scene(path: Path) -> Scene:
+    """The scene in a file. Raises `InvalidInput` with all errors."""
+    findings = Findings()
+    reader = Reader.of(read_file(path), findings)
+    if not validate_shape(reader, "scene"):
+        require(findings)
+    beside = path.parent / reader.text("cell")
+    cell = read_cell(beside, findings)
+    scene = _SceneReader(reader, quantities_of(reader, path.parent), cell).scene()
+    require(findings)
+    return scene
+
+
+@dataclass(frozen=True)
+class _SceneReader:
+    """Reads one scene of a cell."""
+
+    reader: Reader
+    read: Quantities
+    cell: Cell
+
+    def scene(self) -> Scene:
+        root = self.reader.root
+        relations = [
+            relation
+            for key, preferred in (("relations", False), ("preferred", True))
+            for node in self.reader.items(key)
+            if (relation := self._relation(node, preferred)) is not None
+        ]
+        for node in self.reader.items("clutter"):
+            self._body(node.value, node)
+        inset, density = child(root, "inset"), child(root, "density")
+        return Scene(
+            self.reader.text("scene"),
+            self.cell,
+            self._camera(required(root, "camera")),
+            self._hand(required(root, "hand")),
+            tuple(relations),
+            tuple(node.value for node in self.reader.items("clutter")),
+            self._placement(child(root, "table")),
+            self.read.positive(inset) if inset else INSET_M,
+            self.read.number(density, FACTOR) if density else DENSITY,
+        )
+
+    def _placement(self, node: Node | None) -> Placement:
+        parent = child(node, "in")
+        if parent is not None and parent.value not in self._frames():
+            self.read.findings.note(unknown_name("frame", parent.value, self._frames(), parent.where))
+        return Placement(parent.value if parent else WORLD, self.read.pose(node))
+
+    def _frames(self) -> list[str]:
+        own = [f"{name}.{part}" for name in self.cell.arms for part in ("base", "flange", "tool")]
+        features = [f"{name}.{each}" for name, body in self.cell.bodies.items() for each in body.features]
+        return [WORLD, *self.cell.frames, *self.cell.bodies, *own, *features]
+
+    def _body(self, name: str, node: Node) -> None:
+        if name not in self.cell.bodies:
+            self.read.findings.note(unknown_name("body", name, self.cell.bodies, node.where))
+
+    def _relation(self, node: Node, preferred: bool) -> SaidRelation | None:
+        found = RELATION.fullmatch(str(node.value))
+        if found is None:
+            hint = "write: bracket.bottom against base.top, or: lid.rim distance base.top = 5 mm"
+            self.read.findings.add(node.where, "K005", f"'{str(node.value)[:60]}' is not a relation", hint)
+            return None
+        first, one, kind, second, other, value = found.groups()
+        if kind not in KINDS:
+            self.read.findings.note(unknown_name("relation", kind, KINDS, node.where))
+            return None
+        self._body(first, node)
+        self._body(second, node)
+        if (kind in MEASURED) != (value is not None):
+            message = f"{kind} needs a value" if value is None else f"{kind} takes no value"
+            hint = f"write {first}.{one} {kind} {second}.{other}{' = ...' if value is None else ''}"
+            self.read.findings.add(node.where, "K005", message, hint)
+            return None
+        number = (
+            self.read.number(Node(value, node.file, node.start, node.end), MEASURED[kind]) if value else 0.0
+        )
+        return SaidRelation(kind, (first, one), (second, other), number, preferred, node.where)
+
+    def _camera(self, node: Node) -> CameraEntry:
+        lengths = {
+            f"{key}_m": self.read.positive(value) for key, value in _given(node, "view", "distance", "noise")
+        }
+        counts = {key: int(value.value) for key, value in _given(node, "width", "height")}
+        shares = {key: self.read.number(value, FACTOR) for key, value in _given(node, "dropouts")}
+        return _with(CameraEntry(self._placement(node)), {**lengths, **counts, **shares})
+
+    def _hand(self, node: Node) -> HandEntry:
+        arm = required(node, "arm")
+        if arm.value not in self.cell.arms:
+            self.read.findings.note(unknown_name("arm", arm.value, self.cell.arms, arm.where))
+        keys = ("opening", "pad", "finger", "thick")
+        lengths = {f"{key}_m": self.read.positive(value) for key, value in _given(node, *keys)}
+        sizes = {
+            f"{key}_m": tuple(self.read.positive(each) for each in value.value)
+            for key, value in _given(node, "cross", "sensor")
+        }
+        friction = {key: self.read.number(value, FACTOR) for key, value in _given(node, "friction")}
+        force = [self.read.number(value, FACTOR) for _, value in _given(node, "force")]
+        return _with(
+            HandEntry(arm.value), {**lengths, **sizes, **friction, **({"force_n": force[0]} if force else {})}
+        )
+
+
+def _given(node: Node, *keys: str) -> list[tuple[str, Node]]:
+    """Those of some keys that a mapping has, with their values."""
+    return [(key, value) for key in keys if (value := child(node, key)) is not None]
+
+
+def _with(entry: T, given: Mapping[str, Any]) -> T:
+    """An entry with what the file gives instead of what is assumed."""
+    return replace(entry, **given)

@@ -1,0 +1,74 @@
+"""A scene in which parts are placed on each other, as values: what is said of the goal, the camera, the hand and the table.
+
+Lengths are in metres, angles in radians.
+"""
+
+from dataclasses import dataclass, field
+
+from kb.diagnostics import NOWHERE, Source
+from kb.model.cell import Cell, Placement
+
+ON_FLOOR = Placement()
+INSET_M, DENSITY = 0.015, 1000.0
+
+
+@dataclass(frozen=True, slots=True)
+class SaidRelation:
+    """`kind` shall hold between two features, each named by its body and its own name; a preferred one only if it can."""
+
+    kind: str
+    first: tuple[str, str]
+    second: tuple[str, str]
+    value: float = 0.0
+    preferred: bool = False
+    where: Source = field(default=NOWHERE, compare=False)
+
+    def __str__(self) -> str:
+        return f"{'.'.join(self.first)} {self.kind} {'.'.join(self.second)}"
+
+
+@dataclass(frozen=True, slots=True)
+class CameraEntry:
+    """A depth camera: where it is (its z axis looks forward), what it sees, and how it errs."""
+
+    placement: Placement
+    width: int = 640
+    height: int = 480
+    view_m: float = 0.6
+    distance_m: float = 1.0
+    noise_m: float = 0.001
+    dropouts: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class HandEntry:
+    """Parallel jaws at the tool point of an arm: z of its frame points to the part, x is the way in which they close."""
+
+    arm: str
+    opening_m: float = 0.1
+    pad_m: float = 0.016
+    finger_m: float = 0.06
+    thick_m: float = 0.012
+    cross_m: tuple[float, float, float] = (0.14, 0.04, 0.03)
+    sensor_m: tuple[float, float, float] = (0.06, 0.06, 0.03)
+    friction: float = 0.4
+    force_n: float = 40.0
+
+
+@dataclass(frozen=True, slots=True)
+class Scene:
+    """What `place` works on.
+
+    `clutter` names bodies that the camera sees and nobody has modelled. `table` is a frame on the free part of a table, with
+    z upwards: there parts are laid down to be taken anew. Parts have a density in kg per cubic metre.
+    """
+
+    name: str
+    cell: Cell
+    camera: CameraEntry
+    hand: HandEntry
+    relations: tuple[SaidRelation, ...] = ()
+    clutter: tuple[str, ...] = ()
+    table: Placement = ON_FLOOR
+    inset_m: float = INSET_M
+    density: float = DENSITY

@@ -1,0 +1,76 @@
+"""Depth images are read from files as they were written, and bad files are told."""
+
+import struct
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from engine.formats.interop.depth_files import read_depth
+from engine.kernels.arrays import Floats
+from engine.model.vision import Camera
+from kb.diagnostics import InvalidInput
+
+CAMERA = Camera.viewing(8, 6, 0.6, 1.0)
+
+
+def depths() -> Floats:
+    """An image with one pixel missing."""
+    found = 0.9 + np.arange(48).reshape(6, 8) / 1000
+    found[2, 3] = 0.0
+    return found
+
+
+def points() -> Floats:
+    """What its pixels see."""
+    v, u = np.nonzero(depths())
+    return CAMERA.rays(u.astype(float), v.astype(float)) * depths()[v, u][:, None]
+
+
+def write_npy(path: Path) -> None:
+    np.save(path, depths())
+
+
+def write_png(path: Path) -> None:
+    Image.fromarray(np.rint(depths() * 1000).astype(np.uint16)).save(path)
+
+
+def write_pcd(path: Path) -> None:
+    rows = "\n".join(" ".join(f"{x:.9f}" for x in row) for row in points())
+    head = "# .PCD v0.7\nVERSION 0.7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nCOUNT 1 1 1\nWIDTH 47\nHEIGHT 1\n"
+    path.write_text(f"{head}VIEWPOINT 0 0 0 1 0 0 0\nPOINTS {len(points())}\nDATA ascii\n{rows}\n")
+
+
+def write_ply(path: Path) -> None:
+    head = f"ply\nformat binary_little_endian 1.0\nelement vertex {len(points())}\n"
+    head += "property float x\nproperty float y\nproperty uchar red\nproperty float z\nend_header\n"
+    body = b"".join(struct.pack("<ffBf", x, y, 7, z) for x, y, z in points())
+    path.write_bytes(head.encode() + body)
+
+
+WRITERS = {".npy": write_npy, ".png": write_png, ".pcd": write_pcd, ".ply": write_ply}
+
+
+@pytest.mark.parametrize("kind", WRITERS)
+def test_what_is_written_is_read(kind: str, tmp_path: Path) -> None:
+    path = tmp_path / f"image{kind}"
+    WRITERS[kind](path)
+    np.testing.assert_allclose(read_depth(path, CAMERA), depths(), atol=1e-6)
+
+
+@pytest.mark.parametrize("kind", WRITERS)
+def test_a_garbled_file_is_told(kind: str, tmp_path: Path) -> None:
+    path = tmp_path / f"image{kind}"
+    path.write_bytes(b"nothing of the kind")
+    with pytest.raises(InvalidInput, match="cannot be read"):
+        read_depth(path, CAMERA)
+
+
+def test_another_size_or_kind_is_told(tmp_path: Path) -> None:
+    path = tmp_path / "image.npy"
+    np.save(path, np.ones((3, 4)))
+    with pytest.raises(InvalidInput, match="4 x 3 pixels, the camera 8 x 6"):
+        read_depth(path, CAMERA)
+    with pytest.raises(InvalidInput, match="not a kind of depth image"):
+        read_depth(tmp_path / "image.jpg", CAMERA)

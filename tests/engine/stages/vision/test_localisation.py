@@ -1,0 +1,130 @@
+"""Depth images say what geometry says; parts are found in them, or it is said why not."""
+
+from itertools import product
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from engine.kernels.arrays import Floats
+from engine.kernels.rigid import difference, rotation, transform, translation, turned
+from engine.model.solid import Solid
+from engine.model.vision import Camera, DepthImage, Located, NotLocated
+from engine.stages.vision.hypotheses import Model
+from engine.stages.vision.images import Sensor, disturbed, rendered
+from engine.stages.vision.kernels.rays import Range, draw
+from engine.stages.vision.localisation import Ground, locate
+from engine.stages.vision.symmetry import symmetries
+from tests.engine.stages.solids import block, ell
+
+CAMERA = Camera.viewing(640, 480, 0.6, 1.0)
+DOWN: Floats = np.diag([1.0, -1.0, -1.0])
+T_CAMERA_WORLD = transform(DOWN, (0.0, 0.0, 1.0))
+TABLE = (block(2.0, 2.0, 0.1), T_CAMERA_WORLD @ translation(0, 0, -0.05))
+FLOOR = np.array([0.0, 0.0, -1.0, -1.0])
+PART = ell(0.1, 0.08, 0.03, 0.05)
+
+
+def lying(x: float, y: float, turn: float, height: float = 0.025) -> Floats:
+    """The pose in the camera's frame of a prism that lies on its bottom."""
+    return T_CAMERA_WORLD @ transform(rotation((0, 0, 1), turn), (x, y, height))
+
+
+def seen(*things: tuple[Solid, Floats], seed: int = 0, noise: float = 0.001) -> tuple[DepthImage, Ground]:
+    """An image of things on the table, and what is known before."""
+    image = disturbed(rendered([TABLE, *things], CAMERA)[0], Sensor(noise, 0.01), seed)
+    known = np.abs(image.depth - rendered([TABLE], CAMERA)[0].depth) < 4 * noise
+    return image, Ground(known, (FLOOR,))
+
+
+@settings(max_examples=30, deadline=None)
+@given(seed=st.integers(0, 10**6))
+def test_rays_meet_triangles_where_planes_and_weights_say(seed: int) -> None:
+    random = np.random.default_rng(seed)
+    triangles = random.uniform(-1, 1, (4, 3, 3)) + np.array([0.0, 0.0, 1.2])
+    image = Range((9, 12), 8.0, (5.5, 4.0))
+    draw(image, triangles, np.arange(4))
+    for v, u in product(range(9), range(12)):
+        ray = np.array([(u - 5.5) / 8.0, (v - 4.0) / 8.0, 1.0])
+        depths = [(z, n) for n, t in enumerate(triangles) if (z := plain_depth(ray, t)) > 0]
+        nearest, owner = min(depths, default=(0.0, -1))
+        assert image.depth[v, u] == pytest.approx(nearest, abs=1e-9)
+        assert image.owner[v, u] == owner
+
+
+def plain_depth(ray: Floats, triangle: Floats) -> float:
+    """The depth at which a ray meets a triangle, from its weights there; 0 if it does not."""
+    a, b, c = triangle
+    weights = np.linalg.solve(np.stack([b - a, c - a, -ray], axis=1), -a)
+    inside = weights[0] >= 0 and weights[1] >= 0 and weights[0] + weights[1] <= 1
+    return float(weights[2]) if inside and weights[2] > 1e-6 else 0.0
+
+
+def test_a_block_of_three_lengths_looks_the_same_in_four_poses_and_a_cube_in_24() -> None:
+    assert len(symmetries(block(0.1, 0.2, 0.3))) == 4
+    assert len(symmetries(block(0.1, 0.1, 0.1))) == 24
+    assert len(symmetries(ell(0.1, 0.08, 0.03, 0.05))) == 1
+    assert len(symmetries(ell(0.1, 0.1, 0.03, 0.05))) == 2
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_part_is_found_within_a_millimetre_and_half_a_degree(seed: int) -> None:
+    random = np.random.default_rng(seed)
+    T = lying(*random.uniform(-0.1, 0.1, 2), random.uniform(-3, 3))
+    other = (block(0.06, 0.05, 0.09), lying(0.2, 0.1, 0.4, 0.045))
+    found = locate(Model(PART), *seen((PART, T), other, seed=seed))
+    assert isinstance(found, Located)
+    metres, radians = difference(found.best.T_camera_part, T)
+    assert metres < 0.001
+    assert radians < np.radians(0.5)
+    sigma = np.sqrt(np.diag(found.covariance)[:3])
+    assert (sigma < 0.0005).all()
+
+
+def test_a_part_that_is_half_hidden_is_found() -> None:
+    T = lying(0.0, 0.0, 0.7)
+    cover = (block(0.12, 0.3, 0.01), lying(-0.065, 0.0, 0.7, 0.1))
+    found = locate(Model(PART), *seen((PART, T), cover))
+    assert isinstance(found, Located)
+    assert difference(found.best.T_camera_part, T)[0] < 0.002
+
+
+def test_a_leaning_part_is_found() -> None:
+    lean = turned(np.array([0.3, -0.2, 0.5]))
+    T = T_CAMERA_WORLD @ transform(lean, (0.02, 0.03, 0.06))
+    low = (T[:3, :3] @ PART.vertices.T).T[:, 2].max() + T[2, 3]
+    T[2, 3] -= low - 1.0
+    found = locate(Model(PART), *seen((PART, T)))
+    assert isinstance(found, Located)
+    assert difference(found.best.T_camera_part, T)[0] < 0.002
+
+
+def test_all_poses_of_a_symmetric_part_are_given() -> None:
+    part, T = block(0.1, 0.06, 0.05), lying(0.05, -0.04, 1.0)
+    found = locate(Model(part), *seen((part, T)))
+    assert isinstance(found, Located)
+    assert len(found.equivalent) == 4
+    assert min(difference(each, T)[0] for each in found.equivalent) < 0.001
+
+
+def test_what_is_not_there_is_not_found() -> None:
+    others = [
+        (block(0.06, 0.05, 0.09), lying(0.1, 0.1, 0.4, 0.045)),
+        (block(0.1, 0.08, 0.05), lying(-0.1, 0, 1.0)),
+    ]
+    assert isinstance(locate(Model(PART), *seen(*others)), NotLocated)
+    assert isinstance(locate(Model(PART), *seen()), NotLocated)
+
+
+def test_a_part_in_mid_air_over_a_smaller_top_is_not_believed() -> None:
+    post = (block(0.1, 0.06, 0.12), lying(0.0, 0.0, 0.3, 0.06))
+    found = locate(Model(block(0.1, 0.06, 0.04)), *seen(post))
+    assert isinstance(found, NotLocated)
+
+
+def test_the_same_seed_gives_the_same_errors() -> None:
+    image, _ = rendered([TABLE], CAMERA)
+    one, other = (disturbed(image, Sensor(0.001, 0.02, mixed=0.05), 3) for _ in range(2))
+    assert (one.depth == other.depth).all()
+    assert (one.depth == 0).mean() == pytest.approx(0.02, abs=0.002)
