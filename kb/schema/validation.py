@@ -31,6 +31,7 @@ MODELS = {
     "faults": ("faults", "FaultsFile"),
     "contacts": ("contacts", "ContactsFile"),
     "scene": ("scene", "SceneFile"),
+    "events": ("events", "EventLine"),
 }
 """For each kind of file, the module and the name of its model."""
 
@@ -43,19 +44,6 @@ def deviations(kind: str, content: Any) -> list[Deviation]:
     except ValidationError as error:
         return list(_merged(error.errors(include_url=False), model, content))
     return []
-
-
-MODELS = {
-    "domain": ("domain", "DomainFile"),
-    "problem": ("problem", "ProblemFile"),
-    "plan": ("plan", "PlanFile"),
-    "cell": ("cell", "CellFile"),
-    "arm": ("cell", "ArmFile"),
-    "faults": ("faults", "FaultsFile"),
-    "contacts": ("contacts", "ContactsFile"),
-    "events": ("events", "EventLine"),
-}
-"""For each kind of file, the module of its form and the name of it there."""
 
 
 def model_of(kind: str) -> type[BaseModel]:
