@@ -53,7 +53,10 @@ class _Reader:
 
     def __post_init__(self) -> None:
         self.replies: dict[int, str] = {}
-        self.objects = {**self.problem.domain.objects, **self.problem.objects}
+        domain = self.problem.domain
+        named = {**domain.objects, **self.problem.objects}
+        closed = {name for name, each in domain.types.items() if each.constants}  # settings, not things
+        self.objects = {name for name, type_ in named.items() if type_ not in closed}
         self.measuring = Measuring(self.problem)
 
     def take(self, line: Line) -> None:
