@@ -9,6 +9,7 @@ from typing import Any
 
 from engine.model.execution import VERSION, Finish, Record, RecordKind
 from engine.model.outcome import Outcome
+from engine.pipelines.execution.checkpoints import past_of
 from engine.pipelines.execution.compiling import situation_of
 from engine.pipelines.execution.faults import settled
 from engine.pipelines.execution.orders import Orders
@@ -106,8 +107,8 @@ def resume(
         problem = problem_of(str(about["target"]), str(about["goals"]), str(about["command"]))
         base = fault_base(problem)
         past = Past(World.of(problem, situation_of(problem).state), Scope(problem))
-        for line in journal.lines(run):
-            past.take(Record(line.number, line.at_ms, RecordKind(line.kind), line.content))
+        spoils = base is not None and any(cause.spoils for cause in base.causes.values())
+        past = past_of(journal, run, past, spoils)
         if past.plan is None or past.ended in OVER:
             said = f"the run {run} is over: {past.ended}" if past.ended else f"the run {run} never had a plan"
             raise InvalidInput([Diagnostic(Source(run), "K421", said, "begin another run")])

@@ -5,6 +5,7 @@ Everything is noted before it takes effect: commands are sent only after the gro
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 from engine.model.execution import (
     Command,
@@ -30,6 +31,7 @@ from engine.ports import Driver
 from engine.stages import execution as executive
 from engine.stages.execution import Failure, Standing
 
+EVERY = 5_000  # records from one checkpoint to the next
 QUIET_MS = 1_000  # a driver may take so long to drop what is queued
 LOST = "the controller does not answer any more"
 VERDICT = ("of", "quantity", "value", "unit", "nominal", "lower", "upper", "passed", "tool")
@@ -63,6 +65,13 @@ class Course:
     done: set[int] = field(default_factory=set)
     outbox: list[Command] = field(default_factory=list)
     pending: list[Given] = field(default_factory=list)  # orders that came while an exception was handled
+    sent: dict[int, tuple[dict[str, Any], int]] = field(
+        default_factory=dict
+    )  # under way, as noted, since when
+    plan_number: int = 0  # of the record of the program
+    noted: int = 0  # the last checkpoint
+    every: int = EVERY
+    checkpoint: Callable[[], dict[str, Any]] | None = None
     turn: Turn | None = None
     look: Callable[[RunState], None] | None = None
 
@@ -73,7 +82,8 @@ class Course:
         """Go on with another program."""
         self.compiled, self.standing = compiled, standing
         self.replies = Replies(compiled)
-        self.done = set()
+        self.done, self.sent = set(), {}
+        self.plan_number = self.recorder.last
 
     def go(self) -> Turn:
         """Execute until something needs more than the table, or the program is done."""
@@ -204,7 +214,7 @@ class Course:
 
     def post(self, command: Command, step: int | None = None) -> None:
         """Note a command, to be sent once the note is on the disk."""
-        self.recorder.note(
+        record = self.recorder.note(
             RecordKind.COMMAND,
             command=command.number,
             command_kind=command.kind.value,
@@ -219,10 +229,13 @@ class Course:
             asks=command.asks,
             step=step,
         )
+        self.sent[command.number] = (dict(record.content), record.at_ms)
         self.outbox.append(command)
 
     def flush(self) -> None:
         """Write what was noted, then send what was posted. Raises `JournalFailure`; then nothing was sent."""
+        if self.checkpoint is not None and self._is_time():
+            self.noted = self.recorder.note(RecordKind.CHECKPOINT, state=self.checkpoint()).number
         self.recorder.commit()
         if self.outbox:
             commands, self.outbox = self.outbox, []
@@ -230,12 +243,18 @@ class Course:
         if self.look is not None:
             self.look(self.state())
 
+    def _is_time(self) -> bool:
+        """Whether a checkpoint is due; none is written while a case is open."""
+        many = self.recorder.last - self.noted >= self.every
+        return many and self.standing.phase is Phase.RUNNING and not self.recorder.known
+
     def _done(self, done: executive.Done) -> None:
         change = self.compiled.changes[done.activity]
         action = self.compiled.program.activities[done.activity].action
         new = [atom for atom in (*change.adds, *change.events) if atom not in self.world.facts]
         moved = self.world.apply(change)
         self.done.add(done.activity)
+        self.sent.pop(done.number, None)
         if self.keeps_history:
             step = self.replies.step(done.activity)
             self.history.append(achievement(len(self.history) + 1, step, new, moved))

@@ -52,6 +52,7 @@ class Past:
     ended: str = ""
     paused: bool = False
     run: Content = field(default_factory=dict)  # what it was begun with
+    plan_number: int = 0  # of the record of the last plan
     replans: bool = False  # the last plan leads nowhere any more
     added: str = ""
 
@@ -77,7 +78,8 @@ class Past:
         content = record.content
         self.forecast_ms = self.forecast_ms or content["forecast_ms"]
         self.steps += len(self.done)
-        self.plan, self.done, self.sent, self.case = content, {}, {}, []
+        self.plan, self.plan_number = content, record.number
+        self.done, self.sent, self.case = {}, {}, []
         self.paused = self.replans = False
         if content["why"] == Order.ADD.value:
             from kb.commands import understand

@@ -1,10 +1,12 @@
 """A whole run: plan, execute, handle exceptions, plan on, until the goals are reached or nothing more can be done."""
 
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 from engine.model.execution import Finish, Order, Phase, RecordKind
+from engine.pipelines.execution.checkpoints import state_of
 from engine.pipelines.execution.compiling import Compiled
-from engine.pipelines.execution.course import Course, Turn
+from engine.pipelines.execution.course import EVERY, Course, Turn
 from engine.pipelines.execution.handling import ExceptionHandler, GivesUp
 from engine.pipelines.execution.hands import Ended
 from engine.pipelines.execution.orders import Given, Orders
@@ -51,7 +53,9 @@ class Execution:
         standing = standing_of(compiled.program, self.driver.now_ms(), 1)
         course = self._course(compiled, standing, world)
         self.forecast_ms = ready.compiled.program.forecast_ms
-        self.recorder.note(RecordKind.PLAN, **plan_entry(ready, "first", Scope(self.problem)))
+        course.plan_number = self.recorder.note(
+            RecordKind.PLAN, **plan_entry(ready, "first", Scope(self.problem))
+        ).number
         return self.guarded(course, Scope(self.problem), approve)
 
     def resume(self, past: Past) -> Finish:
@@ -72,6 +76,11 @@ class Execution:
             past.done,
         )
         course = self._course(compiled, standing, past.world)
+        course.plan_number, course.sent = (
+            past.plan_number,
+            {n: (dict(e), at) for n, (e, at) in past.sent.items()},
+        )
+        course.noted = self.recorder.last
         course.done, course.history = set(past.done), past.history if course.keeps_history else []
         handler = ExceptionHandler(course, past.scope, self.base, self.limits, dict(past.cases))
         return self.guarded(course, past.scope, handler=handler, past=past)
@@ -87,6 +96,7 @@ class Execution:
             compiled,
             standing,
             keeps_history=spoils,
+            every=EVERY,
             measuring=Measuring(self.problem),
         )
 
@@ -110,6 +120,7 @@ class Execution:
         """Run to the end. If the journal cannot be written, everything halts: nothing is done that is not noted."""
         handler = handler or ExceptionHandler(course, scope, self.base, self.limits)
         handler.story = self.story
+        course.checkpoint = lambda: self._state(course, handler)
         try:
             if approve and not self._approved(course):
                 return self._end(course, handler.scope, ABORTED, "the plan was not approved")
@@ -122,6 +133,16 @@ class Execution:
             self.driver.halt()
             course.outbox.clear()
             return self._ending(course, handler.scope, STOPPED, f"the journal cannot be written: {error}")
+
+    def _state(self, course: Course, handler: ExceptionHandler) -> dict[str, Any]:
+        """What a checkpoint holds."""
+        return {
+            **state_of(course),
+            "cases": [[*key, count] for key, count in handler.cases.items()],
+            "forecast_ms": self.forecast_ms,
+            "exceptions": self.exceptions,
+            "steps": self.steps,
+        }
 
     def _approved(self, course: Course) -> bool:
         self.recorder.note(RecordKind.PHASE, phase=Phase.READY.value, why="waits for approval")

@@ -7,6 +7,7 @@ import pytest
 from engine.model.execution import Order
 from engine.pipelines.execution import Given, Timed, Wanted, begin, named, resume
 from kb.diagnostics import InvalidInput
+from kb.store.journal import Journal
 from tests.engine.pipelines.execution.cells import killed_and_resumed, planned
 
 FAULT = "pick(probe_1, slot(drawer, 1))=not_gripped"
@@ -24,6 +25,16 @@ def check(folder: Path, group: int, written: bool, fault: str) -> bool:
 @pytest.mark.parametrize(("group", "written"), [(2, True), (5, False), (6, True), (9, True), (27, False)])
 def test_a_run_killed_with_a_fault_in_it_reaches_its_goals(tmp_path: Path, group: int, written: bool) -> None:
     assert check(tmp_path, group, written, FAULT)
+
+
+@pytest.mark.parametrize(("group", "written"), [(14, False), (20, True), (24, True)])
+def test_a_run_goes_on_from_a_checkpoint(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, group: int, written: bool
+) -> None:
+    monkeypatch.setattr("engine.pipelines.execution.running.EVERY", 15)
+    assert check(tmp_path, group, written, FAULT)
+    with Journal(str(tmp_path / "j.db")) as journal:
+        assert journal.last("one-1", "checkpoint")
 
 
 @pytest.mark.slow
