@@ -29,7 +29,7 @@ def results_of(store: str, run: str) -> Results:
         if begun is None:
             known = [each.run for each in journal.begun()]
             hint = nearest(run, known) or "`cellwright results` lists the runs of a store"
-            raise InvalidInput([Diagnostic(Source(run), "K401", f"no run of this name in {store}", hint)])
+            raise InvalidInput([Diagnostic(Source(run), "K421", f"no run of this name in {store}", hint)])
         about = begun.document
         problem = problem_of(about["target"], about.get("goals", ""), about.get("command", ""))
         return read(begun, problem, journal.lines(run, kinds=KINDS))
@@ -53,7 +53,10 @@ class _Reader:
 
     def __post_init__(self) -> None:
         self.replies: dict[int, str] = {}
-        self.objects = {**self.problem.domain.objects, **self.problem.objects}
+        domain = self.problem.domain
+        named = {**domain.objects, **self.problem.objects}
+        closed = {name for name, each in domain.types.items() if each.constants}  # settings, not things
+        self.objects = {name for name, type_ in named.items() if type_ not in closed}
         self.measuring = Measuring(self.problem)
 
     def take(self, line: Line) -> None:

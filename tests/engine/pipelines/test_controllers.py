@@ -65,6 +65,8 @@ class Server:
 
     def close(self) -> None:
         self.listener.close()
+        if self.cell.simulator is not None:
+            self.cell.simulator.close()
 
 
 @pytest.fixture(scope="module")
