@@ -62,7 +62,7 @@ class SceneFile(Strict):
         description="bodies of the cell that only the camera sees, and nobody has modelled",
     )
     table: PlacedEntry = Field(
-        default_factory=lambda: PlacedEntry(),  # noqa: PLW0108 - mypy takes no class here
+        default_factory=lambda: PlacedEntry.model_validate({}),
         description="a free place on a table, z upwards, where parts are taken anew",
     )
     inset: Quantity = Field("15 mm", description="how far inside an edge the jaws take a part")
