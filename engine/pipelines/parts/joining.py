@@ -7,6 +7,8 @@ from dataclasses import replace
 from engine.stages.macros.lifted.facts import Facts
 from engine.stages.macros.lifted.ground_steps import Needed
 from engine.stages.macros.lifted.situation import Situation
+from engine.stages.macros.lifted.support import support
+from engine.stages.macros.lifted.world import CellDomain
 from kb.model.conditions import Literal
 from kb.model.plan import GOAL, START, CausalLink, Plan, Step, StepId
 from kb.terms import Atom, Function, match
@@ -23,12 +25,13 @@ def joined(start: Situation, steps: Sequence[Step], goals: Iterable[Literal]) ->
         made.append(replace(step, id=own, after=(StepId(number - 1),) if made else ()))
         known = world.ground_step(step.operator)
         if known is None:
+            needed = _supports(world, step.operator, facts)
             change = world.change(step.operator, facts)
             adds, ends = change.adds, change.ends
         else:
             needed = _conditions(known.alternatives, facts)
-            links += [CausalLink(last.get(each, START), each, own) for each in needed]
             adds, ends = known.adds, known.ended(facts, world.statics)
+        links += [CausalLink(last.get(each, START), each, own) for each in needed]
         last.update((atom, own) for atom in adds)
         last.update((Function("not", (atom,)), own) for atom in ends)
         facts = facts.after(ends, adds)
@@ -44,6 +47,13 @@ def _conditions(alternatives: Sequence[Needed], facts: Facts) -> Iterator[Atom]:
             yield from holding
             yield from (Function("not", (atom,)) for atom in absent)
             return
+
+
+def _supports(world: CellDomain, step: Function, facts: Facts) -> Iterator[Atom]:
+    """What the first alternative of a step's condition that holds rests on, through the rules of derived predicates."""
+    schema, bindings = world.binding(step)
+    found = (support(body, world, facts, bindings) for body in schema.alternatives)
+    yield from dict.fromkeys(next((each for each in found if each is not None), ()))
 
 
 def _reaching(goal: Literal, facts: Facts) -> Iterator[Atom]:

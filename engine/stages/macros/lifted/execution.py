@@ -11,7 +11,8 @@ from engine.stages.macros.lifted.facts import Facts
 from engine.stages.macros.lifted.ground_steps import GroundStep
 from engine.stages.macros.lifted.schema import OperatorSchema
 from engine.stages.macros.lifted.situation import Situation
-from engine.stages.macros.lifted.world import CellDomain, StepChange, holds, with_derived
+from engine.stages.macros.lifted.support import support
+from engine.stages.macros.lifted.world import CellDomain, StepChange, with_derived
 from kb.model.conditions import Body
 from kb.model.plan import Plan, Step, StepId
 from kb.terms import Atom
@@ -59,10 +60,10 @@ class Execution:
         schema, bindings = self.world.binding(step.operator)
         if not satisfiable(schema.body, self.world.statics, bindings):
             return "its constraints do not hold"
-        derived = any(map(self.world.schemas.rests_on_rules, (*schema.alternatives, *_needs(schema))))
-        facts = with_derived(self.world, self.facts) if derived else self.facts
-        if not any(holds(body, self.world, facts, bindings) for body in schema.alternatives):
+        if all(support(body, self.world, self.facts, bindings) is None for body in schema.alternatives):
             return "its precondition does not hold"
+        derived = any(map(self.world.schemas.rests_on_rules, _needs(schema)))
+        facts = with_derived(self.world, self.facts) if derived else self.facts
         change = self.changes[step.id] = self.world.change(step.operator, facts)
         contradiction = self._contradiction(schema, bindings, change, facts)
         if contradiction:

@@ -13,6 +13,7 @@ from engine.stages.macros.lifted.deduction import (
     type_guards,
     without_aggregates,
 )
+from kb.graphs import components
 from kb.model.conditions import TRUE, Body, BodyPart, Condition, Literal, part_variables
 from kb.model.domain import DeductiveOperator, Domain, Effect, Kind, Operator, Rule
 from kb.model.normalise import Normaliser
@@ -67,6 +68,7 @@ class Schemas:
         self._operators = {each.name: each for each in domain.operators}
         self._made: dict[str, OperatorSchema] = {}
         self._fresh = itertools.count(1)
+        self._recursive: tuple[int, bool] = (0, False)  # for so many rules
         self._normaliser, self._goals = Normaliser(), Normaliser()
         self.rules = tuple(map(self._rule_apart, domain.rules))
         self._deduction = DeductiveOperators(
@@ -80,6 +82,17 @@ class Schemas:
     def is_derived(self, atom: Atom) -> bool:
         """Whether rules over fluents define the predicate of an atom."""
         return self.kinds.get(atom.name) is Kind.DERIVED
+
+    def is_recursive(self) -> bool:
+        """Whether a derived predicate of the domain builds on itself."""
+        if self._recursive[0] != len(self.rules):
+            reads: dict[str, set[str]] = {}
+            for rule in self.rules:
+                used = (p.atom for p in rule.body if isinstance(p, Literal) and self.is_derived(p.atom))
+                reads.setdefault(rule.head.name, set()).update(each.name for each in used)
+            loops = (len(each) > 1 or each[0] in reads.get(each[0], ()) for each in components(reads))
+            self._recursive = len(self.rules), any(loops)
+        return self._recursive[1]
 
     def rests_on_rules(self, body: Iterable[BodyPart]) -> bool:
         """Whether a body contains a predicate that is derived from fluents."""
