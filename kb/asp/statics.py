@@ -5,6 +5,7 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import lru_cache
 from math import inf, prod
 
 from kb.asp import AspError, Grounder, ground_term
@@ -15,6 +16,7 @@ from kb.model.problem import Problem
 from kb.model.statement import Sign, Signature, Statement
 from kb.terms import Number
 
+SUSPICIOUS = 20_000_000  # instances: what may have more is grounded on trial first
 MANY = 1e18  # instances: more than that is not told apart
 ROUNDS = 4  # rules that build on one another, in a row
 RANGE = re.compile(r"([^\s(,;:{]+)\s*\.\.\s*([^\s),;.}]+)")
@@ -38,8 +40,23 @@ def evaluated(problem: Problem, further: Iterable[str] = ()) -> Grounder:
 
 def evaluate(grounder: Grounder, problem: Problem, further: Iterable[str] = ()) -> None:
     """Evaluate the static facts of a problem in a new grounder, with `further` rules. Raises `InvalidInput` as above."""
+    text = "\n".join([static_program(problem), *further])
     with within_limits(lambda: static_suspects(problem)):
-        grounder.ground("\n".join([static_program(problem), *further]))
+        try_first(static_suspects(problem), text)
+        grounder.ground(text)
+
+
+def try_first(suspects: Iterable[Suspect], text: str) -> None:
+    """Ground a text on trial in a process that can be ended, if a suspect may have very many instances. Raises `TooLarge`."""
+    if any(each.bound > SUSPICIOUS for each in suspects) and not _is_affordable(text):
+        raise TooLarge
+
+
+@lru_cache(maxsize=4)
+def _is_affordable(text: str) -> bool:
+    from kb.asp.trial import affordable  # few programs are suspicious
+
+    return affordable(text)
 
 
 @contextmanager

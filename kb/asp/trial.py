@@ -3,29 +3,45 @@
 import os
 import resource
 import signal
+import time
 
+from kb import stopping
 from kb.asp import AspError, Grounder
 
 SECONDS = 10
 MEGABYTES = 2000
 
 
-def affordable(text: str, seconds: int = SECONDS, megabytes: int = MEGABYTES) -> bool:
-    """Whether clingo grounds `text` within `seconds` of processor time and `megabytes` of additional memory.
+PAUSE = 0.01  # seconds between two looks whether it has ended
+
+
+def affordable(text: str) -> bool:
+    """Whether clingo grounds `text` within `SECONDS` of processor time and `MEGABYTES` of additional memory.
 
     clingo cannot be interrupted while it grounds, so a forked child process grounds under limits of the
     operating system. A text with errors counts as affordable, because the real grounding reports the errors.
+    Raises `kb.stopping.Stopped`.
     """
     child = os.fork()
     if child == 0:
-        os._exit(_grounds(text, seconds, megabytes))
+        os._exit(_grounds(text, SECONDS, MEGABYTES))
     try:
-        _, status = os.waitpid(child, 0)
+        return os.waitstatus_to_exitcode(_ended(child)) == 0
     except BaseException:  # the child must not go on after an interrupt
         os.kill(child, signal.SIGKILL)
         os.waitpid(child, 0)
         raise
-    return os.waitstatus_to_exitcode(status) == 0
+
+
+def _ended(child: int) -> int:
+    """The status of a child process, once it has ended."""
+    while True:
+        found, status = os.waitpid(child, os.WNOHANG)
+        if found:
+            return status
+        if stopping.wanted():
+            raise stopping.Stopped
+        time.sleep(PAUSE)
 
 
 def _grounds(text: str, seconds: int, megabytes: int) -> int:

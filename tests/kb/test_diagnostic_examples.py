@@ -13,7 +13,7 @@ from engine.formats.interop.qif import inspection_of
 from engine.formats.interop.tables import read_table
 from engine.formats.interop.tsplib import read_tsplib
 from engine.pipelines import checking, planning
-from kb.asp import bounded
+from kb.asp import trial
 from kb.diagnostics import CODES, Diagnostic, InvalidInput
 from kb.loader.cell import load_cell
 from kb.loader.plan import load_claimed
@@ -55,7 +55,7 @@ def found_in(folder: Path) -> tuple[Diagnostic, ...]:
 @pytest.fixture(autouse=True)
 def soon(monkeypatch: pytest.MonkeyPatch) -> None:
     """Grounding gives up soon."""
-    monkeypatch.setattr(bounded, "SECONDS", 1.0)
+    monkeypatch.setattr(trial, "SECONDS", 1)
 
 
 @pytest.mark.parametrize("name", EXAMPLES)

@@ -36,7 +36,7 @@ from engine.stages.grounding.universe import DERIVED, Universe
 from engine.stages.grounding.weights import weights
 from engine.stages.grounding.workflow import Workflow
 from kb.asp import Grounder
-from kb.asp.statics import within_limits
+from kb.asp.statics import try_first, within_limits
 from kb.asp.vocabulary import VIOLATED, static_program
 from kb.diagnostics import Diagnostic, InvalidInput, Source
 from kb.loader.amounts import amounts_of
@@ -210,6 +210,7 @@ class _Grounding:
             text += self._conditional_rules(schema)
         text += [derived_rule(each, self.vocabulary) for each in self.rules]
         text += [r for operator in self.domain.deductive_operators for r in deduction_rules(operator)]
+        try_first(suspects(self.problem, self.schemas), "\n".join(text))
         grounder.ground("\n".join(text))
         violated = [number.value for (number,) in grounder.atoms(VIOLATED, 1) if isinstance(number, Number)]
         self.found += [self._violation(self.domain.asp[number]) for number in sorted(violated)]

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from engine.stages.grounding import ground, limits
-from kb.asp import bounded
+from kb.asp import trial
 from kb.diagnostics import InvalidInput
 from kb.loader import load_problem
 from kb.terms import Variable
@@ -43,7 +43,7 @@ def domain(tmp_path: Path) -> Path:
 
 @pytest.fixture(autouse=True)
 def _in_a_second(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(bounded, "SECONDS", 1.0)
+    monkeypatch.setattr(trial, "SECONDS", 1)
 
 
 def test_an_operator_with_a_billion_instances_is_stopped_at_its_place(domain: Path) -> None:
