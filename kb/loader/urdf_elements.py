@@ -12,6 +12,7 @@ from kb.model.cell import Inertia
 from kb.model.shapes import LARGEST, MESHES, Box, Cylinder, Mesh, PlacedShape, Pose, Shape, Sphere, Vector
 from kb.numbers import NumberError, decimal
 
+FARTHEST = 1e300  # more is no number for us; LARGEST is what a cell may have
 LEAST = 1e-9  # a scale nearer to zero leaves nothing
 MOMENTS = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
 
@@ -142,7 +143,7 @@ class ElementReader:
         """`count` finite numbers in an attribute. Another number of values is reported, and the result is zeros."""
         text = element.get(key, default)
         try:
-            values = [decimal(part) for part in text.split()]
+            values = [decimal(part, FARTHEST) for part in text.split()]
         except NumberError:
             values = []
         if len(values) != count or not all(map(math.isfinite, values)):

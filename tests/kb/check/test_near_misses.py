@@ -29,7 +29,7 @@ def declared(folder: Path, names: dict[str, str] | None = None, more: dict[str, 
         arguments = ", ".join([*each.arguments, *([more[role]] if role in more else [])])
         lines[each.sort].append(f"  {names.get(role, role)}({arguments}): {{}}")
     type_, function = names.get("measurement", "measurement"), names.get("meas", "meas")
-    text = "domain: all\ntypes:\n  measurement: object\n  tool: object\n  arm: object\n  place: term\n"
+    text = "domain: all\ntypes:\n  measurement: object\n  tool: object\n  arm: object\n  place: term\n  station: object\n"
     text += "  kind: [thickness, profile]\nfunctions:\n  FUNCTION(measurement): place\n"
     text += "\n".join(line for section in lines.values() for line in section) + "\n"
     text = text.replace("measurement", type_).replace("FUNCTION", function)

@@ -75,7 +75,7 @@ def test_every_layout_gives_back_the_matrix_it_was_written_from(shape: str, n: i
         ({"DIMENSION": "three"}, "DIMENSION"),
         ({"EDGE_WEIGHT_TYPE": "XRAY1"}, "XRAY1"),
         ({"NODE_COORD_SECTION": "1 0 0\n2 0 x\n3 1 1"}, "'x' is not a number"),
-        ({"NODE_COORD_SECTION": "1 0 0\n2 0 nan\n3 1 1"}, "but 9 are needed"),
+        ({"NODE_COORD_SECTION": "1 0 0\n2 0 nan\n3 1 1"}, "'nan' is not a number"),
         ({"NODE_COORD_SECTION": "1 0 0"}, "has 3 numbers, but 9 are needed"),
     ],
 )

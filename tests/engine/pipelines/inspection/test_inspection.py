@@ -102,7 +102,7 @@ def test_inches_of_a_table_are_inches(table: Path) -> None:
         ("b,10", "b,ten", "'ten' is not a number"),
         ("b,10", "a,10", "the name 'a' is used twice"),
         ("b,10", "B 1,10", "is not a name"),
-        ("b,10", "b,nan", "not finite"),
+        ("b,10", "b,nan", "is not a number"),
         ("0,0,2,profile", "0,0,0,profile", "no length"),
         ("name,x", "name,u", "no column 'x'"),
     ],

@@ -51,7 +51,7 @@ def test_the_bundled_cell_gives_figure_4_with_the_constraints_that_its_operators
     macrop = found.learned.macrop
     assert_body_of_figure_4(macrop)
     assert texts(macrop.unary_constraints(found.problem.domain)) == {"Tool1: us_tool", "Arm1: arm"}
-    own = {"needs(Id2, thickness)", "suitable(Tool1, Id2)", "visited(meas(Id1))", "visited(meas(Id2))"}
+    own = {"needs(Id2, thickness)", "suitable(Tool1, Id2)", "visited(meas(Id1))", "anywhere(meas(Id2))"}
     assert texts(macrop.constraints) == {"can_lift(Arm1, W1)", "weight(Tool1, W2)", "W2 <= W1"} | own
     assert texts(macrop.disequalities) == {"Id1 != Id2"}
     assert macrop.exclusions == ()

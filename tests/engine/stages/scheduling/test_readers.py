@@ -68,7 +68,7 @@ def test_every_mistake_is_told_with_its_line(tmp_path: Path) -> None:
         "K101 dependency.tsv:3 there is no operation 2.2",
         "K101 operations.tsv:2 there is no machine of type 9",
         "K101 tcmb.tsv:2 there is no operation 1.7",
-        "K103 operations.tsv:3 'soon' is not a whole number of time units",
+        "K103 operations.tsv:3 'soon' is not a whole number, so it is no time",
         "K104 operations.tsv:3 operation 1 of job 1 is listed twice",
         "K806 operations.tsv:4 4 columns are needed, but this line has 2",
         "K806 tcmb.tsv:2 'finish' is not a point of an operation",
@@ -78,7 +78,7 @@ def test_every_mistake_is_told_with_its_line(tmp_path: Path) -> None:
 def test_a_missing_table_is_told(tmp_path: Path) -> None:
     written(tmp_path)
     (tmp_path / "tcmb.tsv").unlink()
-    assert found_in(tmp_path)[0].startswith("K001 tcmb.tsv:0 the table cannot be read")
+    assert found_in(tmp_path)[0].startswith("K001 tcmb.tsv:0 cannot be read")
 
 
 TEXT = "a comment\n2 2\n0 3 1 2\n1 2 0 1\n"
