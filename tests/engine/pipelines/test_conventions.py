@@ -50,7 +50,9 @@ def cell(folder: Path, bundled: str, statics: Collection[str], rules: str = "") 
 def rename(folder: Path, roles: Collection[str]) -> None:
     """Another name for each convention, in every file of a domain."""
     key = "(?:(?<=nominal)|(?<=tolerance)):"  # of the part `measures` of a command
-    words = re.compile(rf"(?<!\w)(?<!ends: )({'|'.join(roles)})(?!\w)(?!{key})")  # where a step of a cell ends
+    words = re.compile(
+        rf"(?<!\w)(?<!ends: )({'|'.join(roles)})(?!\w)(?!{key})"
+    )  # where a step of a cell ends
     for file in (each for each in folder.rglob("*") if each.suffix in (".yaml", ".lp")):
         file.write_text(words.sub(r"\1own", file.read_text("utf-8")), "utf-8")
     section = "".join(f"  {role}: {role}own\n" for role in roles)
