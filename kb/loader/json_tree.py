@@ -46,9 +46,8 @@ def _tree(file: File, most: int) -> Node | None:
     items: list[Node] = []
     opened: list[tuple[int, list[Node]]] = []
     left, end = most, 0
-    for found in _PART.finditer(file.text):
-        if found.start() != end:
-            break
+    # Each part begins where the last one ends: a search from any other place would go through long blanks again and again.
+    for found in iter(_PART.scanner(file.text).match, None):  # type: ignore[attr-defined]
         kind, end = found.lastindex or 0, found.end()
         first, last = found.span(kind)
         if kind == OPENING:
