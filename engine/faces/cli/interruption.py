@@ -27,12 +27,12 @@ class Interruption:
     def __init__(self, seconds: float | None = None) -> None:
         self.started = time.monotonic()
         self.deadline = self.started + seconds if seconds is not None else None
-        self.heard = self.waiting = False
+        self.heard = self.waiting = self.told = False
         self._before: dict[signal.Signals, Callable[[int, FrameType | None], Any] | int | None] = {}
         self._progress = _ProgressLine() if sys.stderr.isatty() else None
 
     def __enter__(self) -> "Interruption":
-        self._asking = stopping.asking(self)
+        self._asking = stopping.asking(self._while_grounding)
         self._asking.__enter__()
         self._before = {each: signal.signal(each, self._hear) for each in (signal.SIGINT, signal.SIGTERM)}
         return self
@@ -49,10 +49,19 @@ class Interruption:
     def __call__(self) -> bool:
         if self._progress:
             self._progress.tick()
-        stop = self.heard or (self.deadline is not None and time.monotonic() >= self.deadline)
-        if stop and (watch := current()):
-            watch.heard = True
+        stop = self._is_over()
+        if stop:
+            self.told = True
+            if watch := current():
+                watch.heard = True
         return stop
+
+    def _is_over(self) -> bool:
+        return self.heard or (self.deadline is not None and time.monotonic() >= self.deadline)
+
+    def _while_grounding(self) -> bool:
+        """Whether a grounding shall stop: not once a search has been told to, because its answer is still to be checked."""
+        return not self.told and self._is_over()
 
     def tell(self, plan: "Plan") -> None:
         """Report a better plan on standard error."""
