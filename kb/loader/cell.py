@@ -74,10 +74,8 @@ class _CellReader:
         self._check_parents(regions)
         touchable = {*bodies, *regions, *_links(arms)}
         allowed = pairs(self.read.findings, self.reader.items("allowed_contacts"), touchable, "body or link")
-        places = {}
-        for _, key, node in self.reader.entries("places"):
-            place = self._place(key, node, arms, bodies)
-            places[place.name] = place
+        read = (self._place(key, node, arms, bodies) for _, key, node in self.reader.entries("places"))
+        places = {place.name: place for place in read}
         known = Known(bodies, places, self._known())
         locations = read_locations(self.reader, self.read, known)
         zones = {name: self._zone(name, node) for name, node in self._section("zones")}

@@ -115,15 +115,7 @@ def plan_motion(
     elevation: Elevation = 30.0,
 ) -> None:
     """Plan a motion in the cell of TARGET that touches nothing, and prove it."""
-    if problems is None and not (start and goal):
-        raise typer.BadParameter("give --from and --to, or --problems")
-    if problems is not None:
-        pictured = format not in (MotionForm.TEXT, MotionForm.JSON)
-        refuse_idle({"--from": start, "--to": goal, f"--format {format}": pictured}, "with --problems")
-    elif format in (MotionForm.TEXT, MotionForm.JSON):
-        refuse_idle({"--output": output}, "without a picture: give --format svg, gltf or png")
-    if format is MotionForm.PNG and output is None:
-        raise typer.BadParameter("--format png needs --output")
+    _refuse_misfits(problems, start, goal, format, output)
     form = Form.JSON if format is MotionForm.JSON else Form.TEXT
 
     def wished() -> "Wish":
@@ -149,6 +141,21 @@ def plan_motion(
         give(lambda: replays(target, problems, wished, output), form)
     seen = (math.radians(azimuth), math.radians(elevation))
     give(lambda: _planned(target, (start, tuple(goal or ())), wished, format, output, seen), form)
+
+
+def _refuse_misfits(
+    problems: Path | None, start: str, goal: list[str] | None, format: MotionForm, output: Path | None
+) -> None:
+    """Refuse options that do not go together."""
+    pictured = format not in (MotionForm.TEXT, MotionForm.JSON)
+    if problems is not None:
+        refuse_idle({"--from": start, "--to": goal, f"--format {format}": pictured}, "with --problems")
+    elif not (start and goal):
+        raise typer.BadParameter("give --from and --to, or --problems")
+    elif not pictured:
+        refuse_idle({"--output": output}, "without a picture: give --format svg, gltf or png")
+    if format is MotionForm.PNG and output is None:
+        raise typer.BadParameter("--format png needs --output")
 
 
 @app.command("problems")

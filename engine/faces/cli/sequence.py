@@ -3,7 +3,7 @@
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -124,8 +124,7 @@ def sequence(
     refuse_idle(kept, "without --store: only a kept sequence can be continued")
     if joints:
         refuse_idle({**given, "--open": open_}, f"with --cost {cost}, whose tours are closed")
-        made = _driven if cost is TravelCost.MOTION else _posed
-        give(lambda: made(target, effort), form)
+        give(lambda: _of_arm(target, cost, effort), form)
     give(lambda: _sequence(target, method, (back, start, end), wanted, effort, format), form)
 
 
@@ -157,46 +156,25 @@ def _sequence(
     return _answer(found, answer, form, interrupted.heard)
 
 
-def _posed(target: str, effort: tuple[float | None, int, int]) -> Answer:
-    """Tours through measurements whose places the cell describes, with an arm configuration for each."""
+def _of_arm(target: str, cost: TravelCost, effort: tuple[float | None, int, int]) -> Answer:
+    """Tours through measurements by what they cost the arm: by poses alone, or by the times of paths that touch nothing."""
     from engine.faces.cli.interruption import Interruption
     from engine.formats.report import inspection
     from engine.pipelines.inspection.poses import posed_tours
-    from engine.plugins import geometry_backend
-    from engine.stages.geometry.pictures.view import cell_of
-    from engine.stages.sequencing import Limits
-
-    problem = _problem_of(target)
-    with Interruption(effort[0]) as interrupted:
-        limits = Limits(effort[1], effort[2], interrupted)
-        tours, parts = posed_tours(problem, cell_of(target), geometry_backend(), limits)
-    return Answer(
-        "found",
-        {"tours": [inspection.posed_entry(each) for each in tours], "partition": inspection.entry(parts)},
-        lambda: inspection.posed(tours, parts),
-        INTERRUPTED if interrupted.heard else 0,
-    )
-
-
-def _driven(target: str, effort: tuple[float | None, int, int]) -> Answer:
-    """Tours through measurements by the times of paths that touch nothing."""
-    from engine.faces.cli.interruption import Interruption
-    from engine.formats.report import inspection
     from engine.pipelines.motion.driven import driven_tours
     from engine.plugins import geometry_backend
     from engine.stages.geometry.pictures.view import cell_of
     from engine.stages.sequencing import Limits
 
-    problem = _problem_of(target)
+    problem, moving = _problem_of(target), cost is TravelCost.MOTION
+    toured: Any = driven_tours if moving else posed_tours
+    entry: Any = inspection.driven_entry if moving else inspection.posed_entry
+    shown: Any = inspection.driven if moving else inspection.posed
     with Interruption(effort[0]) as interrupted:
         limits = Limits(effort[1], effort[2], interrupted)
-        tours, parts = driven_tours(problem, cell_of(target), geometry_backend(), limits)
-    return Answer(
-        "found",
-        {"tours": [inspection.driven_entry(each) for each in tours], "partition": inspection.entry(parts)},
-        lambda: inspection.driven(tours, parts),
-        INTERRUPTED if interrupted.heard else 0,
-    )
+        tours, parts = toured(problem, cell_of(target), geometry_backend(), limits)
+    content = {"tours": [entry(each) for each in tours], "partition": inspection.entry(parts)}
+    return Answer("found", content, lambda: shown(tours, parts), INTERRUPTED if interrupted.heard else 0)
 
 
 def _solve(

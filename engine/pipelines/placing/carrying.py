@@ -36,8 +36,7 @@ def carried(
     free = Reach(held, arm, frozenset([frozenset((HAND, task.part))]))
     left = Reach(world.put(task.part, "world", there), arm)
     back = -BACK_M * (here @ T)[:3, 2]
-    goals = _ends(empty, here @ T, near)
-    for q in goals:
+    for q in _ends(empty, here @ T, near):
         taken = empty.line(here @ T, q, back)
         lifted = full.line(here @ T, q, up)
         if taken is None or lifted is None:
@@ -51,15 +50,16 @@ def carried(
             second = _gross(free, lifted[-1], lowered[-1])
             if first is None or second is None:
                 continue
-            legs = (
+            taking = (
                 Leg("to the part", first.path, False, first.proved),
                 _straight("approach", taken[::-1], False, empty),
-                _straight("lift", lifted, True, full),
-                Leg("carry", second.path, True, second.proved),
+            )
+            carrying = (_straight("lift", lifted, True, full), Leg("carry", second.path, True, second.proved))
+            leaving = (
                 _straight("lower", lowered[::-1], True, full),
                 _straight("withdraw", away, False, left),
             )
-            return Carry(grasp, T, here, there, rest, legs)
+            return Carry(grasp, T, here, there, rest, (*taking, *carrying, *leaving))
     hint = "move what stands between, or the table where parts are taken anew"
     return NotPlaced("motion", f"no motion carries {task.part} with the grasps that are possible", hint)
 
