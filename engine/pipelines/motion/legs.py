@@ -9,6 +9,7 @@ import numpy as np
 
 from engine.kernels.geometry.proof import proved
 from engine.model.geometry import Floats
+from engine.model.motion import FINEST_M
 from engine.pipelines.motion.ends import End
 from engine.stages.geometry import transforms
 from engine.stages.geometry.collision.ground import Ground
@@ -20,7 +21,6 @@ from kb.diagnostics import Diagnostic, InvalidInput, Source
 from kb.model.cell import Place
 
 LINES = 32  # configurations of a place from which a line is tried
-FINEST_M = 1e-4  # a motion so small need not be halved for a proof
 RETRACT, FREE, APPROACH = "retract", "free", "approach"
 
 

@@ -7,7 +7,8 @@ from itertools import pairwise
 import numpy as np
 
 from engine.model.geometry import Floats, Longs, Piece
-from engine.pipelines.motion.legs import FINEST_M, Leg
+from engine.model.motion import FINEST_M
+from engine.pipelines.motion.legs import Leg
 from engine.stages.geometry import transforms
 from engine.stages.geometry.collision.builtin import BuiltinChecker
 from engine.stages.geometry.collision.ground import Ground

@@ -9,6 +9,7 @@ import numpy as np
 
 from engine.kernels.geometry.proof import proved
 from engine.model.geometry import Contact, Floats
+from engine.model.motion import FINEST_M
 from engine.ports import CollisionChecker, GeometryBackend
 from engine.stages.geometry import transforms
 from engine.stages.geometry.collision.ground import Ground
@@ -21,7 +22,6 @@ from kb.model.cell import Place, Placement
 STRAIGHT_STEP_M = 0.01  # how often a straight way of the tool is looked at
 STRAIGHT_TOLERANCE_M = 0.001  # how far the tool may be off the straight way between two corners
 JUMP = 0.5  # rad or m: two configurations so far apart are of two branches
-FINEST_M = 1e-4
 
 
 @dataclass(eq=False)
