@@ -81,17 +81,25 @@ def arc_cosine(x: float) -> float:
 
 def sines_cosines(angles: Floats) -> tuple[Floats, Floats]:
     """Sines and cosines of angles (...), in rad."""
-    x = np.ascontiguousarray(angles, dtype=float)
+    x = np.array(angles, dtype=float, order="C")
     s, c = np.empty(x.shape), np.empty(x.shape)
     _fill(x.reshape(-1), s.reshape(-1), c.reshape(-1))
     return s, c
+
+
+def unit_vectors(angles: Floats) -> Floats:
+    """The points (..., 2) of the unit circle at angles (...), in rad."""
+    s, c = sines_cosines(angles)
+    return np.stack([c, s], axis=-1)
 
 
 def angles_of(y: Floats, x: Floats) -> Floats:
     """The angles from the x axis to points (x, y) given as arrays (...), in rad, from -pi to pi."""
     ys, xs = np.broadcast_arrays(np.asarray(y, dtype=float), np.asarray(x, dtype=float))
     found = np.empty(ys.shape)
-    _fill_angles(np.ascontiguousarray(ys).reshape(-1), np.ascontiguousarray(xs).reshape(-1), found.reshape(-1))
+    _fill_angles(
+        np.ascontiguousarray(ys).reshape(-1), np.ascontiguousarray(xs).reshape(-1), found.reshape(-1)
+    )
     return found
 
 

@@ -8,6 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from engine.kernels.geometry.proof import proved
+from engine.kernels.linear import matmul
 from engine.model.geometry import Contact, Floats
 from engine.model.motion import FINEST_M
 from engine.ports import CollisionChecker, GeometryBackend
@@ -76,10 +77,12 @@ class Room:
         T_flange_tool = self.reach.flange_to_end(place)
         start = self._model(place.arm).flange_pose(at)
         backs = [
-            start
-            @ T_flange_tool
-            @ transforms.translation(0.0, 0.0, -away)
-            @ transforms.inverse(T_flange_tool)
+            matmul(
+                start,
+                T_flange_tool,
+                transforms.translation(0.0, 0.0, -away),
+                transforms.inverse(T_flange_tool),
+            )
             for away in np.linspace(0.0, back_m, count + 1)
         ]
         path = self.followed(place.arm, np.array(backs), at)

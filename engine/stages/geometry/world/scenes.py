@@ -4,6 +4,7 @@ from collections.abc import Collection, Iterator
 
 import numpy as np
 
+from engine.kernels.linear import matmul
 from engine.model.geometry import Floats, Joints, Longs, Piece, Scene
 from engine.stages.geometry import transforms
 from engine.stages.geometry.shapes.parts import cores
@@ -70,7 +71,7 @@ def _allowed(world: World) -> Names:
 
 def _placed(body: str, at: Located, shapes: tuple[PlacedShape, ...]) -> Iterator[Piece]:
     for placed in shapes:
-        T = at.T_carrier_frame @ transforms.of_pose(placed.pose)
+        T = matmul(at.T_carrier_frame, transforms.of_pose(placed.pose))
         for core in cores(placed.shape):
             yield Piece(body, at.carrier, T, core.vertices, core.radius_m, core.box)
 
@@ -98,5 +99,5 @@ def pieces_of_region(world: World, name: str) -> list[Piece]:
     """The convex pieces of a region that the cell declares."""
     region = world.cell.regions[name]
     below = world.locate(region.placement.parent)
-    T: Floats = below.T_carrier_frame @ transforms.of_pose(region.placement.pose)
+    T: Floats = matmul(below.T_carrier_frame, transforms.of_pose(region.placement.pose))
     return list(_placed(name, Located(below.carrier, T), (PlacedShape(region.shape),)))
