@@ -8,34 +8,13 @@ box 2"), stand between what is said before and behind them, if the sentence has 
 
 import itertools
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
-from kb.model.conditions import And, Condition, Literal
+from kb.commands.undoing import Act, Apart, Pairs, Undoing, undone
+from kb.model.conditions import And, Condition
 from kb.model.problem import Chain
 from kb.terms import Atom, Term, is_ground
-
-Apart = Callable[[Literal, Literal], bool]
-"""Whether two conditions cannot hold together, or whether the first cannot hold when the second one becomes true."""
-
-
-@dataclass(frozen=True, slots=True)
-class Act:
-    """What one clause asks for one subject. `things` are the other objects that it names.
-
-    `stages` is None if the condition cannot be a stage. `must` means that the phrase makes the act an event or a stage.
-    `alone` means that no slot names its subject. `then` means that the clause follows "then".
-    """
-
-    clause: int
-    subject: Term
-    things: frozenset[Term]
-    literals: tuple[Literal, ...]
-    condition: Condition
-    stages: tuple[Atom, ...] | None
-    must: bool
-    alone: bool
-    then: bool
 
 
 class NoOrder(Exception):
@@ -48,15 +27,15 @@ class NoOrder(Exception):
 
 def arrange(acts: Sequence[Act], apart: Apart, interrupted: Apart) -> tuple[Condition, tuple[Chain, ...]]:
     """The goal and the chains for the acts of a sentence. Raises `NoOrder`."""
-    undone = set(_undone(acts, apart, interrupted))
-    acts = _joined(acts, undone)
+    pairs = undone(acts, apart, interrupted)
+    acts = _joined(acts, pairs)
     order = _Order()
     if _is_ordered(acts):
-        barriers = {number for pair in undone for number in pair} | {n for n, a in enumerate(acts) if a.alone}
+        barriers = {number for pair in pairs for number in pair} | {n for n, a in enumerate(acts) if a.alone}
         order.follow(acts, barriers)
     placed = {number for number, act in enumerate(acts) if act.must or number in order.related}
     placed -= {number for number in placed if _is_only_an_end(number, acts, order)}
-    chains = _Chains(order)
+    chains = _Chains(order, Undoing(acts, pairs, apart, interrupted))
     for number in sorted(placed):
         chains.add(number, acts[number])
     lasting = {
@@ -66,30 +45,7 @@ def arrange(acts: Sequence[Act], apart: Apart, interrupted: Apart) -> tuple[Cond
     return And(tuple(dict.fromkeys(act.condition for act in ending))), chains.finished()
 
 
-def _undone(acts: Sequence[Act], apart: Apart, interrupted: Apart) -> Iterator[tuple[int, int]]:
-    """Pairs of acts of different clauses of which the later one undoes the earlier one.
-
-    They cannot hold together. Or "then" stands between them, and the later one cannot be done while the earlier one holds.
-    """
-    thens = list(itertools.accumulate(int(act.then) for act in acts))
-    pairs = (
-        pair for pair in itertools.combinations(range(len(acts)), 2) if _are_fluents(*(acts[n] for n in pair))
-    )
-    for first, second in itertools.islice(pairs, MOST_COMPARED):
-        both = list(itertools.product(acts[first].literals, acts[second].literals))
-        then = thens[second] > thens[first]
-        if any(apart(*each) for each in both) or (then and any(interrupted(*each) for each in both)):
-            yield first, second
-
-
-def _are_fluents(one: Act, other: Act) -> bool:
-    return one.clause != other.clause and not (one.must or other.must)
-
-
-MOST_COMPARED = 100_000  # pairs of acts
-
-
-def _joined(acts: Sequence[Act], undone: set[tuple[int, int]]) -> list[Act]:
+def _joined(acts: Sequence[Act], pairs: Pairs) -> list[Act]:
     """The acts, with one subject for those of which one undoes the other: the subject that was named first."""
     subjects: dict[Term, Term] = {}
 
@@ -98,7 +54,7 @@ def _joined(acts: Sequence[Act], undone: set[tuple[int, int]]) -> list[Act]:
             subject = subjects[subject]
         return subject
 
-    for one, other in sorted(undone):
+    for one, other in sorted(pairs):
         early, late = first(acts[one].subject), first(acts[other].subject)
         if early != late:
             subjects[late] = early
@@ -206,6 +162,7 @@ class _Chains:
     """Chains under construction. A chain for which another one waits is not extended."""
 
     order: _Order
+    undoing: Undoing
     segments: dict[str, Chain] = field(default_factory=dict)
     ends: dict[int, list[str]] = field(default_factory=dict)  # for each act, the chains that end with it
 
@@ -214,15 +171,16 @@ class _Chains:
         if act.stages is None:
             raise NoOrder(act.clause)
         waits = self.order.direct.get(number, [])
+        again = self.undoing.again(number, self.order.behind) if waits else ()
         after = tuple(name for each in waits for name in self.ends[each])
         if len(after) == 1 and self._goes_on(waits[0], after[0], act):
             before = self.segments[after[0]]
-            self.segments[after[0]] = replace(before, stages=before.stages + act.stages)
+            self.segments[after[0]] = replace(before, stages=before.stages + again + act.stages)
             self.ends[number] = [after[0]]
         elif act.must:
-            self.ends[number] = [self._open(act.subject, act.stages, after)]
+            self.ends[number] = [self._open(act.subject, again + act.stages, after)]
         else:
-            self.ends[number] = [self._open(act.subject, (stage,), after) for stage in act.stages]
+            self.ends[number] = [self._open(act.subject, (*again, stage), after) for stage in act.stages]
 
     def _goes_on(self, earlier: int, name: str, act: Act) -> bool:
         return (

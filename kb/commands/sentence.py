@@ -11,11 +11,12 @@ from kb.commands.exclusion import Exclusion
 from kb.commands.explain import explain
 from kb.commands.matching import Book
 from kb.commands.mentions import Words
-from kb.commands.order import Act, NoOrder, arrange
+from kb.commands.order import NoOrder, arrange
 from kb.commands.patterns import PREPOSITIONS, Slot, Word
 from kb.commands.phrasebook import PARTICLES, tree
 from kb.commands.phrases import Meaning, condition, meanings
 from kb.commands.references import References, Unclear
+from kb.commands.undoing import Act
 from kb.commands.vocabulary import Vocabulary
 from kb.diagnostics import Diagnostic, InvalidInput, Source
 from kb.model.conditions import And, Condition, Literal
@@ -176,7 +177,18 @@ class _Sentence:
         about = [*named, *said, *in_atoms]
         subject = (named or said or _common_noun(clause) or in_atoms or [Function(literals[0].atom.name)])[0]
         things = frozenset(about) - {subject}
-        return Act(number, subject, things, literals, whole, stages, meaning.is_stage, not named, clause.then)
+        return Act(
+            number,
+            subject,
+            things,
+            literals,
+            whole,
+            stages,
+            must=meaning.is_stage,
+            lasts=not any(self.domain.predicates[each.atom.name].kind is Kind.EVENT for each in literals),
+            alone=not named,
+            then=clause.then,
+        )
 
     def _can_be_stage(self, literal: Literal) -> bool:
         return literal.positive and self.domain.predicates[literal.atom.name].kind in (
