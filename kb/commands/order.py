@@ -32,16 +32,16 @@ def arrange(acts: Sequence[Act], apart: Apart, interrupted: Apart) -> tuple[Cond
     order = _Order()
     if _is_ordered(acts):
         barriers = {number for pair in pairs for number in pair} | {n for n, a in enumerate(acts) if a.alone}
-        order.follow(acts, barriers)
+        order.follow(acts, barriers, barriers - set(_told(acts, pairs)))
     placed = {number for number, act in enumerate(acts) if act.must or number in order.related}
     placed -= {number for number in placed if _is_only_an_end(number, acts, order)}
     chains = _Chains(order, Undoing(acts, pairs, apart, interrupted))
     for number in sorted(placed):
         chains.add(number, acts[number])
-    lasting = {
-        acts[number].subject: number for number in sorted(placed)
-    }.values()  # the last act of each subject
-    ending = (act for n, act in enumerate(acts) if n not in placed or (n in lasting and _is_open(act)))
+    last = {
+        n for n in placed if not any(order.waits(m, n) and acts[m].subject == acts[n].subject for m in placed)
+    }
+    ending = (act for n, act in enumerate(acts) if n not in placed or (n in last and _is_open(act)))
     return And(tuple(dict.fromkeys(act.condition for act in ending))), chains.finished()
 
 
@@ -63,13 +63,20 @@ def _joined(acts: Sequence[Act], pairs: Pairs) -> list[Act]:
 
 def _is_ordered(acts: Sequence[Act]) -> bool:
     """Whether any act has a place in an order."""
-    if any(act.must or act.then for act in acts):
+    if any(act.must or act.then or act.waits for act in acts):
         return True
     clauses: dict[Term, int] = {}
     for act in acts:
         if clauses.setdefault(act.subject, act.clause) != act.clause:
             return True
     return any(clauses.get(thing, act.clause) != act.clause for act in acts for thing in act.things)
+
+
+def _told(acts: Sequence[Act], pairs: Pairs) -> Iterator[int]:
+    """The acts of which the sentence says what they come after, beside an act that they undo."""
+    for number, act in enumerate(acts):
+        if act.waits - {acts[first].literals for first, second in pairs if second == number}:
+            yield number
 
 
 def _is_only_an_end(number: int, acts: Sequence[Act], order: "_Order") -> bool:
@@ -97,8 +104,15 @@ class _Order:
         """The acts that wait or are waited for."""
         return {number for number, waits in self.direct.items() if waits} | {*self.followed}
 
-    def follow(self, acts: Sequence[Act], barriers: set[int]) -> None:
-        """Put acts in order. The acts of a clause never wait for each other."""
+    def waits(self, later: int, earlier: int) -> bool:
+        """Whether an act comes after another one."""
+        return later < len(self.behind) and bool(self.behind[later] >> earlier & 1)
+
+    def follow(self, acts: Sequence[Act], barriers: set[int], late: set[int]) -> None:
+        """Put acts in order. The acts of a clause never wait for each other.
+
+        What stands behind one of `barriers` waits for it; one of `late` waits for everything before it.
+        """
         waiting = _waiting(acts)
         earlier: list[int] = []  # before the last "then": the acts that no other act waits for
         barrier: list[int] = []  # the acts of the last clause that everything behind it waits for
@@ -107,7 +121,8 @@ class _Order:
             earlier = ends if acts[start].then else earlier
             for number in range(start, end):
                 waits = [*self._of_the_same(acts, number, start), *barrier]
-                waits += ends if number in barriers else earlier if number in waiting else []
+                waits += [each for each in range(start) if acts[each].literals in acts[number].waits]
+                waits += ends if number in late else earlier if number in waiting else []
                 self._add(number, waits)
             if barriers & set(range(start, end)):
                 barrier = [number for number in range(start, end) if number in barriers]

@@ -23,7 +23,7 @@ class Act:
 
     `stages` is None if the condition cannot be a stage. `must` means that the phrase makes the act an event or a stage.
     `lasts` means that what it asks for is no event, so that another act can undo it. `alone` means that no slot names its
-    subject. `then` means that the clause follows "then".
+    subject. `then` means that the clause follows "then". `waits` are the conditions of other acts that it comes after.
     """
 
     clause: int
@@ -36,6 +36,7 @@ class Act:
     lasts: bool
     alone: bool
     then: bool
+    waits: frozenset[tuple[Literal, ...]] = frozenset()
 
 
 Pairs = frozenset[tuple[int, int]]
@@ -54,10 +55,13 @@ def undone(acts: Sequence[Act], apart: Apart, interrupted: Apart) -> Pairs:
         if one.clause == other.clause or not _may_undo(acts, first, second):
             continue
         both = list(itertools.product(one.literals, other.literals))
-        then = thens[second] > thens[first] and not (one.must or other.must)
-        if any(apart(*each) for each in both) or (then and any(interrupted(*each) for each in both)):
-            found.add((first, second))
-        elif one.literals == other.literals and second - first > 1 and not one.must:
+        then = thens[second] > thens[first] or one.literals in other.waits
+        then = then and not (one.must or other.must)
+        if (
+            any(apart(*each) for each in both)
+            or (then and any(interrupted(*each) for each in both))
+            or (one.literals == other.literals and second - first > 1 and not one.must)
+        ):
             found.add((first, second))
     return frozenset(found)
 

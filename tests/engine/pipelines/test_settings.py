@@ -57,6 +57,11 @@ UNDONE_LATER = {
         "close_drawer",
     ),
     "open the drawer, heat probe 1 for 10 min and close the drawer": ("open_drawer", "heat", "close_drawer"),
+    "close the drawer once probe 1 is heated for 5 min, but open the drawer first": (
+        "open_drawer",
+        "heat",
+        "close_drawer",
+    ),
     "close the drawer, heat probe 1 for 5 min, then open the drawer": ("close_drawer", "heat", "open_drawer"),
     "take probe 1 out of the drawer, heat probe 2 for 10 min, then put probe 1 back": (
         "pick(probe_1",
