@@ -14,7 +14,7 @@ from engine.pipelines.moves.rooms import Room
 from engine.stages.geometry import transforms
 from engine.stages.geometry.reach.reach import Unreached
 from engine.stages.geometry.world.model import World
-from kb.model.cell import Cell, Ends, JointKind, Operation, Place, Placement
+from kb.model.cell import Ends, JointKind, Operation, Place, Placement
 from kb.model.plan import Step
 
 TRIED = (
@@ -193,7 +193,7 @@ class StepMotion:
     def _dragged(self, at: Floats) -> Floats | str:
         """The way of the arm (m, k) while it moves a body along its joint; a text if it cannot, or something touches."""
         body, world = self.operation.drags, self.before.world
-        first, last = (_value(self.hands.cell, room.world, body) for room in (self.before, self.after))
+        first, last = (guide_value(room.world, body) for room in (self.before, self.after))
         model = world.models[self.arm]
         start = world.pose(f"{self.arm}.base", body)
         T_body_flange = matmul(transforms.inverse(start), model.flange_pose(at))
@@ -201,7 +201,7 @@ class StepMotion:
             matmul(world.guided(body, float(value)).pose(f"{self.arm}.base", body), T_body_flange)
             for value in np.linspace(first, last, DRAG_STEPS + 1)
         ]
-        path = self.before.followed(self.arm, np.array(poses), at)
+        path = self.before.followed(self.arm, np.array([poses]), at[None])[0]
         if path is None:
             return f"the arm cannot move {body} all the way"
         held = world.moved(self.arm, at).affix(body, f"{self.arm}.tool")
@@ -282,8 +282,9 @@ class StepMotion:
         return Unmoved(self.step.id, self.step.operator, self.place.name, level, reason, bodies, sure=sure)
 
 
-def _value(cell: Cell, world: World, body: str) -> float:
+def guide_value(world: World, body: str) -> float:
     """How far a body is along its guide in a world."""
+    cell = world.cell
     guide = cell.bodies[body].guide
     assert guide is not None
     home = transforms.of_pose(cell.bodies[body].placement.pose)

@@ -8,6 +8,7 @@ place allows.
 
 import math
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 
@@ -144,12 +145,9 @@ class Reachability:
 
     def _why_too_far(self, place: Place, poses: Floats) -> Unreached:
         """Whether the position alone can be reached, in some orientation."""
-        T_flange_end, rng = self.flange_to_end(place), np.random.default_rng(0)
-        position = (matmul(poses[0], T_flange_end))[:3, 3]
-        axes = rng.normal(size=(ORIENTATIONS, 3))
-        axes /= np.linalg.norm(axes, axis=1, keepdims=True)
-        spun = np.stack([transforms.rotation(axis, rng.uniform(0, math.pi)) for axis in axes])
-        any_way = matmul(transforms.transform(spun, position), transforms.inverse(T_flange_end))
+        T_flange_end = self.flange_to_end(place)
+        position = matmul(poses[0], T_flange_end)[:3, 3]
+        any_way = matmul(transforms.transform(_orientations(), position), transforms.inverse(T_flange_end))
         if self._kinematics[place.arm].solve(any_way).valid.any():
             reason = f"{place.arm} reaches the position, but not in this orientation"
             return Unreached(reason, "give it another `rpy`, or let the tool turn with `turns: true`")
@@ -176,6 +174,15 @@ class Reachability:
         name = f"{model.arm.joints[joint].name} of {place.arm}"
         reason = f"{name} would have to go {amount:.3g} {unit} beyond its limit"
         return Unreached(reason, "move the place or the arm's base, or give another `rpy`")
+
+
+@lru_cache(maxsize=1)
+def _orientations() -> Floats:
+    """Rotations (n, 3, 3), the same in every run."""
+    rng = np.random.default_rng(0)
+    axes = rng.normal(size=(ORIENTATIONS, 3))
+    axes /= np.linalg.norm(axes, axis=1, keepdims=True)
+    return np.stack([transforms.rotation(axis, rng.uniform(0, math.pi)) for axis in axes])
 
 
 def _why_blocked(checker: CollisionChecker, whole: Floats) -> Unreached:

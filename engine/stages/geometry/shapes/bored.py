@@ -4,6 +4,7 @@ A hole becomes a prism within the round one, so that the pieces leave out nothin
 """
 
 import math
+from functools import lru_cache
 from itertools import pairwise
 
 import numpy as np
@@ -13,16 +14,19 @@ from engine.model.geometry import Floats
 from kb.model.shapes import Hole, Plate, Ring
 
 SIDES = 16  # of a ring
+KNOWN = 256  # shapes whose pieces are kept: a scene is made anew for every state
 HOLE_SIDES = 12  # of a hole in a plate
 Rectangle = tuple[float, float, float, float]  # least x and y, greatest x and y
 
 
+@lru_cache(maxsize=KNOWN)
 def ring_pieces(ring: Ring) -> list[Floats]:
     """A sector (8, 3) for each side; the outer sides touch the ring from outside."""
     outer = _around(SIDES) * (ring.radius_m / sine_cosine(math.pi / SIDES)[1])
     return _sectors(_around(SIDES) * ring.inner_m, outer, ring.length_m)
 
 
+@lru_cache(maxsize=KNOWN)
 def plate_pieces(plate: Plate) -> list[Floats]:
     """The prisms (n, 3) that fill a plate."""
     x, y, z = plate.size_m
