@@ -151,8 +151,6 @@ def _made(make: Callable[[], Answer]) -> Answer:
     except InvalidInput as error:
         code = LIMIT if any(each.code == "K307" for each in error.diagnostics) else BAD_INPUT
         return Answer("bad input", code=code, diagnostics=error.diagnostics)
-    except (KeyboardInterrupt, Stopped):
-        raise
     except MemoryError:
         found = Diagnostic(
             Source("memory"), "K419", "out of memory", "raise --memory-limit, or make the problem smaller"
