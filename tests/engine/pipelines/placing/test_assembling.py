@@ -2,7 +2,7 @@
 
 from collections.abc import Collection
 from dataclasses import replace
-from itertools import combinations
+from itertools import combinations, pairwise
 
 import numpy as np
 import pytest
@@ -70,7 +70,7 @@ def test_five_parts_are_built_in_an_order_that_geometry_allows(five: Built) -> N
 
 def test_each_move_begins_where_the_one_before_it_ended(five: Built) -> None:
     legs = [leg for _, carries in five.moves for each in carries for leg in each.legs]
-    assert all(np.array_equal(a.path[-1], b.path[0]) for a, b in zip(legs, legs[1:], strict=False))
+    assert all(np.array_equal(a.path[-1], b.path[0]) for a, b in pairwise(legs))
 
 
 def test_the_plan_stands_with_all_that_was_learned(five: Built) -> None:
