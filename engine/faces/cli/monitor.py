@@ -1,84 +1,84 @@
-"""`cellwright stop`, `interrupt`, `continue` and their kin: tell a run that goes on in another process what to do."""
+"""`cellwright monitor`: watch, steer and replay runs in the browser."""
 
 from typing import Annotated
 
 import typer
 
 from engine.faces.cli.answers import Answer, Form, give
-from engine.faces.cli.options import Format
+from engine.faces.cli.run import Store, default_store
 
+EXTRA = ("nicegui", "fastapi", "uvicorn")
+Host = Annotated[
+    str,
+    typer.Option(
+        "--host", metavar="ADDRESS", help="serve on this address; beyond this machine, the page needs a token"
+    ),
+]
+Port = Annotated[int, typer.Option("--port", min=1, max=65535, help="serve on this port")]
+ReadOnly = Annotated[bool, typer.Option("--read-only", help="only watch: no page gives orders")]
 RunName = Annotated[
-    str, typer.Argument(metavar="RUN", help="the name of the run, as `cellwright run` prints it")
-]
-Step = Annotated[
-    str, typer.Argument(metavar="STEP", help="a step of the plan: its number, or as it is written")
-]
-Facts = Annotated[
-    str, typer.Argument(metavar="FACTS", help="facts, separated by ;, with a - before those that do not hold")
-]
-Where = Annotated[str, typer.Option("--store", help="the journal of RUN, if runs in several have its name")]
-Words = Annotated[
-    str, typer.Argument(metavar="COMMAND", help="a further command, in the words of the domain")
+    str, typer.Argument(metavar="[RUN]", help="the run to begin with; without it, all runs are listed")
 ]
 
 
-def stop(run: RunName, store: Where = "", format: Format = Form.TEXT) -> None:
-    """Stop RUN at once: nothing moves any more. It can be resumed."""
-    _tell(run, "stop", "", "stops", store, format)
+def monitor(
+    run: RunName = "",
+    store: Store = "",
+    host: Host = "127.0.0.1",
+    port: Port = 8210,
+    read_only: ReadOnly = False,
+) -> None:
+    """Serve a page on which runs are watched, steered and replayed. Ctrl-C ends it; runs go on."""
+    give(lambda: _served(run, store or default_store(), host, port, read_only), Form.TEXT)
 
 
-def interrupt(run: RunName, store: Where = "", format: Format = Form.TEXT) -> None:
-    """Have RUN pause at the end of its current goal, with empty hands."""
-    _tell(run, "interrupt", "", "pauses at the end of the current goal", store, format)
+def _served(run: str, store: str, host: str, port: int, read_only: bool) -> Answer:
+    from rich.text import Text
+
+    _needs_the_extra()
+    _port_is_free(host, port)
+    from engine.faces.monitor.serving import LOCAL, serve
+    from engine.faces.monitor.shared import Shared
+
+    shared = Shared(store, read_only)
+    if run:
+        shared.follow(run)
+    typer.echo(f"{_address(host, port, run)}{'' if host in LOCAL else f'?token={shared.token}'}")
+    serve(shared, host, port)
+    return Answer("ok", {"store": store}, lambda: Text("The monitor has ended; runs go on."))
 
 
-def go_on(run: RunName, store: Where = "", format: Format = Form.TEXT) -> None:
-    """Have RUN go on after a pause."""
-    _tell(run, "continue", "", "goes on", store, format)
+def _address(host: str, port: int, run: str) -> str:
+    from urllib.parse import quote
+
+    name = f"[{host}]" if ":" in host else host
+    return f"http://{name}:{port}/" + (f"run/{quote(run, safe='')}" if run else "")
 
 
-def approve(run: RunName, store: Where = "", format: Format = Form.TEXT) -> None:
-    """Approve the plan that RUN waits with."""
-    _tell(run, "approve", "", "is approved", store, format)
+def _needs_the_extra() -> None:
+    from importlib.util import find_spec
+
+    from kb.diagnostics import Diagnostic, InvalidInput, Source
+
+    missing = [each for each in EXTRA if find_spec(each) is None]
+    if missing:
+        said = f"the monitor needs {', '.join(missing)}"
+        raise InvalidInput(
+            [Diagnostic(Source("cellwright monitor"), "K502", said, "pip install 'cellwright[monitor]'")]
+        )
 
 
-def abort(run: RunName, store: Where = "", format: Format = Form.TEXT) -> None:
-    """End RUN for good."""
-    _tell(run, "abort", "", "is ended", store, format)
+def _port_is_free(host: str, port: int) -> None:
+    """Raise `InvalidInput` if nothing can be served there."""
+    import socket
 
+    from kb.diagnostics import Diagnostic, InvalidInput, Source
 
-def skip(run: RunName, step: Step, store: Where = "", format: Format = Form.TEXT) -> None:
-    """At a pause of RUN, take STEP for done: somebody has done it by hand."""
-    _tell(run, "skip", step, f"takes {step} for done", store, format)
-
-
-def retry(run: RunName, store: Where = "", format: Format = Form.TEXT) -> None:
-    """At a pause of RUN, try what is left once more, from the world as it is."""
-    _tell(run, "retry", "", "tries again", store, format)
-
-
-def back(run: RunName, step: Step, store: Where = "", format: Format = Form.TEXT) -> None:
-    """At a pause of RUN, go back to STEP and do it, and what comes behind it, again."""
-    _tell(run, "back", step, f"goes back to {step}", store, format)
-
-
-def correct(run: RunName, facts: Facts, store: Where = "", format: Format = Form.TEXT) -> None:
-    """At a pause of RUN, correct what it holds for true, and have it plan on from there."""
-    _tell(run, "correct", facts, "takes note", store, format)
-
-
-def add(run: RunName, command: Words, store: Where = "", format: Format = Form.TEXT) -> None:
-    """Give RUN a further command; it joins what is pursued."""
-    _tell(run, "add", command, "takes the command up", store, format)
-
-
-def _tell(run: str, order: str, text: str, said: str, store: str, form: Form) -> None:
-    def make() -> Answer:
-        from rich.text import Text
-
-        from engine.pipelines.execution.channel import tell
-
-        state = tell(run, order, text, store)
-        return Answer("ok", {"told": order, **state}, lambda: Text(f"{run} {said}."))
-
-    give(make, form)
+    family = socket.AF_INET6 if ":" in host else socket.AF_INET
+    with socket.socket(family, socket.SOCK_STREAM) as trial:
+        trial.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            trial.bind((host, port))
+        except OSError as error:
+            said = f"nothing can be served on {host}, port {port}: {error.strerror or error}"
+            raise InvalidInput([Diagnostic(Source("--port"), "K415", said, "give another --port")]) from error

@@ -38,7 +38,7 @@ def watched(run: str, give: Give, factor: float) -> "Iterator[Callable[[Record],
     from engine.formats.report.live import Display
 
     came = [time.monotonic()]
-    display = Display(run, lambda: (time.monotonic() - came[0]) * 1000 / factor)
+    display = Display(run, passed_ms=lambda: (time.monotonic() - came[0]) * 1000 / factor)
     live = Live(display, console=Console(stderr=True), refresh_per_second=FRAMES)
     keys = Keys(lambda key: _pressed(key, display, live, give))
 

@@ -3,11 +3,9 @@
 `Display` takes in one record after another. What is shown follows from these, and from the time that has passed since the last.
 """
 
-from collections import deque
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from itertools import groupby
-from typing import Any
 
 from rich.console import Console, ConsoleOptions, Group, RenderableType
 from rich.panel import Panel
@@ -15,97 +13,19 @@ from rich.table import Table
 from rich.text import Text
 
 from engine.formats.report.execution import duration
-from engine.formats.report.narration import narrated
-from engine.model.execution import Record, RecordKind
+from engine.formats.report.standing import Bar, Standing
 from engine.model.wording import counted
 
-LOG, FACTS = 8, 6  # lines of the log, last changes of the world
 NAME = 16  # columns for the name of a device
 KEYS = "p pause or continue   i interrupt   s stop   q leave the display"
 STYLES = {"done": "green", "running": "bold yellow", "failed": "bold red", "planned": "dim"}
 
 
 @dataclass
-class Bar:
-    """A step in the chart: where it is drawn, and how it stands."""
+class Display(Standing):
+    """How a run stands, on a terminal; `passed_ms` is the time on the run's clock since the last record."""
 
-    step: str
-    stream: str
-    start_ms: int
-    lasts_ms: int
-    standing: str = "planned"
-
-
-@dataclass
-class Display:
-    """How a run stands, as its records tell."""
-
-    run: str
-    passed_ms: Callable[[], float] = lambda: 0.0  # on the run's clock since the last record
-    phase: str = "ready"
-    now_ms: int = 0
-    end_ms: int = 0
-    bars: dict[int, Bar] = field(default_factory=dict)
-    past: list[Bar] = field(default_factory=list)
-    under_way: dict[int, tuple[str, str, int, int]] = field(
-        default_factory=dict
-    )  # stream, action, since, lasts
-    facts: deque[str] = field(default_factory=lambda: deque(maxlen=FACTS))
-    log: deque[str] = field(default_factory=lambda: deque(maxlen=LOG))
-
-    def take(self, record: Record) -> None:
-        """Take in a record."""
-        self.now_ms = record.at_ms
-        content = record.content
-        match record.kind:
-            case RecordKind.PLAN:
-                self._plan(content)
-            case RecordKind.COMMAND:
-                self._command(record)
-            case RecordKind.REPLY:
-                self.under_way.pop(content["command"], None)
-            case RecordKind.DONE:
-                self._done(content)
-            case RecordKind.EXCEPTION:
-                self._stand(content.get("step"), "failed")
-            case RecordKind.PHASE:
-                self.phase = content["phase"]
-            case RecordKind.END:
-                self.phase = content["outcome"]
-            case _:
-                pass
-        self.log.extend(narrated(record))
-
-    def _plan(self, content: Mapping[str, Any]) -> None:
-        self.phase = "running"
-        self.past += [each for each in self.bars.values() if each.standing != "planned"]
-        self.end_ms = content["forecast_ms"]
-        self.bars = {
-            each["id"]: Bar(each["step"], each["stream"], each.get("start_ms", 0), each.get("lasts_ms", 0))
-            for each in content["steps"]
-        }
-
-    def _command(self, record: Record) -> None:
-        content = record.content
-        if content["command_kind"] in ("wait", "continue"):
-            return
-        said = (content["stream"], content["action"], record.at_ms, content["lasts_ms"])
-        self.under_way[content["command"]] = said
-        self._stand(content.get("step"), "running", record.at_ms)
-
-    def _done(self, content: Mapping[str, Any]) -> None:
-        self._stand(content["step"], "done", content["started_ms"])
-        if (bar := self.bars.get(content["step"])) is not None:
-            bar.lasts_ms = self.now_ms - content["started_ms"]
-        self.facts.extend(
-            [*(f"+ {each}" for each in content["adds"]), *(f"- {each}" for each in content["ends"])]
-        )
-
-    def _stand(self, step: int | None, standing: str, start_ms: int | None = None) -> None:
-        bar = self.bars.get(step) if step is not None else None
-        if bar is not None:
-            bar.standing = standing
-            bar.start_ms = bar.start_ms if start_ms is None else start_ms
+    passed_ms: Callable[[], float] = lambda: 0.0
 
     def __rich_console__(self, console: Console, options: ConsoleOptions) -> Iterator[RenderableType]:
         now = self._shown_ms()

@@ -9,7 +9,8 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from math import ceil, floor
-from xml.sax.saxutils import escape
+from types import MappingProxyType
+from xml.sax.saxutils import escape, quoteattr
 
 from engine.formats.report.channels import GRID, Boxes, Net, width_for
 from engine.formats.report.columns import Column, columns
@@ -27,6 +28,7 @@ WIDE_START = 24  # ports
 LONGEST = 44  # characters of a label; the whole condition is in the tooltip
 MONOSPACED = "DejaVu Sans Mono, Menlo, Consolas, monospace"  # widths of labels are counted in its letters
 INK, PAPER, BOX, LINK, GIVEN = "#1b1b1b", "#ffffff", "#f3f5f8", "#1f6fb5", "#8a8f98"
+STANDING = {"running": ("#ffe08a", "▶ "), "done": ("#bfe5c7", "✓ "), "failed": ("#f5b5ac", "✗ ")}
 STYLE = """
   .link:hover { stroke-width: 3; }
   @media (prefers-color-scheme: dark) {
@@ -52,15 +54,18 @@ class _Picture:
     say: Callable[[Atom], str]
 
 
-def plan(made: Plan, problem: Problem | None = None) -> str:
+def plan(
+    made: Plan, problem: Problem | None = None, standing: Mapping[int, str] = MappingProxyType({})
+) -> str:
     """The partial order with its causal links. The same plan gives the same bytes.
 
-    Stages have the names of the problem. A long plan stands in columns.
+    Stages have the names of the problem. A long plan stands in columns. While a plan is carried out, `standing` says which
+    steps are `planned`, `running`, `done` or `failed`: their boxes have a colour and a sign for it.
     """
     say = wording(problem)
     pictures = [_picture(column, say) for column in columns(made, say)]
     fill_of = colours(str(held) for step in made.steps for held in step.resources)
-    return "\n".join([*_lines(pictures, fill_of), "</svg>"]) + "\n"
+    return "\n".join([*_lines(pictures, fill_of, standing), "</svg>"]) + "\n"
 
 
 def _picture(column: Column, say: Callable[[Atom], str]) -> _Picture:
@@ -108,7 +113,9 @@ def _shortened(text: str) -> str:
     return text if len(text) <= LONGEST else text[: LONGEST - 1] + "…"
 
 
-def _lines(pictures: Sequence[_Picture], fill_of: Mapping[str, str]) -> Iterator[str]:
+def _lines(
+    pictures: Sequence[_Picture], fill_of: Mapping[str, str], standing: Mapping[int, str]
+) -> Iterator[str]:
     """The file line by line: paper, the columns beside each other, legend."""
     extents = [_extent(picture) for picture in pictures]
     width = sum(right - left for left, right, _ in extents) + 2 * GAP * (len(pictures) - 1)
@@ -126,7 +133,12 @@ def _lines(pictures: Sequence[_Picture], fill_of: Mapping[str, str]) -> Iterator
     at = float(MARGIN)
     for picture, (left, right, _) in zip(pictures, extents, strict=True):
         yield f'<g class="column" transform="translate({at - left:g} {MARGIN})">'
-        yield from (*_orders(picture), *_links(picture), *_labels(picture), *_boxes(picture, fill_of))
+        yield from (
+            *_orders(picture),
+            *_links(picture),
+            *_labels(picture),
+            *_boxes(picture, fill_of, standing),
+        )
         yield "</g>"
         at += right - left + 2 * GAP
     yield from _legend(fill_of, MARGIN, height - MARGIN)
@@ -214,22 +226,28 @@ def _labels(picture: _Picture) -> Iterator[str]:
         )
 
 
-def _boxes(picture: _Picture, fill_of: Mapping[str, str]) -> Iterator[str]:
+def _boxes(picture: _Picture, fill_of: Mapping[str, str], standing: Mapping[int, str]) -> Iterator[str]:
     """The start, the steps and the goal."""
     steps: Mapping[StepId, Step] = {step.id: step for step in picture.column.part.steps}
     for step, text in picture.column.texts.items():
         (left, right), y = picture.boxes.span(step), picture.routing.tops[picture.boxes.layer[step]]
-        yield f"<g><title>{escape(_tooltip(steps[step]) if step in steps else text)}</title>"
+        chosen = (
+            f' class="step" data-step={quoteattr(str(steps[step].operator))}'
+            if standing and step in steps
+            else ""
+        )
+        yield f"<g{chosen}><title>{escape(_tooltip(steps[step]) if step in steps else text)}</title>"
+        fill, sign = STANDING.get(standing.get(int(step), ""), (BOX, ""))
         yield (
             f'<rect class="box" x="{left:g}" y="{y:g}" width="{right - left:g}" height="{HEIGHT}"'
-            f' rx="{6 if step in steps else HEIGHT // 2}" fill="{BOX}" stroke="{INK}"/>'
+            f' rx="{6 if step in steps else HEIGHT // 2}" fill="{fill}" stroke="{INK}"/>'
         )
         for index, held in enumerate(steps[step].resources if step in steps else ()):
             at, fill = left + 5 + index * BAR, fill_of[str(held)]
             yield f'<rect class="bar" x="{at:g}" y="{y + 5:g}" width="4" height="{HEIGHT - 10}" fill="{fill}"/>'
         yield (
             f'<text class="text" x="{picture.boxes.centre[step]:g}" y="{y + HEIGHT / 2 + 4:g}" text-anchor="middle"'
-            f' font-size="12" fill="{INK}">{escape(text)}</text></g>'
+            f' font-size="12" fill="{INK}">{sign}{escape(text)}</text></g>'
         )
 
 

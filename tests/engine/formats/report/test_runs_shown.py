@@ -34,7 +34,7 @@ FAILED = [
 
 
 def shown(records: list[Record], width: int = 80, passed_ms: float = 0.0) -> str:
-    display = Display("monday-1", lambda: passed_ms)
+    display = Display("monday-1", passed_ms=lambda: passed_ms)
     for record in records:
         display.take(record)
     out = io.StringIO()

@@ -1,0 +1,106 @@
+"""Pictures of a run as SVG: its steps over time with a line at now, and values beside their limits."""
+
+from collections.abc import Iterator, Sequence
+from typing import Any
+from xml.sax.saxutils import escape, quoteattr
+
+from engine.faces.monitor.following import Watched
+from engine.formats.report.execution import duration
+from engine.formats.report.standing import Bar
+
+WIDTH, LEFT, HEIGHT, GAP = 1000, 170, 20, 6
+LOOKS = {  # fill, and the sign that a step has beside its colour
+    "planned": ("#b9c0cc", ""),
+    "running": ("#e0a100", "▶"),
+    "done": ("#2f8f4e", "✓"),
+    "failed": ("#c8321f", "✗"),
+}
+STYLE = """
+  .bar { cursor: pointer; } .chosen { stroke: #1b1b1b; stroke-width: 2.5; }
+  .text { fill: #1b1b1b; } .now { stroke: #1f6fb5; } .grid { stroke: #c8ccd4; }
+  .body--dark .text { fill: #e8e8e8; } .body--dark .chosen { stroke: #ffffff; } .body--dark .grid { stroke: #444a55; }
+"""
+
+
+def gantt(run: Watched, now_ms: int, chosen: str = "") -> str:
+    """The steps of all plans, a lane for each device, with a line at now. The step `chosen` has a rim."""
+    bars = [*run.past, *run.bars.values()]
+    streams = list(dict.fromkeys(each.stream for each in bars))
+    last = max([1, now_ms, run.end_ms, *(each.start_ms + each.lasts_ms for each in bars)])
+    scale = (WIDTH - LEFT - 10) / last
+    height = (len(streams) + 1) * (HEIGHT + GAP) + 10
+    lines = [
+        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH} {height}" width="100%" role="img" '
+        f'aria-label="steps over time" font-family="monospace" font-size="12"><style>{STYLE}</style>'
+    ]
+    for row, stream in enumerate(streams):
+        y = row * (HEIGHT + GAP) + 4
+        lines.append(f'<text class="text" x="4" y="{y + 14}">{escape(stream[:22])}</text>')
+        lines += [_bar(each, y, scale, chosen) for each in bars if each.stream == stream]
+    x, bottom = LEFT + now_ms * scale, height - HEIGHT
+    lines.append(
+        f'<line class="now" x1="{x:.1f}" y1="0" x2="{x:.1f}" y2="{bottom}" stroke-dasharray="4 3" stroke-width="2"/>'
+    )
+    side = "end" if x > WIDTH / 2 else "start"
+    lines.append(
+        f'<text class="text" x="{x:.1f}" y="{height - 6}" text-anchor="{side}">now {duration(now_ms)}</text></svg>'
+    )
+    return "\n".join(lines)
+
+
+def _bar(bar: Bar, y: int, scale: float, chosen: str) -> str:
+    fill, sign = LOOKS[bar.standing]
+    x, width = LEFT + bar.start_ms * scale, max(1.0, bar.lasts_ms * scale)
+    rim = " chosen" if bar.step == chosen else ""
+    said = f"{bar.step}: {bar.standing}, {duration(bar.start_ms)} to {duration(bar.start_ms + bar.lasts_ms)}"
+    name = f"{sign} {bar.step}".strip() if width > 7.3 * (len(bar.step) + 2) else sign if width > 12 else ""
+    return (
+        f'<g class="step" data-step={quoteattr(bar.step)}><title>{escape(said)}</title>'
+        f'<rect class="bar{rim}" x="{x:.1f}" y="{y}" width="{width:.1f}" height="{HEIGHT}" rx="2" fill="{fill}"/>'
+        f'<text x="{x + 3:.1f}" y="{y + 14}" fill="#ffffff" pointer-events="none">{escape(name)}</text></g>'
+    )
+
+
+def run_chart(results: Sequence[dict[str, Any]]) -> str:
+    """Values of one feature in the order in which they were measured, with nominal value and limits."""
+    values = [each["value"] for each in results]
+    limits = [results[-1].get(key) for key in ("lower", "nominal", "upper")]
+    marked = [*values, *(each for each in limits if each is not None)]
+    low, high = min(marked), max(marked)
+    room = (high - low) or 1.0
+    low, high = low - 0.1 * room, high + 0.1 * room
+
+    def y(value: float) -> float:
+        return 110 - 100 * (value - low) / (high - low)
+
+    step = 360 / max(1, len(values) - 1)
+    points = [(20 + n * step, y(value)) for n, value in enumerate(values)]
+    lines = [
+        '<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 400 120" width="400" role="img" aria-label="values in order">'
+        f"<style>{STYLE}</style>"
+    ]
+    for value, dash in zip(limits, ("6 3", "2 2", "6 3"), strict=True):
+        if value is not None:
+            at = y(value)
+            lines.append(
+                f'<line class="grid" x1="10" y1="{at:.1f}" x2="390" y2="{at:.1f}" stroke-dasharray="{dash}"/>'
+            )
+            lines.append(
+                f'<text class="text" x="392" y="{at:.1f}" font-size="9" text-anchor="end">{value:g}</text>'
+            )
+    lines += list(_points(points, results))
+    return "\n".join([*lines, "</svg>"])
+
+
+def _points(points: Sequence[tuple[float, float]], results: Sequence[dict[str, Any]]) -> Iterator[str]:
+    yield f'<polyline fill="none" stroke="#8a8f98" points="{" ".join(f"{x:.1f},{y:.1f}" for x, y in points)}"/>'
+    for (x, y), each in zip(points, results, strict=True):
+        passed = each.get("passed")
+        fill = LOOKS["failed" if passed is False else "done" if passed else "planned"][0]
+        mark = (
+            f'<rect x="{x - 4:.1f}" y="{y - 4:.1f}" width="8" height="8" fill="{fill}">'
+            if passed is False
+            else f'<circle cx="{x:.1f}" cy="{y:.1f}" r="4" fill="{fill}">'
+        )
+        end = "</rect>" if passed is False else "</circle>"
+        yield f"{mark}<title>{each['value']:g} {escape(str(each.get('unit', '')))}</title>{end}"

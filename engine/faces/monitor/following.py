@@ -1,0 +1,136 @@
+"""Follows the journal of a run, and tells how the run stood at any of its records."""
+
+from collections.abc import Sequence
+from copy import deepcopy
+from dataclasses import dataclass, field
+from typing import Any
+
+from engine.formats.report.narration import narrated
+from engine.formats.report.standing import Standing
+from engine.model.execution import Record, RecordKind
+from kb.diagnostics import Diagnostic, InvalidInput, Source, nearest
+from kb.store.journal import Begun, Journal, Line
+
+KEPT = 500  # records between two states that are kept for going back
+LOG = 2000  # lines of the log that a page can show
+
+
+@dataclass
+class Watched(Standing):
+    """All that a page shows of a run up to a record.
+
+    `holds` are the facts of the world model, each with the number of the record that brought it. `why` says, for each step of
+    the last plan, the steps that it waits for.
+    """
+
+    number: int = 0
+    holds: dict[str, int] = field(default_factory=dict)
+    story: list[tuple[int, str]] = field(default_factory=list)  # number of the record, what it tells
+    results: list[dict[str, Any]] = field(default_factory=list)
+    findings: list[dict[str, Any]] = field(default_factory=list)
+    questions: dict[int, dict[str, Any]] = field(default_factory=dict)  # commands that ask a person
+    histories: list[dict[str, Any]] = field(default_factory=list)
+    goals: dict[str, str] = field(default_factory=dict)  # open, reached, or why it was given up
+    plan: dict[str, Any] = field(default_factory=dict)
+
+    def take(self, record: Record) -> None:
+        """Take in a record."""
+        super().take(record)
+        self.number = record.number
+        self.story += [(record.number, line) for line in narrated(record)]
+        del self.story[:-LOG]
+        content = dict(record.content)
+        match record.kind:
+            case RecordKind.PLAN:
+                self.plan = content
+                self.goals = {each: self.goals.get(each, "open") for each in content["goals"]}
+                self.goals |= dict(content["given_up"])
+            case RecordKind.COMMAND if content.get("asks"):
+                self.questions[content["command"]] = content
+            case RecordKind.REPLY:
+                self.questions.pop(content["command"], None)
+            case RecordKind.DONE:
+                self._become(content)
+                self.histories.append({**content, "ended_ms": record.at_ms})
+            case RecordKind.WORLD:
+                self._become(content)
+            case RecordKind.RESULT:
+                self.results.append({**content, "at_ms": record.at_ms})
+            case RecordKind.EXCEPTION | RecordKind.FINDING | RecordKind.DIAGNOSIS:
+                self.findings.append({**content, "kind": record.kind.value, "at_ms": record.at_ms})
+            case RecordKind.GOAL:
+                self.goals[content["goal"]] = "reached"
+            case RecordKind.GIVEN_UP:
+                self.goals[content["goal"]] = content["why"]
+            case RecordKind.END:
+                self.goals |= dict.fromkeys(content["goals"], "reached")
+            case _:
+                pass
+
+    def _become(self, content: dict[str, Any]) -> None:
+        for each in content["ends"]:
+            self.holds.pop(each, None)
+        for each in content["adds"]:
+            self.holds[each] = self.number
+
+
+class Follower:
+    """The records of one run, read from its journal as they come. Raises `InvalidInput` if the journal has no such run."""
+
+    def __init__(self, store: str, run: str, initial: Sequence[str] = ()) -> None:
+        with Journal(store) as journal:
+            begun = journal.begun()
+        if not any(each.run == run for each in begun):
+            hint = (
+                nearest(run, [each.run for each in begun]) or "`cellwright results` lists the runs of a store"
+            )
+            said = f"no run of this name in {store}"
+            raise InvalidInput([Diagnostic(Source(run), "K421", said, hint)])
+        self.store, self.run = store, run
+        self.records: list[Record] = []
+        self.latest = Watched(run, holds=dict.fromkeys(initial, 0))
+        self._kept = [deepcopy(self.latest)]
+
+    def refresh(self) -> int:
+        """Read what has come; how many records that are."""
+        with Journal(self.store) as journal:
+            fresh = [record_of(line) for line in journal.lines(self.run, len(self.records))]
+        for record in fresh:
+            self.records.append(record)
+            self.latest.take(record)
+            if record.number % KEPT == 0:
+                self._kept.append(deepcopy(self.latest))
+        return len(fresh)
+
+    def at(self, number: int) -> Watched:
+        """How the run stood after a record; the last one if the number is beyond it."""
+        if number >= len(self.records):
+            return self.latest
+        kept = self._kept[max(0, number) // KEPT]
+        found = deepcopy(kept)
+        for record in self.records[kept.number : max(0, number)]:
+            found.take(record)
+        return found
+
+    def exceptions(self) -> list[int]:
+        """The numbers of the records that tell of an exception."""
+        return [each.number for each in self.records if each.kind is RecordKind.EXCEPTION]
+
+
+def record_of(line: Line) -> Record:
+    """A line of a journal as a record."""
+    return Record(line.number, line.at_ms, RecordKind(line.kind), line.content)
+
+
+def runs_of(store: str) -> tuple[Begun, ...]:
+    """The runs in a store, the newest first."""
+    with Journal(store) as journal:
+        return journal.begun()[::-1]
+
+
+def first_difference(one: Sequence[Record], other: Sequence[Record]) -> int:
+    """The number of the first record that two runs do not share; 0 if they are the same. Times and the run itself do not count."""
+    for number, (a, b) in enumerate(zip(one, other, strict=False), 1):
+        if number > 1 and (a.kind, a.content) != (b.kind, b.content):
+            return number
+    return 0 if len(one) == len(other) else min(len(one), len(other)) + 1

@@ -1,0 +1,76 @@
+"""Serves the monitor: pages, orders and the stream of events, on one address."""
+
+import asyncio
+import json
+from collections.abc import AsyncIterator
+
+import uvicorn
+from fastapi import FastAPI, Request
+from fastapi.responses import JSONResponse, StreamingResponse
+from nicegui import app as pages
+from nicegui import ui
+
+from engine.faces.monitor.door import Door
+from engine.faces.monitor.page import build
+from engine.faces.monitor.shared import PAUSE_S, Shared
+from kb.diagnostics import InvalidInput
+
+LOCAL = ("127.0.0.1", "localhost", "::1")
+SILENCE_S = 15.0  # after which a stream says that it is still there
+
+
+def application(shared: Shared, host: str, port: int) -> Door:
+    """The monitor as an ASGI application."""
+    made = FastAPI(docs_url=None, redoc_url=None, openapi_url=None)
+
+    @made.post("/orders")
+    async def orders(request: Request) -> JSONResponse:
+        try:
+            asked = await request.json()
+        except ValueError:
+            asked = None
+        if not isinstance(asked, dict):
+            return JSONResponse({"said": "an order is a JSON object"}, 400)
+        key = request.headers.get("idempotency-key", "")
+        status, said = await asyncio.to_thread(shared.order, key, asked)
+        return JSONResponse(said, status)
+
+    @made.get("/events/{run:path}")
+    async def events(run: str, after: int = 0) -> StreamingResponse:
+        return StreamingResponse(_stream(shared, run, after), media_type="text/event-stream")
+
+    build(shared)
+    ui.run_with(made, title="Cellwright", favicon="🔧", dark=None, show_welcome_message=False)
+    pages.config.socket_io_js_transports = [
+        "websocket"
+    ]  # a connection that asks by POST would need the token
+    local = host in LOCAL
+    names = LOCAL if local else (host,)
+    hosts = [f"[{name}]:{port}" if ":" in name else f"{name}:{port}" for name in names]
+    return Door(made, hosts, shared.token, local)
+
+
+async def _stream(shared: Shared, run: str, after: int) -> AsyncIterator[str]:
+    """The records of a run behind a number, as server-sent events, for as long as somebody listens."""
+    quiet = 0.0
+    while True:
+        try:
+            records = (await asyncio.to_thread(shared.follow, run)).records
+        except InvalidInput as refused:
+            yield f"event: refused\ndata: {json.dumps([each.message for each in refused.diagnostics])}\n\n"
+            return
+        fresh = records[after:]
+        for record in fresh:
+            yield f"id: {record.number}\ndata: {json.dumps(record.entry(run), ensure_ascii=False)}\n\n"
+        after += len(fresh)
+        quiet = 0.0 if fresh else quiet + PAUSE_S
+        if quiet >= SILENCE_S:
+            quiet = 0.0
+            yield ": still there\n\n"
+        await asyncio.sleep(PAUSE_S)
+
+
+def serve(shared: Shared, host: str, port: int) -> None:
+    """Serve until Ctrl-C."""
+    settings = uvicorn.Config(application(shared, host, port), host=host, port=port, log_level="warning")
+    uvicorn.Server(settings).run()

@@ -1,0 +1,81 @@
+"""What all pages of a monitor share: the runs of a store, each read once, and the orders that pages give."""
+
+import secrets
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from engine.faces.monitor.door import Once
+from engine.faces.monitor.following import Follower, runs_of
+from engine.pipelines.execution.channel import going_on, tell
+from engine.pipelines.planning import problem_of, situation_of
+from kb.diagnostics import InvalidInput
+from kb.store.journal import Begun
+
+PAUSE_S = 0.1  # between two looks at a journal
+
+
+@dataclass
+class Shared:
+    """The runs of a store, followed while somebody looks at them. With `read_only` no page gives orders."""
+
+    store: str
+    read_only: bool = False
+    token: str = field(default_factory=lambda: secrets.token_urlsafe(24))
+    once: Once = field(default_factory=Once)
+    _followed: dict[str, Follower] = field(default_factory=dict)
+    _looked: dict[str, float] = field(default_factory=dict)
+
+    def runs(self) -> tuple[Begun, ...]:
+        """The runs of the store, the newest first."""
+        return runs_of(self.store)
+
+    def going_on(self) -> frozenset[str]:
+        """The names of the runs of this store that go on in some process of this user."""
+        return frozenset(str(each["run"]) for each in going_on() if each["store"] in (self.store, ""))
+
+    def follow(self, run: str) -> Follower:
+        """The run, read up to now. Raises `InvalidInput` if the store has none of this name."""
+        if run not in self._followed:
+            self._followed[run] = Follower(self.store, run, _initial(self.store, run))
+        if time.monotonic() - self._looked.get(run, 0.0) >= PAUSE_S:
+            self._followed[run].refresh()
+            self._looked[run] = time.monotonic()
+        return self._followed[run]
+
+    def order(self, key: str, asked: Mapping[str, Any]) -> tuple[int, dict[str, Any]]:
+        """Give a run the order that a page asks for, once; the status code and what is told of it."""
+        if self.read_only:
+            return 403, {"said": "this monitor only watches"}
+        if not key:
+            return 400, {"said": "a changing request needs an Idempotency-Key"}
+        found: tuple[int, dict[str, Any]] = self.once.answer(key, lambda: self._told(asked))
+        return found
+
+    def _told(self, asked: Mapping[str, Any]) -> tuple[int, dict[str, Any]]:
+        run, order, text, who = (str(asked.get(name, "")) for name in ("run", "order", "text", "who"))
+        if order not in ORDERS:
+            return 400, {"said": f"there is no order {order!r}"}
+        try:
+            state = tell(run, order, text, self.store, who or "monitor")
+        except InvalidInput as refused:
+            return 409, {"said": "; ".join(each.message for each in refused.diagnostics)}
+        return 200, {"said": f"{run}: {order} {text}".strip(), **state}
+
+
+ORDERS = ("stop", "interrupt", "continue", "skip", "retry", "back", "correct", "abort", "add", "approve")
+
+
+def _initial(store: str, run: str) -> tuple[str, ...]:
+    """The facts with which a run began; none if its target is no longer there."""
+    about = next((each.document for each in runs_of(store) if each.run == run), None)
+    if about is None:
+        return ()
+    try:
+        problem = problem_of(
+            str(about.get("target", "")), str(about.get("goals", "")), str(about.get("command", ""))
+        )
+        return tuple(sorted(map(str, situation_of(problem).state)))
+    except InvalidInput:
+        return ()
