@@ -5,7 +5,7 @@
 Without `--samples` the whole matrix. `--pairs` injects a second fault behind the first, so that two are in one run, in a recovery
 or in the steps that prepare a test. The plan is made once; each run is in a simulated cell of its own, on the virtual clock. A run
 passes if it ends with the goals reached, also in the cell as it really is, or with a reason for each goal that is not, and if no
-command is carried out twice. Exits with 1 if one does not pass.
+command is carried out twice. Exits with 1 if one does not pass, or if the plan uses an operator that no exception is about.
 """
 
 import argparse
@@ -71,6 +71,13 @@ class Setting:
             for exception in possible(self.base, step, cause)
         ]
 
+    def uncovered(self) -> tuple[list[str], list[str]]:
+        """The operators of the domain that no exception is about; of them, those that the plan uses."""
+        known = {each.operator.name for each in self.base.exceptions.values() if each.operator is not None}
+        left = [each.name for each in self.problem.domain.operators if each.name not in known]
+        used = {each.operator.name for each in self.ready.plan.steps}
+        return left, [each for each in left if each in used]
+
     def run(self, faults: Sequence[Injection], seed: int) -> tuple[Finish, Kept, HiddenCell]:
         """One run with faults."""
         cell = HiddenCell(self.problem, self.base, tuple(faults), seed)
@@ -104,6 +111,10 @@ def main() -> int:
     for target in asked.targets:
         setting = Setting.of(target)
         faults = setting.matrix()
+        left, used = setting.uncovered()
+        wrong += len(used)
+        if left:
+            print(f"  {target}: no exception is about {', '.join(left)}", flush=True)
         chosen = faults if asked.samples is None else chance.sample(faults, min(asked.samples, len(faults)))
         counted: Counter[str] = Counter()
         began = time.perf_counter()
@@ -127,6 +138,7 @@ def main() -> int:
             {
                 "target": target,
                 "cases": len(faults),
+                "operators without an exception": len(left),
                 "run": len(chosen),
                 "seconds": round(seconds, 1),
                 **counted,

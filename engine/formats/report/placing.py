@@ -37,7 +37,7 @@ def content(answer: PlaceAnswer) -> dict[str, Any]:
             "equivalent": len(answer.sighting.equivalent),
         },
         "holds": dict(zip(("all", "at_start", "at_goal"), answer.holds, strict=True)),
-        "carries": [_carry(each) for each in answer.carries],
+        "carries": [carry(each) for each in answer.carries],
     }
 
 
@@ -45,7 +45,8 @@ def _hypothesis(one: Hypothesis) -> dict[str, float]:
     return {"agreeing": one.agreeing, "seen": one.seen, "edged": one.edged, "pixels": one.pixels}
 
 
-def _carry(one: Carry) -> dict[str, Any]:
+def carry(one: Carry) -> dict[str, Any]:
+    """One taking and letting go."""
     return {
         "facets": list(one.grasp.facets),
         "width_m": one.grasp.width_m,
@@ -70,8 +71,8 @@ def text(answer: PlaceAnswer, part: str, base: str) -> str:
         f"{part} belongs at {_pose(answer.T_world_goal)}, {_free(answer.goal)}",
         f"{every} ways to hold it: {start} are possible where it lies, {goal} at its goal",
     ]
-    for n, carry in enumerate(answer.carries, 1):
-        lines += _told(n, carry)
+    for n, each in enumerate(answer.carries, 1):
+        lines += _told(n, each)
     return "\n".join(lines)
 
 

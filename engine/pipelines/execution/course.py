@@ -150,9 +150,7 @@ class Course:
     def order(self, given: Given, noted: bool = False) -> None:
         """Take in an order. Those that the table does not know are for whoever called `go`."""
         if not noted:
-            self.recorder.note(
-                RecordKind.ORDER, order=given.order.value, given=given.text, origin=given.origin
-            )
+            self.recorder.note(RecordKind.ORDER, **given.content())
         event = TABLE.get(given.order)
         if event is not None:
             before = self.standing.phase

@@ -82,7 +82,7 @@ def _awaited(course: Course, command: Command) -> str:
 
 def _hear_orders(course: Course) -> None:
     for given in course.orders.due(course.driver.now_ms()):
-        course.recorder.note(RecordKind.ORDER, order=given.order.value, given=given.text, origin=given.origin)
+        course.recorder.note(RecordKind.ORDER, **given.content())
         if given.order in (Order.STOP, Order.ABORT):
             course.driver.halt()
             raise Ended(Turn(Phase.STOPPED, why="stopped by order"))
