@@ -39,7 +39,9 @@ def related(scene: Scene, *parts: str) -> Scene:
     return replace(scene, relations=tuple(keep))
 
 
-@given(st.frozensets(st.sampled_from("abcdef")), st.sets(st.frozensets(st.sampled_from("abcdef")), max_size=4))
+@given(
+    st.frozensets(st.sampled_from("abcdef")), st.sets(st.frozensets(st.sampled_from("abcdef")), max_size=4)
+)
 def test_what_is_left_of_the_culprits_fails_and_nothing_less_does(
     present: frozenset[str], culprits: set[frozenset[str]]
 ) -> None:
