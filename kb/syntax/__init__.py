@@ -34,12 +34,13 @@ from kb.model.conditions import (
 from kb.model.statement import Statement
 from kb.plain_terms import plain_terms
 from kb.syntax.checks import ExpressionError, check_brackets, check_size
-from kb.terms import Function, Number, Operation, Term, Text, Variable, variables
+from kb.terms import Function, Number, Operation, Term, Text, Variable, together, variables
 
 __all__ = ["SECONDS", "STARTS", "ExpressionError", "Parsed", "ReadAggregate", "parse", "unit_seconds"]
 
 GRAMMAR = Path(__file__).with_name("expressions.lark")
-STARTS = ["header", "trigger", "conditions", "body", "clauses", "atoms", "atom", "term", "terms", "signature"]
+STARTS = ["header", "trigger", "conditions", "body", "clauses", "atoms", "stages", "atom", "term", "terms"]
+STARTS += ["signature"]
 SHORT = 1000  # characters
 LARGEST = 2**31 - 1  # clingo counts in 32 bits, and overflows silently
 SECONDS = {"ms": Fraction(1, 1000), "s": Fraction(1), "min": Fraction(60), "h": Fraction(3600)}
@@ -172,6 +173,12 @@ class _Reader(Transformer[Token, Any]):
     def atoms(self, *parts: Function) -> tuple[Function, ...]:
         return parts
 
+    def stage(self, *parts: Function) -> Function:
+        return parts[0] if len(parts) == 1 else together(parts)
+
+    def stages(self, *parts: Function) -> tuple[Function, ...]:
+        return parts
+
     def terms(self, *parts: Term) -> tuple[Term, ...]:
         return parts
 
@@ -228,7 +235,7 @@ def _literals(read: tuple[Any, ...]) -> tuple[Literal, ...]:
 
 
 _OF_TERMS: Mapping[str, Callable[[tuple[Any, ...]], Any]] = {
-    "atoms": tuple, "terms": tuple, "atom": _only, "term": _only, "conditions": _literals, "body": _literals,
+    "atoms": tuple, "stages": tuple, "terms": tuple, "atom": _only, "term": _only, "conditions": _literals, "body": _literals,
 }  # fmt: skip
 
 
@@ -290,7 +297,7 @@ def _explained(error: UnexpectedInput, text: str, start: str) -> ExpressionError
     expected = getattr(error, "accepts", None) or getattr(error, "expected", None) or ()
     readable = sorted(_READABLE[name] for name in expected if name in _READABLE)
     hint = _TOKEN_HINTS.get(":" if text[:offset].rstrip().endswith(":") else text[offset : offset + 1], "")
-    if start in ("atoms", "clauses") and re.search(r"\bnot\s+$", text[:offset]):
+    if start in ("atoms", "stages", "clauses") and re.search(r"\bnot\s+$", text[:offset]):
         hint = _NOT_HINT
     hint = hint or (f"expected {' or '.join(readable)}" if readable else _SHAPES[start])
     return ExpressionError(offset, said, hint)
@@ -310,12 +317,13 @@ _SHAPES = {
     "terms": "names, variables and terms, with commas between",
     "clauses": "an atom and its constraints, such as at(Item, Other), Other != To",
     "atoms": _ATOMS,
+    "stages": "atoms, such as at(Item, To), with commas between; `&` between those that are reached together",
     "conditions": _CONDITIONS,
     "body": _CONDITIONS,
 }  # what each kind of expression looks like
 _CHARACTER_HINTS = {
     ".": "an expression does not end with a full stop; ranges such as p_1..4 are only allowed in lists of objects",
-    "&": "write ',' for and, '|' for or",
+    "&": "write ',' for and, '|' for or; only in stages `&` joins what is reached together",
     "!": "write `not` before the atom",
     "-": "write `not` before the atom",
     "'": "write texts in double quotes",
@@ -324,6 +332,7 @@ _CHARACTER_HINTS = {
     "{": "write #count, #sum, #min or #max before a set",
 }
 _TOKEN_HINTS = {
+    "&": "write ',' for and, '|' for or; only in stages `&` joins what is reached together",
     ";": "';' separates alternatives of `implies` and `denies`; elsewhere ',' means and",
     ":": "write rules in .lp files; `p(X) : q(X)` is a condition",
     "|": "write `a(X) | b(X)` between atoms of a condition",
