@@ -20,6 +20,7 @@ def state_of(course: Course) -> dict[str, Any]:
         "done": [list(each) for each in ranges(course.done)],
         "sent": [[entry, at_ms] for entry, at_ms in course.sent.values()],
         "number": course.standing.number,
+        "since": [[str(atom), at_ms] for atom, at_ms in course.since.items() if atom in course.world.facts],
     }
 
 
@@ -61,6 +62,7 @@ def _restore(past: Past, state: Mapping[str, Any]) -> None:
     past.world = World(past.scope.problem.chains, facts, dict(state["reached"]))
     past.done = {step: 0 for first, last in state["done"] for step in range(first, last + 1)}
     past.sent = {entry["command"]: (entry, at_ms) for entry, at_ms in state["sent"]}
+    past.since = {read_atom(atom): at_ms for atom, at_ms in state.get("since", ())}
     past.cases = {(exception, step): count for exception, step, count in state["cases"]}
     past.number, past.forecast_ms = state["number"], state["forecast_ms"]
     past.exceptions, past.steps = state["exceptions"], state["steps"]

@@ -141,7 +141,8 @@ class ExceptionHandler:
         found = self.scope if recovery.change is None else self.scope.changed(recovery.change)
         self.scope = found.narrowed(recovery.problem, now, recovery.given_up)
         self.course.world.chains = self.scope.problem.chains
-        return again(recovery.problem, outcome.plan, self.course.driver.now_ms(), self.limits)
+        now_ms, since = self.course.driver.now_ms(), self.course.since
+        return again(recovery.problem, outcome.plan, now_ms, self.limits, since)
 
     def _believe(self, state: WorldState, why: str) -> None:
         new, gone = self.course.world.become(state)
