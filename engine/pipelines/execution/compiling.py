@@ -95,7 +95,9 @@ def compiled(
             rests=number in rests,
             process=bool(hands) and not hands.intersection(map(str, step.resources)),
         )
-    dwells = tuple(Dwell(int(s.source), int(s.target), int(s.most * unit), s.since_ms) for s in stays)
+    dwells = tuple(
+        dict.fromkeys(Dwell(int(s.source), int(s.target), int(s.most * unit), s.since_ms) for s in stays)
+    )
     return Compiled(Program(activities, dwells, timed), plan, changes, expects, results)
 
 
