@@ -69,7 +69,7 @@ def begin(
 
     Raises `InvalidInput`.
     """
-    found = first(problem, limits, outcome)
+    found = first(problem, limits, outcome, wanted.store)
     if not isinstance(found, Ready):
         return found
     with Journal(wanted.store) as journal:

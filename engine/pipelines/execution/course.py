@@ -1,12 +1,11 @@
 """A program on its way: the loop that waits for replies, and takes each through the table of the executive.
 
 Everything is noted before it takes effect: commands are sent only after the group of records that holds them is on the disk.
-What the table wants done, `effects` does.
+What the table wants done, `Progress` does.
 """
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
-from typing import Any
+from collections.abc import Mapping
+from dataclasses import dataclass
 
 from engine.model.execution import (
     Command,
@@ -20,82 +19,19 @@ from engine.model.execution import (
     TroubleKind,
     Underway,
 )
-from engine.pipelines.execution import effects
-from engine.pipelines.execution.compiling import Compiled
-from engine.pipelines.execution.orders import Given, Orders
-from engine.pipelines.execution.recorder import Recorder
-from engine.pipelines.execution.replies import Replies
-from engine.pipelines.measuring import Measuring
-from engine.pipelines.simulation import Achievement, World
-from engine.ports import Driver
+from engine.pipelines.execution.orders import Given
+from engine.pipelines.execution.progress import Progress, Turn
 from engine.stages import execution as executive
-from engine.stages.execution import Failure, Standing
-from kb.terms import Atom
 
-EVERY = 5_000  # records from one checkpoint to the next
+QUIET_MS = 1_000  # a driver may take so long to drop what is queued
 LOST = "the controller does not answer any more"
 STAYS = "something will stay too long"
 STUCK = "nothing is under way and nothing can begin"
 
 
-@dataclass(frozen=True, slots=True)
-class Turn:
-    """Why the loop came back: every step is done, something failed, an order needs more than the table, the rest of the plan
-    is to be reviewed, or the run is over.
-    """
-
-    phase: Phase
-    failures: tuple[Failure, ...] = ()
-    given: Given | None = None
-    why: str = ""
-    review: bool = False
-
-
 @dataclass
-class Course:
-    """The execution of programs, one after another, in one world."""
-
-    run: str
-    driver: Driver
-    recorder: Recorder
-    orders: Orders
-    world: World
-    compiled: Compiled
-    standing: Standing
-    history: list[Achievement] = field(default_factory=list)
-    keeps_history: bool = True
-    measuring: Measuring | None = None
-    done: set[int] = field(default_factory=set)
-    outbox: list[Command] = field(default_factory=list)
-    pending: list[Given] = field(default_factory=list)  # orders that came while an exception was handled
-    sent: dict[int, tuple[dict[str, Any], int]] = field(
-        default_factory=dict
-    )  # under way, as noted, since when
-    plan_number: int = 0  # of the record of the program
-    noted: int = 0  # the last checkpoint
-    every: int = EVERY
-    checkpoint: Callable[[], dict[str, Any]] | None = None
-    turn: Turn | None = None
-    review: str = ""  # why what is left of the plan is to be looked at again
-    off_ms: int = 0  # how far behind its forecast the run was when the plan was made, or last reviewed
-    since: dict[Atom, int] = field(default_factory=dict)  # when facts became true, where stays are limited
-    look: Callable[[RunState], None] | None = None
-
-    def __post_init__(self) -> None:
-        self.replies = Replies(self.compiled)
-
-    def follow(self, compiled: Compiled, standing: Standing) -> None:
-        """Go on with another program."""
-        self.compiled, self.standing = compiled, standing
-        self.replies = Replies(compiled)
-        self.done, self.review, self.off_ms = set(), "", 0
-        self.sent = {number: self._renumbered(number) for number in standing.running}
-        self.plan_number = self.recorder.last
-
-    def _renumbered(self, number: int) -> tuple[dict[str, Any], int]:
-        """What was noted of a command that is under way, for the number that its step has now."""
-        content, at_ms = self.sent[number]
-        return {**content, "step": self.standing.running[number].activity}, at_ms
+class Course(Progress):
+    """The execution of programs, one after another: the loop that waits for what comes next."""
 
     def go(self) -> Turn:
         """Execute until something needs more than the table, or the program is done."""
@@ -157,7 +93,7 @@ class Course:
         if running is None:
             return
         if self.replies.is_normal(running.activity, message.text):
-            effects.result(self, running.activity, message)
+            self.result(running.activity, message)
             self.take(executive.Replied(message.number))
         else:
             self.take(executive.Failed(message.number, message.text))
@@ -188,13 +124,13 @@ class Course:
     def _effect(self, effect: executive.Effect) -> None:
         match effect:
             case executive.Dispatch():
-                effects.dispatch(self, effect)
+                self.dispatch(effect)
             case executive.Done():
-                effects.done(self, effect)
+                self.ended(effect)
             case executive.Quiesce():
-                effects.quiesce(self)
+                self._quiesce()
             case executive.Threatened():
-                effects.threatened(self, effect)
+                self.threatened(effect)
                 self.review = STAYS
             case _:
                 self._comes_to_rest(effect)
@@ -213,25 +149,17 @@ class Course:
             case _:
                 pass
 
-    def post(self, command: Command, step: int | None = None) -> None:
-        """Note a command, to be sent once the note is on the disk."""
-        record = self.recorder.note(
-            RecordKind.COMMAND,
-            command=command.number,
-            command_kind=command.kind.value,
-            stream=command.stream,
-            action=command.action,
-            says=command.says,
-            expects=command.expects,
-            choices=list(command.choices),
-            lasts_ms=command.lasts_ms,
-            timeout_ms=command.timeout_ms,
-            about=command.about,
-            asks=command.asks,
-            step=step,
-        )
-        self.sent[command.number] = (dict(record.content), record.at_ms)
-        self.outbox.append(command)
+    def _quiesce(self) -> None:
+        """Have the driver begin nothing more, and take in what came meanwhile."""
+        self.recorder.note(RecordKind.PHASE, phase=Phase.QUIESCING.value, why="a step has failed")
+        self.flush()
+        came = self.driver.quiesce(QUIET_MS)
+        reports = self.driver.report(sorted(self.standing.running))
+        dropped = [each.number for each in reports if each.fate.value in ("dropped", "unknown")]
+        if dropped:
+            self.take(executive.Withdrawn(tuple(dropped)))
+        for message in came:
+            self.hear(message)
 
     def flush(self) -> None:
         """Write what was noted, then send what was posted. Raises `JournalFailure`; then nothing was sent."""

@@ -73,6 +73,8 @@ class ExceptionHandler:
             command=number,
             reply=reply,
         )
+        if "diagnosis" not in self.scope.problem.domain.tools:
+            return GivesUp(f"{step} was answered '{reply}', and the domain's tools are without diagnosis")
         if self.base is None or exception is None:
             return GivesUp(f"{step} was answered '{reply}', and the {BASE} knows no such exception")
         seen = self.cases[exception, str(step)] = self.cases.get((exception, str(step)), 0) + 1

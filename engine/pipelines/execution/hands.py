@@ -3,7 +3,8 @@
 from dataclasses import dataclass, replace
 
 from engine.model.execution import Command, Fate, Order, Phase, RecordKind, Trouble, TroubleKind
-from engine.pipelines.execution.course import LOST, Course, Turn
+from engine.pipelines.execution.course import LOST, Course
+from engine.pipelines.execution.progress import Turn
 from engine.stages.execution.machine import TIMEOUT
 from kb.terms import Function
 

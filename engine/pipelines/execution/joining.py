@@ -9,8 +9,8 @@ from dataclasses import dataclass, replace
 from fractions import Fraction
 
 from engine.pipelines.execution.compiling import unit_ms
-from engine.pipelines.execution.course import Course
 from engine.pipelines.execution.planned import SHORT, Ready, ready
+from engine.pipelines.execution.progress import Progress
 from engine.pipelines.execution.scope import Scope
 from engine.pipelines.gate import PlanGate
 from engine.pipelines.revision.remaining import left_over
@@ -32,7 +32,7 @@ class Joined:
     standing: Standing
 
 
-def ahead(course: Course, chains: Sequence[Chain] | None = None) -> WorldState:
+def ahead(course: Progress, chains: Sequence[Chain] | None = None) -> WorldState:
     """The world when all that is under way has ended as it should; with `chains` for the workflow, if they are others."""
     pursued = course.world.chains if chains is None else chains
     reached = {chain.name: 0 for chain in pursued} | course.world.reached
@@ -42,13 +42,13 @@ def ahead(course: Course, chains: Sequence[Chain] | None = None) -> WorldState:
     return world.state
 
 
-def left_behind(course: Course) -> Plan:
+def left_behind(course: Progress) -> Plan:
     """The steps of the plan that have not begun."""
     begun = course.done | {each.activity for each in course.standing.running.values()}
     return left_over(course.compiled.plan, {StepId(each) for each in begun})
 
 
-def joined(course: Course, scope: Scope, found: Ready) -> Joined:
+def joined(course: Progress, scope: Scope, found: Ready) -> Joined:
     """The program of what is under way and of a plan that begins when it has ended."""
     numbers = sorted(course.standing.running)
     first = [_begun(course, number, place + 1) for place, number in enumerate(numbers)]
@@ -63,7 +63,7 @@ def joined(course: Course, scope: Scope, found: Ready) -> Joined:
     return Joined(made, _standing(course, made, numbers, now))
 
 
-def _begun(course: Course, number: int, place: int) -> Step:
+def _begun(course: Progress, number: int, place: int) -> Step:
     activity = course.standing.running[number].activity
     step = next(each for each in course.compiled.plan.steps if each.id == activity)
     return replace(step, id=StepId(place), after=())
@@ -95,7 +95,7 @@ def _ordered(here: Problem, first: Sequence[Step], rest: Sequence[Step]) -> Plan
 
 
 def _starts(
-    course: Course, unit: Fraction, plan: Plan, numbers: Sequence[int], found: Ready
+    course: Progress, unit: Fraction, plan: Plan, numbers: Sequence[int], found: Ready
 ) -> Mapping[StepId, int]:
     """The forecast from now on, in the domain's unit: of what is under way as it began, of the rest as soon as can be.
 
@@ -122,7 +122,7 @@ def _starts(
     return starts
 
 
-def _standing(course: Course, made: Ready, numbers: Sequence[int], now_ms: int) -> Standing:
+def _standing(course: Progress, made: Ready, numbers: Sequence[int], now_ms: int) -> Standing:
     """The standing of the joined program: what is under way goes on, and the phase is what it was."""
     old = course.standing
     places = {old.running[number].activity: place + 1 for place, number in enumerate(numbers)}

@@ -6,10 +6,10 @@ from dataclasses import dataclass, replace
 from engine.model.cases import Revision
 from engine.model.execution import Order, Phase, RecordKind
 from engine.model.outcome import Found
-from engine.pipelines.execution.course import Course
 from engine.pipelines.execution.joining import Joined, ahead, joined, left_behind
 from engine.pipelines.execution.orders import Given
 from engine.pipelines.execution.planned import Ready, again
+from engine.pipelines.execution.progress import Progress
 from engine.pipelines.execution.scope import Scope
 from engine.pipelines.revision.observing import corrected, read_facts
 from engine.pipelines.revision.remaining import left_over
@@ -29,14 +29,14 @@ class Refused(Exception):
 class _Pause:
     """Where a run stands when an order comes: the world when what is under way has ended, and what is left of the plan."""
 
-    course: Course
+    course: Progress
     scope: Scope
     state: WorldState
     left: Plan
     limits: Limits
 
 
-def changed(course: Course, scope: Scope, given: Given, limits: Limits) -> tuple[Scope, Joined]:
+def changed(course: Progress, scope: Scope, given: Given, limits: Limits) -> tuple[Scope, Joined]:
     """The scope, and the program with its standing, after an order. Raises `Refused`.
 
     Steps that have begun are not touched. After a further command the run does what it did before, else it goes on.

@@ -1,11 +1,10 @@
 """The program of a run: planned, timed and compiled, from where the run stands."""
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from engine.model.outcome import Found, Outcome
 from engine.model.schedule import Timetable
-from engine.pipelines import objective
 from engine.pipelines.execution.compiling import Compiled, Stay, compiled, situation_of
 from engine.pipelines.gate import PlanGate
 from engine.pipelines.timetable import timed
@@ -41,16 +40,19 @@ class Ready:
     notes: tuple[str, ...] = field(default=())
 
 
-def first(problem: Problem, limits: Limits = Limits(), outcome: Outcome | None = None) -> Ready | Outcome:
-    """The first program of a run, or why there is none. `outcome` is a plan that is known already. Raises `InvalidInput`."""
-    found = (
-        objective.plan(problem, limits)
-        if outcome is None
-        else objective.scheduled(problem, outcome, limits, None)
-    )
+def first(
+    problem: Problem, limits: Limits = Limits(), outcome: Outcome | None = None, store: str = ""
+) -> Ready | Outcome:
+    """The first program of a run, or why there is none. `outcome` is a plan that is known already. Raises `InvalidInput`.
+
+    What is learned of plans is kept in `store`, if one is given.
+    """
+    from engine.pipelines.execution.toplevel import made
+
+    found = made(problem, limits, store, outcome)
     if not isinstance(found.outcome, Found):
         return found.outcome
-    return ready(problem, found.outcome.plan, found.starts, 0)
+    return replace(ready(problem, found.outcome.plan, found.starts, 0), notes=found.notes)
 
 
 def again(

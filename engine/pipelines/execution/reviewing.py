@@ -10,9 +10,9 @@ from dataclasses import dataclass, replace
 from engine.model.cases import Revision
 from engine.model.outcome import Found
 from engine.pipelines import planning
-from engine.pipelines.execution.course import Course
 from engine.pipelines.execution.joining import Joined, ahead, joined, left_behind
 from engine.pipelines.execution.planned import SHORT, Ready, again, ready
+from engine.pipelines.execution.progress import Progress
 from engine.pipelines.execution.scope import Scope
 from engine.pipelines.simulation import Dynamics, WorldState
 from engine.pipelines.timetable import keeping, operators_of
@@ -47,7 +47,7 @@ class Better:
     why: str
 
 
-def reviewed(course: Course, scope: Scope, limits: Limits) -> Better | None:
+def reviewed(course: Progress, scope: Scope, limits: Limits) -> Better | None:
     """A better plan for what is left, with what is under way as it is; None if there is none."""
     now = course.driver.now_ms()
     present = prospect(course.compiled.program, course.standing, now)
@@ -123,7 +123,7 @@ def _open(program: Program, standing: Standing) -> list[int]:
     return sorted(found, key=lambda each: (program.activities[each].start_ms, order[each]))
 
 
-def _others(course: Course, scope: Scope, limits: Limits, late: bool) -> Iterator[Ready]:
+def _others(course: Progress, scope: Scope, limits: Limits, late: bool) -> Iterator[Ready]:
     """Other plans for what is left, from the world on that will be when what is under way has ended."""
     state, left, now = ahead(course), left_behind(course), course.driver.now_ms()
     if not left.steps:
@@ -138,7 +138,7 @@ def _others(course: Course, scope: Scope, limits: Limits, late: bool) -> Iterato
         return  # what is left has no schedule: the plan stays as it is
 
 
-def _taken_away(course: Course, scope: Scope, state: WorldState, limits: Limits) -> Plan | None:
+def _taken_away(course: Progress, scope: Scope, state: WorldState, limits: Limits) -> Plan | None:
     """A plan that first takes away what would stay too long; None if there is none."""
     waiting = sorted(course.standing.dwelling.items(), key=lambda each: (each[1], each[0].target))
     if not waiting:

@@ -6,12 +6,13 @@ from typing import Any
 from engine.model.execution import Finish, Order, Phase, RecordKind
 from engine.pipelines.execution.checkpoints import state_of
 from engine.pipelines.execution.compiling import Compiled
-from engine.pipelines.execution.course import EVERY, Course, Turn
+from engine.pipelines.execution.course import Course
 from engine.pipelines.execution.handling import ExceptionHandler, GivesUp
 from engine.pipelines.execution.hands import Ended
 from engine.pipelines.execution.orders import Given, Orders
 from engine.pipelines.execution.pauses import Refused, changed, merged
 from engine.pipelines.execution.planned import Ready
+from engine.pipelines.execution.progress import EVERY, Turn
 from engine.pipelines.execution.recorder import Recorder
 from engine.pipelines.execution.records import compiled_of, plan_entry, read_atom
 from engine.pipelines.execution.resuming import Past
@@ -48,6 +49,7 @@ class Execution:
     exceptions: int = 0
     forecast_ms: int = 0
     story: list[str] = field(default_factory=list)
+    added: bool = False  # whether a further command was given
 
     def start(self, ready: Ready, world: World, approve: bool = False) -> Finish:
         """Execute a first plan to the end of the run."""
@@ -55,6 +57,8 @@ class Execution:
         standing = standing_of(compiled.program, self.driver.now_ms(), 1)
         course = self._course(compiled, standing, world)
         self.forecast_ms = ready.compiled.program.forecast_ms
+        if ready.notes:
+            self.recorder.note(RecordKind.DECISION, what="the first plan", why="; ".join(ready.notes))
         course.plan_number = self.recorder.note(
             RecordKind.PLAN, **plan_entry(ready, "first", Scope(self.problem))
         ).number
@@ -62,6 +66,7 @@ class Execution:
 
     def resume(self, past: Past) -> Finish:
         """Go on with a run whose journal was read. What was under way is settled with the driver first."""
+        self.added = past.whole is not None
         self.forecast_ms, self.exceptions, self.steps = past.forecast_ms, past.exceptions, past.steps
         assert past.plan is not None
         compiled = self._queued(compiled_of(past.plan))
@@ -144,6 +149,7 @@ class Execution:
             "forecast_ms": self.forecast_ms,
             "exceptions": self.exceptions,
             "steps": self.steps,
+            "added": self.added,
         }
 
     def _approved(self, course: Course) -> bool:
@@ -235,6 +241,7 @@ class Execution:
             self.recorder.note(RecordKind.DECISION, what=f"{given.order.value} refused", why=str(error))
             return None
         if given.order is Order.ADD:
+            self.added = True
             self.problem = merged(self.problem, understand(handler.scope.problem, given.text))
         handler.scope = scope
         self.follow(course, scope, found.ready, given.order.value, found.standing)
