@@ -208,7 +208,9 @@ PARTS: dict[str, Callable[[int, int], Figures]] = {
 def main() -> int:
     """Run the parts asked for; 1 if an answer is wrong."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--part", nargs="*", choices=PARTS, default=[each for each in PARTS if each != "pegs"])
+    parser.add_argument(
+        "--part", nargs="*", choices=PARTS, default=[each for each in PARTS if each != "pegs"]
+    )
     parser.add_argument("--number", type=int, default=50)
     parser.add_argument("--first", type=int, default=0)
     parser.add_argument("--json", type=Path)

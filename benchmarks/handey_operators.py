@@ -6,10 +6,10 @@ import numpy as np
 
 from engine.kernels.arrays import Floats
 from engine.kernels.rigid import rotation, transform
+from engine.pipelines.placing.answers import Placed
 from engine.pipelines.placing.holding import Reach, with_hand
 from engine.pipelines.placing.looking import look
 from engine.pipelines.placing.placing import place
-from engine.pipelines.placing.answers import Placed
 from engine.pipelines.placing.site import Site
 from engine.pipelines.placing.watching import Act, Event, Jaws, Shifted, Watched
 from engine.pipelines.placing.ways import possible

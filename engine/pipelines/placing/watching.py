@@ -14,12 +14,21 @@ from typing import TypeAlias
 import numpy as np
 
 from engine.kernels.rigid import difference, inverse
+from engine.model.assembly import Contradiction
 from engine.model.geometry import Floats, Truths
 from engine.model.grasping import Regrasps
+from engine.model.vision import NotLocated
+from engine.pipelines.placing.answers import NotPlaced
+from engine.pipelines.placing.goals import goal_of
 from engine.pipelines.placing.holding import Holds
+from engine.pipelines.placing.looking import look
+from engine.pipelines.placing.placing import contradicted, likeliest, unseen
+from engine.pipelines.placing.room import no_room
 from engine.pipelines.placing.site import Site
 from engine.pipelines.placing.task import Task
 from engine.pipelines.placing.ways import possible, rests, serving, shortest
+from engine.stages.geometry.world.model import World
+from kb.model.scene import Scene
 
 NEAR_M, NEAR_RAD = 0.02, np.radians(10)  # how near to a grasp the hand holds the part
 THERE_M, THERE_RAD = 0.003, np.radians(1)
@@ -115,10 +124,13 @@ class Watched:
         if self.T_part_hand is None and _there(self.T_world_part, self.T_goal):
             return Forecast(Outlook.DONE)
         task = self.site.task(self.part, (self.T_world_part, self.T_goal), self.shifted)
+        if (crowded := no_room(task, self.T_goal)) is not None:
+            return Forecast(Outlook.IMPOSSIBLE, crowded.reason)
         goal = possible(task, self.T_goal)
         if not goal.any():
             return Forecast(
-                Outlook.IMPOSSIBLE, f"no grasp of {self.part} can be let go at its goal any more: it is closed"
+                Outlook.IMPOSSIBLE,
+                f"no grasp of {self.part} can be let go at its goal any more: it is closed",
             )
         return self._free(task, goal) if self.T_part_hand is None else self._held(task, self.T_part_hand)
 
@@ -159,6 +171,23 @@ def _regrasps(task: Task, ends: tuple[Truths, Truths], why: str) -> Forecast:
         count = len(found.then)
         return Forecast(Outlook.HARD, f"{why}; {count} regrasp{'s' if count > 1 else ''} would be needed")
     return Forecast(Outlook.IMPOSSIBLE, f"{why}, and no sequence of regrasps does")
+
+
+def begin(
+    scene: Scene, part: str, base: str, seed: int = 0, image: Floats | None = None
+) -> Watched | NotPlaced:
+    """The world before the first event: the part is found, and its goal known. Raises `InvalidInput` for unknown names."""
+    world = World.of(scene.cell)
+    goal = goal_of(scene, world, (part,), base)
+    if isinstance(goal, Contradiction):
+        return contradicted(goal)
+    looked = look(scene, world, (part,), seed, image)
+    sighting = looked.sightings[part]
+    if isinstance(sighting, NotLocated):
+        return unseen(part, sighting)
+    T_goal = world.pose("world", base) @ goal.poses[part]
+    T_start = likeliest(sighting, looked.T_world_camera, T_goal)
+    return Watched(Site.of(scene, world, looked, {part: T_start}), part, T_goal, T_start)
 
 
 def watched(state: Watched, events: Iterable[Event]) -> Iterator[tuple[Watched, Forecast | None]]:

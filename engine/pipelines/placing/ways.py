@@ -12,6 +12,7 @@ from engine.model.grasping import RegraspAnswer, Regrasps, Unplaceable
 from engine.pipelines.placing.answers import Carry, NotPlaced
 from engine.pipelines.placing.carrying import carried
 from engine.pipelines.placing.holding import BACK_M, Reach, with_hand
+from engine.pipelines.placing.room import no_room
 from engine.pipelines.placing.task import Task
 from engine.stages.grasping.placements import placements, volume_and_centre
 from engine.stages.grasping.regrasps import regrasps
@@ -66,7 +67,7 @@ def direct(task: Task, ends: Ends, near: Floats) -> Ways:
     answer: Ways = NotPlaced(
         "hold", f"no grasp of {task.part} serves both where it lies and at its goal", "regrasp it"
     )
-    for hold in islice(_most_vertical(task, start & goal), TRIED):
+    for hold in islice(most_vertical(task, start & goal), TRIED):
         found = carried(task, hold, (task.T_start, task.T_goal), near, "goal")
         if not isinstance(found, NotPlaced):
             return (found,)
@@ -75,7 +76,7 @@ def direct(task: Task, ends: Ends, near: Floats) -> Ways:
 
 
 def _no_hold(task: Task, ends: Ends) -> NotPlaced | None:
-    """What is said where an end has no hold at all."""
+    """What is said where an end has no hold at all, or the goal no room."""
     start, goal = ends
     if not start.any():
         hint = "remove what stands around it, or give the hand a wider opening"
@@ -83,10 +84,10 @@ def _no_hold(task: Task, ends: Ends) -> NotPlaced | None:
     if not goal.any():
         hint = "relate it so that two opposite faces stay free, or remove what stands at the goal"
         return NotPlaced("grasp", f"no grasp of {task.part} can be let go at its goal", hint)
-    return None
+    return no_room(task, task.T_goal)
 
 
-def _most_vertical(task: Task, which: Truths) -> Iterator[int]:
+def most_vertical(task: Task, which: Truths) -> Iterator[int]:
     """Holds, those first with which the hand comes most steeply from above."""
     down = (task.T_start[:3, :3] @ task.holds.poses[:, :3, 2].T)[2]
     order = np.argsort(np.round(down, 6), kind="stable")
