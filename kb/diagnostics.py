@@ -68,6 +68,7 @@ CODES = {
     "K419": "not enough memory",
     "K420": "not enough time",
     "K421": "a run that cannot be begun or told",
+    "K422": "a library that is damaged",
     "K425": "a controller that does not answer",
     "K501": "the plan does not execute",
     "K502": "the plan misses a goal",

@@ -144,13 +144,13 @@ def transaction(engine: Engine, where: str, writes: bool = False) -> Iterator[Co
     try:
         with engine.connect().execution_options(writes=writes) as connection, connection.begin():
             yield connection
-    except SQLAlchemyError as error:
+    except (SQLAlchemyError, UnicodeDecodeError) as error:
         cause = getattr(error, "orig", None) or error
         said = " ".join(str(cause).split())[:200]
         raise refusal(
             where,
             f"the library cannot be used: {said}",
-            "check that it is a library and that you may write it",
+            "check that it is a library and that you may write it; `cellwright store check` looks for damage",
         ) from error
 
 

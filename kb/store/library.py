@@ -178,11 +178,12 @@ class Library:
     def macrop(self, number: int) -> Macrop | None:
         """One MACROP by its number, without its uses."""
         with transaction(self._engine, self.target) as connection:
-            text = connection.scalar(select(macrops.c.document).where(macrops.c.id == number))
-        return self._parsed(number, text) if text is not None else None
+            own = select(macrops.c.document, macrops.c.fingerprint).where(macrops.c.id == number)
+            row = connection.execute(own).first()
+        return self._parsed(number, *row) if row is not None else None
 
     def _read(self, where: object) -> list[Stored]:
-        columns = (macrops.c.id, macrops.c.document, macrops.c.signature)
+        columns = (macrops.c.id, macrops.c.document, macrops.c.fingerprint, macrops.c.signature)
         figures = (usage.c.uses, usage.c.planning_s, usage.c.lookup_s)
         asked = select(*columns, *figures).outerjoin_from(macrops, usage).order_by(macrops.c.id)
         if where is not None:
@@ -195,16 +196,19 @@ class Library:
         self,
         number: int,
         text: str,
+        digest: str,
         signature: str,
         uses: int | None,
         planning_s: float | None,
         lookup_s: float | None,
     ) -> Stored:
-        macrop = self._parsed(number, text)
+        macrop = self._parsed(number, text, digest)
         return Stored(number, macrop, signature, uses or 0, planning_s or 0.0, lookup_s or 0.0)
 
-    def _parsed(self, number: int, text: str) -> Macrop:
+    def _parsed(self, number: int, text: str, digest: str) -> Macrop:
         try:
+            if fingerprint(text) != digest:
+                raise NotationError("it does not fit its fingerprint")
             return loads(text)
         except NotationError as error:
             hint = f"`cellwright macros forget {number}` removes it"

@@ -1,12 +1,32 @@
 """Opens a database of Cellwright. It is made if there is none, and updated if its schema is older."""
 
+import contextlib
 import sqlite3
+from collections.abc import Iterator
+from pathlib import Path
 
 from sqlalchemy import Engine
 from sqlalchemy.exc import SQLAlchemyError
 
+from kb.diagnostics import Diagnostic, InvalidInput
+from kb.files import is_file
 from kb.store.engines import connected, is_writable, lock_schema, refusal, transaction, write_ahead
 from kb.store.schema import CURRENT, NewerSchema, migrate, version_of
+
+_opened: dict[str, None] = {}
+
+
+def damage() -> tuple[Diagnostic, ...]:
+    """What is wrong in the libraries that this process has opened. It is asked for when something inexplicable happens."""
+    from kb.store.checking import checked
+
+    found = list[Diagnostic]()
+    for each in _opened:
+        try:
+            found += checked(each)[0]
+        except InvalidInput as error:
+            found += error.diagnostics
+    return tuple(found)
 
 
 def opened(target: str) -> Engine:
@@ -15,6 +35,7 @@ def opened(target: str) -> Engine:
     Raises `InvalidInput`.
     """
     engine = connected(target)
+    _opened[target] = None
     try:
         if is_writable(engine):
             _prepared(engine, target)
@@ -24,6 +45,22 @@ def opened(target: str) -> Engine:
         engine.dispose()
         raise
     return engine
+
+
+@contextlib.contextmanager
+def existing(store: str) -> Iterator[Engine]:
+    """The engine of a library that is there, as it is: nothing is made or brought up to date. Raises `InvalidInput`."""
+    engine = connected(store)
+    try:
+        if (
+            engine.dialect.name == "sqlite"
+            and is_writable(engine)
+            and not is_file(Path(engine.url.database or ""))
+        ):
+            raise refusal(store, "there is no library here", "`cellwright prepare` makes one")
+        yield engine
+    finally:
+        engine.dispose()
 
 
 def _require_current(engine: Engine, target: str) -> None:

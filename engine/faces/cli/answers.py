@@ -166,7 +166,15 @@ def _made(make: Callable[[], Answer]) -> Answer:
     except Exception as error:
         if os.environ.get("CELLWRIGHT_TRACEBACK"):
             raise
+        if found_damage := _damage():
+            return Answer("bad input", code=BAD_INPUT, diagnostics=found_damage)
         return Answer("internal error", {"error": f"{type(error).__name__}: {error}"}, code=INTERNAL)
+
+
+def _damage() -> "tuple[Diagnostic, ...]":
+    """What is wrong in the libraries that were opened: damage there explains what no reader could foresee."""
+    opening = sys.modules.get("kb.store.opening")
+    return opening.damage() if opening is not None else ()
 
 
 def _stopped(code: int) -> Answer:

@@ -48,6 +48,7 @@ VERBS = {
     "skip": "monitor:skip",
     "states": "states:states",
     "stop": "monitor:stop",
+    "store": "store:app",
     "test": "golden:golden_plans",
     "validate": "validate:validate",
 }
