@@ -59,6 +59,17 @@ def checked(store: str) -> tuple[list[Diagnostic], Rows]:
     return [Diagnostic(Source(store), CODE, each, HINT) for each in dict.fromkeys(found)], rows
 
 
+def damage(stores: Iterable[str]) -> tuple[Diagnostic, ...]:
+    """What is wrong in libraries that something inexplicable was read from."""
+    found = list[Diagnostic]()
+    for each in stores:
+        try:
+            found += checked(each)[0]
+        except InvalidInput as error:
+            found += error.diagnostics
+    return tuple(found)
+
+
 def _require_library(engine: Engine, store: str) -> None:
     with transaction(engine, store) as connection:
         version = version_of(connection)

@@ -8,7 +8,6 @@ from pathlib import Path
 from sqlalchemy import Engine
 from sqlalchemy.exc import SQLAlchemyError
 
-from kb.diagnostics import Diagnostic, InvalidInput
 from kb.files import is_file
 from kb.store.engines import connected, is_writable, lock_schema, refusal, transaction, write_ahead
 from kb.store.schema import CURRENT, NewerSchema, migrate, version_of
@@ -16,17 +15,9 @@ from kb.store.schema import CURRENT, NewerSchema, migrate, version_of
 _opened: dict[str, None] = {}
 
 
-def damage() -> tuple[Diagnostic, ...]:
-    """What is wrong in the libraries that this process has opened. It is asked for when something inexplicable happens."""
-    from kb.store.checking import checked
-
-    found = list[Diagnostic]()
-    for each in _opened:
-        try:
-            found += checked(each)[0]
-        except InvalidInput as error:
-            found += error.diagnostics
-    return tuple(found)
+def opened_so_far() -> tuple[str, ...]:
+    """The libraries that this process has opened."""
+    return tuple(_opened)
 
 
 def opened(target: str) -> Engine:

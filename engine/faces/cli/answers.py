@@ -173,8 +173,12 @@ def _made(make: Callable[[], Answer]) -> Answer:
 
 def _damage() -> "tuple[Diagnostic, ...]":
     """What is wrong in the libraries that were opened: damage there explains what no reader could foresee."""
-    opening = sys.modules.get("kb.store.opening")
-    return opening.damage() if opening is not None else ()
+    if "kb.store.opening" not in sys.modules:
+        return ()
+    from kb.store.checking import damage
+    from kb.store.opening import opened_so_far
+
+    return damage(opened_so_far())
 
 
 def _stopped(code: int) -> Answer:

@@ -109,7 +109,7 @@ def bugs(sound: Path, folder: Path, seeds: range) -> Iterator[str]:
 
 
 def test_damage_ends_with_diagnostics(sound: Path, tmp_path: Path) -> None:
-    assert list(bugs(sound, tmp_path, range(30))) == []
+    assert list(bugs(sound, tmp_path, range(15))) == []
 
 
 @pytest.mark.slow
