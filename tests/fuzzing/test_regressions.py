@@ -33,6 +33,8 @@ FOUND = {
         b'{"type": "send", "commands": [{"number": 1, "kind": "step", "stream": "a", "action": "b", "choices": 3}]}'
     ],
     "results json": [b'{"version": 1}', b"[" * 100_000],
+    "results qif": [b'<?xml version="1.0" encoding="UTF-nan"?><a/>'],
+    "OBJ": [b"f 1 2 3\n", b"v 0 0 0\nf 1 2 9\n", b"v 1e308 0 0\nv -1e308 0 0\nv 0 1 0\nf 1 2 3\n"],
     "results csv": [b"run,started,at_ms,of,quantity,value,unit,nominal,lower,upper,passed,tool,action\na\n"],
 }
 """By reader, inputs that once ended in an exception which no reader promises."""

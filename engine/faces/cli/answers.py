@@ -210,27 +210,28 @@ def _print(answer: Answer, form: Form) -> None:
 
         _write(json.envelope(answer.status, answer.content, answer.diagnostics) + "\n")
     elif answer.text is not None:
-        from rich.console import Console
+        from engine.faces.cli.terminal import console
 
-        Console().print(answer.text())
+        console().print(answer.text())
 
 
 def _write(text: str) -> None:
     """Write data as UTF-8, whatever the encoding of the terminal is."""
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(encoding="utf-8", errors="replace")
-    sys.stdout.write(text)
+    from kb.diagnostics import escaped
+
+    sys.stdout.write(escaped(text))
 
 
 def _report(answer: Answer) -> None:
     """Print diagnostics and failures on standard error."""
     if not answer.diagnostics and answer.code not in (INTERRUPTED, INTERNAL):
         return
-    from rich.console import Console
-
+    from engine.faces.cli import terminal
     from engine.formats.report.findings import diagnostics
 
-    console = Console(stderr=True, soft_wrap=True)
+    console = terminal.console(stderr=True, soft_wrap=True)
     if answer.diagnostics:
         console.print(diagnostics(answer.diagnostics))
     if answer.code == INTERRUPTED and answer.text is None:
