@@ -147,7 +147,7 @@ NOWHERE = Source("")
 
 def printable(text: str) -> str:
     """One line of text in which what would command the terminal is shown as `\\u001b`, line ends included."""
-    return escaped(text).replace("\n", "\\u000a")
+    return escaped(text.replace("\n", "\\u000a"))
 
 
 def escaped(text: str) -> str:
