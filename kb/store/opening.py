@@ -4,8 +4,9 @@ import contextlib
 import sqlite3
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
-from sqlalchemy import Engine
+from sqlalchemy import Engine, event
 from sqlalchemy.exc import SQLAlchemyError
 
 from kb.files import is_file
@@ -20,13 +21,28 @@ def opened_so_far() -> tuple[str, ...]:
     return tuple(_opened)
 
 
-def opened(target: str) -> Engine:
+def reading(target: str) -> Engine:
+    """The engine of a library that cannot be opened for writing, because the disk is full say. Raises `InvalidInput`."""
+    engine = connected(target, reads=True)
+    try:
+        _require_current(engine, target)
+    except BaseException:
+        engine.dispose()
+        raise
+    return engine
+
+
+def opened(target: str, durable: bool = False) -> Engine:
     """The engine of a database, given by a file or a URL, with all tables. A file that cannot be written is only read.
+
+    What is committed survives a loss of power if it is `durable`; if not, SQLite may lose the last commits, and nothing else.
 
     Raises `InvalidInput`.
     """
     engine = connected(target)
     _opened[target] = None
+    if durable and engine.dialect.name == "sqlite":
+        event.listen(engine, "connect", _sync_commits)
     try:
         if is_writable(engine):
             _prepared(engine, target)
@@ -52,6 +68,10 @@ def existing(store: str) -> Iterator[Engine]:
         yield engine
     finally:
         engine.dispose()
+
+
+def _sync_commits(raw: Any, _record: object) -> None:
+    raw.execute("PRAGMA synchronous = FULL")
 
 
 def _require_current(engine: Engine, target: str) -> None:

@@ -190,7 +190,7 @@ def _read_task(wanted: "PlanRequest") -> "PddlProblem | None":
 
 def _plan(wanted: PlanRequest, form: PlanForm, stats: bool, work: SearchOptions) -> Answer:
     from engine.faces.cli.interruption import Interruption
-    from engine.faces.cli.origin import planned
+    from engine.faces.cli.origin import losses, planned
     from engine.formats.report import json
     from engine.pipelines import objective as objectives
     from engine.pipelines import planning
@@ -227,6 +227,7 @@ def _plan(wanted: PlanRequest, form: PlanForm, stats: bool, work: SearchOptions)
         {**_document(run, problem, origin, stats), **_motions(moving)} if form is PlanForm.JSON else {},
         text=lambda: _text(run, problem, stats, origin, work.folded, moving),
         code=INTERRUPTED if interrupted.heard else exit_code(outcome),
+        diagnostics=losses(origin, work.store),
         raw=_ipc(outcome, task) if form is PlanForm.IPC else _picture(outcome, problem, form),
     )
 
