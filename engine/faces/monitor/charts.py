@@ -71,7 +71,7 @@ def run_chart(results: Sequence[dict[str, Any]]) -> str:
     low, high = low - 0.1 * room, high + 0.1 * room
 
     def y(value: float) -> float:
-        return 110 - 100 * (value - low) / (high - low)
+        return float(110 - 100 * (value - low) / (high - low))
 
     step = 360 / max(1, len(values) - 1)
     points = [(20 + n * step, y(value)) for n, value in enumerate(values)]

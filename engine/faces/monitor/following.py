@@ -12,6 +12,7 @@ from kb.diagnostics import Diagnostic, InvalidInput, Source, nearest
 from kb.store.journal import Begun, Journal, Line
 
 KEPT = 500  # records between two states that are kept for going back
+Content = dict[str, Any]
 LOG = 2000  # lines of the log that a page can show
 
 
@@ -39,39 +40,71 @@ class Watched(Standing):
         self.number = record.number
         self.story += [(record.number, line) for line in narrated(record)]
         del self.story[:-LOG]
-        content = dict(record.content)
-        match record.kind:
-            case RecordKind.PLAN:
-                self.plan = content
-                self.goals = {each: self.goals.get(each, "open") for each in content["goals"]}
-                self.goals |= dict(content["given_up"])
-            case RecordKind.COMMAND if content.get("asks"):
-                self.questions[content["command"]] = content
-            case RecordKind.REPLY:
-                self.questions.pop(content["command"], None)
-            case RecordKind.DONE:
-                self._become(content)
-                self.histories.append({**content, "ended_ms": record.at_ms})
-            case RecordKind.WORLD:
-                self._become(content)
-            case RecordKind.RESULT:
-                self.results.append({**content, "at_ms": record.at_ms})
-            case RecordKind.EXCEPTION | RecordKind.FINDING | RecordKind.DIAGNOSIS:
-                self.findings.append({**content, "kind": record.kind.value, "at_ms": record.at_ms})
-            case RecordKind.GOAL:
-                self.goals[content["goal"]] = "reached"
-            case RecordKind.GIVEN_UP:
-                self.goals[content["goal"]] = content["why"]
-            case RecordKind.END:
-                self.goals |= dict.fromkeys(content["goals"], "reached")
-            case _:
-                pass
+        if (move := MOVES.get(record.kind)) is not None:
+            move(self, dict(record.content), record)
 
-    def _become(self, content: dict[str, Any]) -> None:
+    def planned(self, content: Content, _: Record) -> None:
+        """Another plan."""
+        self.plan = content
+        self.goals = {each: self.goals.get(each, "open") for each in content["goals"]}
+        self.goals |= dict(content["given_up"])
+
+    def asked(self, content: Content, _: Record) -> None:
+        """A command was noted; some ask a person."""
+        if content.get("asks"):
+            self.questions[content["command"]] = content
+
+    def answered(self, content: Content, _: Record) -> None:
+        """A command was answered."""
+        self.questions.pop(content["command"], None)
+
+    def did(self, content: Content, record: Record) -> None:
+        """A step was done."""
+        self.become(content, record)
+        self.histories.append({**content, "ended_ms": record.at_ms})
+
+    def measured(self, content: Content, record: Record) -> None:
+        """A value was measured."""
+        self.results.append({**content, "at_ms": record.at_ms})
+
+    def found(self, content: Content, record: Record) -> None:
+        """An exception, or what was found out about it."""
+        self.findings.append({**content, "kind": record.kind.value, "at_ms": record.at_ms})
+
+    def reached(self, content: Content, _: Record) -> None:
+        """A goal was reached."""
+        self.goals[content["goal"]] = "reached"
+
+    def gave_up(self, content: Content, _: Record) -> None:
+        """A goal was given up."""
+        self.goals[content["goal"]] = content["why"]
+
+    def ended(self, content: Content, _: Record) -> None:
+        """The run ended."""
+        self.goals |= dict.fromkeys(content["goals"], "reached")
+
+    def become(self, content: Content, _: Record) -> None:
+        """The world model changed."""
         for each in content["ends"]:
             self.holds.pop(each, None)
         for each in content["adds"]:
             self.holds[each] = self.number
+
+
+MOVES = {
+    RecordKind.PLAN: Watched.planned,
+    RecordKind.COMMAND: Watched.asked,
+    RecordKind.REPLY: Watched.answered,
+    RecordKind.DONE: Watched.did,
+    RecordKind.WORLD: Watched.become,
+    RecordKind.RESULT: Watched.measured,
+    RecordKind.EXCEPTION: Watched.found,
+    RecordKind.FINDING: Watched.found,
+    RecordKind.DIAGNOSIS: Watched.found,
+    RecordKind.GOAL: Watched.reached,
+    RecordKind.GIVEN_UP: Watched.gave_up,
+    RecordKind.END: Watched.ended,
+}
 
 
 class Follower:

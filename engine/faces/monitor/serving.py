@@ -23,7 +23,6 @@ def application(shared: Shared, host: str, port: int) -> Door:
     """The monitor as an ASGI application."""
     made = FastAPI(docs_url=None, redoc_url=None, openapi_url=None)
 
-    @made.post("/orders")
     async def orders(request: Request) -> JSONResponse:
         try:
             asked = await request.json()
@@ -35,10 +34,11 @@ def application(shared: Shared, host: str, port: int) -> Door:
         status, said = await asyncio.to_thread(shared.order, key, asked)
         return JSONResponse(said, status)
 
-    @made.get("/events/{run:path}")
     async def events(run: str, after: int = 0) -> StreamingResponse:
         return StreamingResponse(_stream(shared, run, after), media_type="text/event-stream")
 
+    made.add_api_route("/orders", orders, methods=["POST"])
+    made.add_api_route("/events/{run:path}", events)
     build(shared)
     ui.run_with(made, title="Cellwright", favicon="🔧", dark=None, show_welcome_message=False)
     pages.config.socket_io_js_transports = [

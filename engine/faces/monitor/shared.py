@@ -9,7 +9,8 @@ from typing import Any
 from engine.faces.monitor.door import Once
 from engine.faces.monitor.following import Follower, runs_of
 from engine.pipelines.execution.channel import going_on, tell
-from engine.pipelines.planning import problem_of, situation_of
+from engine.pipelines.execution.compiling import situation_of
+from engine.pipelines.planning import problem_of
 from kb.diagnostics import InvalidInput
 from kb.store.journal import Begun
 

@@ -1,13 +1,14 @@
 """The views of a run. Each is made once for a page, and shows the run as it stands when it is told to."""
 
+from abc import ABC, abstractmethod
 from collections import defaultdict
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any
 
 from nicegui import ui
 
 from engine.faces.monitor.charts import gantt, run_chart
-from engine.faces.monitor.following import Follower, Watched
+from engine.faces.monitor.following import Watched
 from engine.formats.report import svg
 from engine.formats.report.execution import duration
 from engine.pipelines.execution.records import compiled_of
@@ -23,25 +24,31 @@ class Choice:
     step: str = ""
 
 
-class View(Protocol):
-    """A view of a run; `name` is what its tab says."""
+class View(ABC):
+    """A view of a run on a page; `name` is what its tab says."""
 
-    name: str
+    name = ""
 
-    def __init__(self, follower: Follower, choice: Choice) -> None: ...
+    def __init__(self, choice: Choice) -> None:
+        self.choice = choice
+        self.make()
 
+    @abstractmethod
+    def make(self) -> None:
+        """Make what is shown, still empty."""
+
+    @abstractmethod
     def show(self, run: Watched) -> None:
         """Show the run as it stands."""
-        ...
 
 
-class Now:
+class Now(View):
     """Devices and their current steps, all steps over time, the step that is chosen, goals, and what changed last."""
 
     name = "now"
 
-    def __init__(self, follower: Follower, choice: Choice) -> None:
-        self._choice = choice
+    def make(self) -> None:
+        """Make what is shown, still empty."""
         self._chart = ui.html("", sanitize=False).classes("w-full")
         with ui.row().classes("w-full items-start"):
             self._current = _table("device", "current step", "since")
@@ -51,13 +58,13 @@ class Now:
 
     def show(self, run: Watched) -> None:
         """Show the run as it stands."""
-        self._chart.set_content(gantt(run, run.now_ms, self._choice.step))
+        self._chart.set_content(gantt(run, run.now_ms, self.choice.step))
         current = [(stream, action, duration(since)) for stream, action, since, _ in run.under_way.values()]
         _fill(self._current, current)
         _fill(self._goals, sorted(run.goals.items()))
         self._chosen.clear()
         with self._chosen:
-            for line in told_of(run, self._choice.step):
+            for line in told_of(run, self.choice.step):
                 ui.label(line)
         self._log.clear()
         with self._log:
@@ -79,12 +86,13 @@ def told_of(run: Watched, step: str) -> list[str]:
     return [*lines, f"holds: {', '.join(found.get('resources', ())) or 'nothing'}"]
 
 
-class Partial:
+class Partial(View):
     """The plan as a partial order, as the command line draws it, each step in the colour of how it stands."""
 
     name = "plan"
 
-    def __init__(self, follower: Follower, choice: Choice) -> None:
+    def make(self) -> None:
+        """Make what is shown, still empty."""
         self._picture = ui.html("", sanitize=False)
         self._drawn: tuple[Any, ...] = ()
 
@@ -102,12 +110,13 @@ class Partial:
         self._picture.set_content(svg.plan(compiled_of(run.plan).plan, standing=standing))
 
 
-class World:
+class World(View):
     """The facts that hold, what changed last first, with a search."""
 
     name = "world"
 
-    def __init__(self, follower: Follower, choice: Choice) -> None:
+    def make(self) -> None:
+        """Make what is shown, still empty."""
         self._search = ui.input("search").props('clearable dense data-testid="search"')
         self._table = _table("fact", "since record")
         self._run: Watched | None = None
@@ -120,12 +129,13 @@ class World:
         _fill(self._table, [row for row in rows if asked in row[0]])
 
 
-class Diagnosis:
+class Diagnosis(View):
     """Each exception with its tests, the beliefs before each, and what was found."""
 
     name = "diagnosis"
 
-    def __init__(self, follower: Follower, choice: Choice) -> None:
+    def make(self) -> None:
+        """Make what is shown, still empty."""
         self._table = _table("at", "what", "of", "outcome", "belief")
 
     def show(self, run: Watched) -> None:
@@ -146,12 +156,13 @@ def _found(each: dict[str, Any]) -> tuple[str, ...]:
     )
 
 
-class Results:
+class Results(View):
     """What was measured beside its limits, and a run chart for each feature that was measured more than once."""
 
     name = "results"
 
-    def __init__(self, follower: Follower, choice: Choice) -> None:
+    def make(self) -> None:
+        """Make what is shown, still empty."""
         self._table = _table("of", "quantity", "value", "nominal", "from", "to", "", "at")
         self._charts = ui.row()
         self._drawn = -1
@@ -189,12 +200,13 @@ def _measured(each: dict[str, Any]) -> tuple[str, ...]:
     )
 
 
-class Objects:
+class Objects(View):
     """What was done to each object."""
 
     name = "objects"
 
-    def __init__(self, follower: Follower, choice: Choice) -> None:
+    def make(self) -> None:
+        """Make what is shown, still empty."""
         self._search = ui.input("object").props('clearable dense data-testid="object"')
         self._table = _table("from", "to", "step", "brought")
         self._run: Watched | None = None
@@ -216,12 +228,13 @@ class Objects:
         _fill(self._table, rows)
 
 
-class Log:
+class Log(View):
     """What the run tells, line by line."""
 
     name = "log"
 
-    def __init__(self, follower: Follower, choice: Choice) -> None:
+    def make(self) -> None:
+        """Make what is shown, still empty."""
         self._table = _table("record", "what")
 
     def show(self, run: Watched) -> None:
@@ -229,7 +242,7 @@ class Log:
         _fill(self._table, run.story[::-1])
 
 
-VIEWS = (Now, Partial, World, Diagnosis, Results, Objects, Log)
+VIEWS: tuple[type[View], ...] = (Now, Partial, World, Diagnosis, Results, Objects, Log)
 
 
 def _table(*columns: str) -> ui.table:
