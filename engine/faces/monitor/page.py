@@ -112,7 +112,7 @@ class RunPage:
         with ui.footer().classes("items-center q-py-none"):
             ui.label("record")
             self._slider = ui.slider(min=0, max=1, value=1, on_change=lambda: self.look(anew=True))
-            self._slider.classes("col").props('label aria-label="record" data-testid="slider"')
+            self._slider.classes("col").props('label color="white" aria-label="record" data-testid="slider"')
             self._live = ui.switch("live", value=True, on_change=lambda: self.look(anew=True))
             self._live.props('color="green" data-testid="live"')
             ui.button("exception", on_click=self._to_exception).props('dense data-testid="exception"')

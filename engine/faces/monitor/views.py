@@ -250,7 +250,7 @@ def _table(*columns: str) -> ui.table:
     named = [
         {"name": str(n), "label": each, "field": str(n), "align": "left"} for n, each in enumerate(columns)
     ]
-    return ui.table(columns=named, rows=[], row_key="key").props("dense flat")
+    return ui.table(columns=named, rows=[], row_key="key").props('dense flat no-data-label="none"')
 
 
 def _fill(table: ui.table, rows: Any) -> None:

@@ -1,0 +1,117 @@
+"""A run that is followed stands, at each of its records, as its records tell."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from engine.faces.monitor.charts import gantt, run_chart
+from engine.faces.monitor.following import KEPT, Follower, Watched, first_difference, record_of
+from kb.diagnostics import InvalidInput
+from kb.store.journal import Journal, Line
+
+PLAN = {
+    "why": "first", "forecast_ms": 20_000, "goals": ["hot(a)", "cold(b)"], "given_up": [["cold(b)", "no ice"]],
+    "steps": [
+        {"id": 1, "step": "pick(a)", "stream": "arm", "start_ms": 0, "lasts_ms": 8_000},
+        {"id": 2, "step": "heat(a)", "stream": "oven <b>", "start_ms": 8_000, "lasts_ms": 12_000, "after": [1]},
+    ],
+}  # fmt: skip
+STEP = {"command_kind": "step", "lasts_ms": 8_000}
+ASK = {"command": 3, "command_kind": "ask", "stream": "person", "action": "?", "asks": True, "lasts_ms": 0}
+LINES = [
+    Line(1, 0, "run", {}),
+    Line(2, 0, "plan", PLAN),
+    Line(3, 0, "command", {**STEP, "command": 1, "stream": "arm", "action": "pick(a)", "step": 1}),
+    Line(4, 9_000, "reply", {"command": 1, "text": "done"}),
+    Line(5, 9_000, "done", {"step": 1, "command": 1, "action": "pick(a)", "started_ms": 0, "adds": ["held(a)"], "ends": ["free"]}),
+    Line(6, 9_000, "result", {"command": 1, "action": "pick(a)", "result": "", "of": "a", "quantity": "mass", "value": 3.0}),
+    Line(7, 9_100, "command", ASK),
+    Line(8, 9_200, "exception", {"exception": "cold", "step": 2, "action": "heat(a)", "reply": "cold", "command": 2}),
+    Line(9, 9_300, "goal", {"goal": "hot(a)"}),
+]  # fmt: skip
+
+
+@pytest.fixture
+def journal(tmp_path: Path) -> Iterator[Journal]:
+    with Journal(str(tmp_path / "runs.db")) as made:
+        made.begin("monday", "2026-11-22", {})
+        yield made
+
+
+def test_a_run_stands_as_its_records_tell(journal: Journal) -> None:
+    journal.append("monday", LINES)
+    follower = Follower(journal.target, "monday", ["free", "at(a, table)"])
+    assert follower.refresh() == len(LINES)
+    run = follower.latest
+    assert run.holds == {"at(a, table)": 0, "held(a)": 5}
+    assert run.goals == {"hot(a)": "reached", "cold(b)": "no ice"}
+    assert list(run.questions) == [3]
+    assert [each["value"] for each in run.results] == [3.0]
+    assert {number: bar.standing for number, bar in run.bars.items()} == {1: "done", 2: "failed"}
+    assert follower.exceptions() == [8]
+
+
+def test_going_back_gives_what_was_then(journal: Journal) -> None:
+    many = [
+        Line(10 + n, 10_000 + n, "done", {
+            "step": 1, "command": 1, "action": "pick(a)", "started_ms": 0, "adds": [f"n({n})"], "ends": [f"n({n - 1})"],
+        })
+        for n in range(2 * KEPT)
+    ]  # fmt: skip
+    journal.append("monday", [*LINES, *many])
+    follower = Follower(journal.target, "monday")
+    follower.refresh()
+    for number in (0, 1, 9, KEPT - 1, KEPT, KEPT + 1, 2 * KEPT, len(follower.records)):
+        plain = Watched("monday")
+        for record in follower.records[:number]:
+            plain.take(record)
+        assert follower.at(number) == plain
+
+
+def test_what_comes_later_is_read_and_nothing_twice(journal: Journal) -> None:
+    follower = Follower(journal.target, "monday")
+    counts = []
+    for line in LINES:
+        journal.append("monday", [line])
+        counts.append(follower.refresh())
+    assert counts == [1] * len(LINES)
+    assert follower.refresh() == 0
+
+
+def test_an_unknown_run_is_told_with_the_name_that_was_meant(journal: Journal) -> None:
+    with pytest.raises(InvalidInput) as refused:
+        Follower(journal.target, "mondy")
+    assert refused.value.diagnostics[0].code == "K421"
+    assert "monday" in str(refused.value.diagnostics[0].hint)
+
+
+def test_the_first_difference_of_two_runs_is_found() -> None:
+    records = [record_of(line) for line in LINES]
+    other = [*records[:4], record_of(Line(5, 9_500, "done", {**LINES[4].content, "adds": []})), *records[5:]]
+    later = [record_of(Line(line.number, line.at_ms + 70, line.kind, line.content)) for line in LINES]
+    assert first_difference(records, later) == 0
+    assert first_difference(records, other) == 5
+    assert first_difference(records, records[:6]) == 7
+
+
+def test_pictures_show_steps_with_signs_and_escape_names(journal: Journal) -> None:
+    journal.append("monday", LINES)
+    follower = Follower(journal.target, "monday")
+    follower.refresh()
+    drawn = gantt(follower.latest, 9_300, "pick(a)")
+    assert "oven &lt;b&gt;" in drawn
+    assert "<b>" not in drawn
+    assert "✓" in drawn
+    assert "✗" in drawn
+    assert "now 9.3 s" in drawn
+    assert drawn.count('class="bar chosen"') == 1
+
+
+def test_a_run_chart_marks_what_failed_by_its_shape() -> None:
+    values = [
+        {"value": v, "lower": 1.0, "nominal": 2.0, "upper": 3.0, "passed": v <= 3.0} for v in (2.0, 4.0)
+    ]
+    drawn = run_chart(values)
+    assert drawn.count("<circle") == 1
+    assert drawn.count("<rect") == 1
