@@ -14,7 +14,7 @@ from kb.commands.mentions import Words
 from kb.commands.order import NoOrder, arrange
 from kb.commands.patterns import PREPOSITIONS, Slot, Word
 from kb.commands.phrasebook import PARTICLES, tree
-from kb.commands.phrases import Meaning, condition, meanings
+from kb.commands.phrases import Meaning, alone, condition, meanings
 from kb.commands.references import References, Unclear
 from kb.commands.times import in_order_of_time
 from kb.commands.undoing import Act
@@ -24,7 +24,7 @@ from kb.model.conditions import And, Condition, Literal
 from kb.model.domain import NUMERIC_TYPES, Domain, Kind
 from kb.model.problem import Chain, Problem
 from kb.syntax import LARGEST, unit_seconds
-from kb.terms import Function, Number, Term, Variable, substitute_atom
+from kb.terms import Atom, Function, Number, Term, Variable, substitute_atom, together
 
 MAX_LENGTH = 5_000
 MAX_ACTS = 5_000
@@ -164,16 +164,18 @@ class _Sentence:
         named: Sequence[Term],
     ) -> Act:
         bound = {Variable(variable): value for variable, value in bindings.items()}
-        literals = tuple(
-            Literal(substitute_atom(each.atom, bound), each.positive) for each in meaning.conditions
-        )
-        stages = tuple(each.atom for each in literals) if all(map(self._can_be_stage, literals)) else None
+        asked = [Literal(substitute_atom(each.atom, bound), each.positive) for each in meaning.conditions]
+        literals = tuple(part for each in asked for part in alone(each))
+        stages = self._stages(asked, meaning.is_stage)
         goal = [condition(each, self.domain) for each in literals]
         whole = goal[0] if len(goal) == 1 else And(tuple(goal))
         said = [Function(each.object) for each in self.vocabulary.named(clause.form.parts)]
         in_atoms = [] if named else [each for literal in literals for each in self._objects(literal.atom)]
         about = [*named, *said, *in_atoms]
-        subject = (named or said or _common_noun(clause) or in_atoms or [Function(literals[0].atom.name)])[0]
+        chosen = [bound[Variable(meaning.subject)]] if meaning.subject else []
+        subject = (
+            chosen or named or said or _common_noun(clause) or in_atoms or [Function(literals[0].atom.name)]
+        )[0]
         things = frozenset(about) - {subject}
         return Act(
             0,
@@ -188,11 +190,13 @@ class _Sentence:
             then=clause.then,
         )
 
-    def _can_be_stage(self, literal: Literal) -> bool:
-        return literal.positive and self.domain.predicates[literal.atom.name].kind in (
-            Kind.FLUENT,
-            Kind.EVENT,
-        )
+    def _stages(self, asked: Sequence[Literal], in_order: bool) -> tuple[Atom, ...] | None:
+        """The stages of an act: those of its phrase, or what its goals are together. None if it cannot be a stage."""
+        kinds = {self.domain.predicates[part.atom.name].kind for each in asked for part in alone(each)}
+        if not kinds <= {Kind.FLUENT, Kind.EVENT} or not all(each.positive for each in asked):
+            return None
+        atoms = tuple(each.atom for each in asked)
+        return atoms if in_order or len(atoms) == 1 else (together(atoms),)
 
     def _objects(self, term: Term) -> Iterator[Function]:
         """The objects in an atom, in order."""

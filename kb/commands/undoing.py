@@ -69,14 +69,14 @@ def undone(acts: Sequence[Act], apart: Apart, interrupted: Apart) -> Pairs:
 def _may_undo(acts: Sequence[Act], first: int, second: int) -> bool:
     """Whether two acts may be a pair. A stage of a phrase follows the other acts of its object anyway.
 
-    So it is one of a pair only if a clause between the two is about other objects alone.
+    So it is in a pair with one of them only if a clause between the two is about other objects alone.
     """
     one, other = acts[first], acts[second]
-    if not (one.must or other.must):
+    if not (one.must or other.must) or one.subject != other.subject:
         return True
     between = {act.clause for act in acts[first + 1 : second]} - {one.clause, other.clause}
     named = {act.clause for act in acts[first + 1 : second] if one.subject in (act.subject, *act.things)}
-    return one.subject == other.subject and bool(between - named)
+    return bool(between - named)
 
 
 @dataclass(frozen=True, slots=True)

@@ -26,12 +26,13 @@ from kb.model.statement import Statement
 from kb.plain_terms import plain_terms
 from kb.syntax.checks import ExpressionError, check_brackets, check_size
 from kb.syntax.explanations import explained
-from kb.terms import Function, Number, Operation, Term, Text, Variable, variables
+from kb.terms import Function, Number, Operation, Term, Text, Variable, together, variables
 
 __all__ = ["SECONDS", "STARTS", "ExpressionError", "Parsed", "ReadAggregate", "parse", "unit_seconds"]
 
 GRAMMAR = Path(__file__).with_name("expressions.lark")
-STARTS = ["header", "trigger", "conditions", "body", "clauses", "atoms", "atom", "term", "terms", "signature"]
+STARTS = ["header", "trigger", "conditions", "body", "clauses", "atoms", "stages", "atom", "term", "terms"]
+STARTS += ["signature"]
 SHORT = 1000  # characters
 LARGEST = 2**31 - 1  # clingo counts in 32 bits, and overflows silently
 SECONDS = {"ms": Fraction(1, 1000), "s": Fraction(1), "min": Fraction(60), "h": Fraction(3600)}
@@ -164,6 +165,12 @@ class _Reader(Transformer[Token, Any]):
     def atoms(self, *parts: Function) -> tuple[Function, ...]:
         return parts
 
+    def stage(self, *parts: Function) -> Function:
+        return parts[0] if len(parts) == 1 else together(parts)
+
+    def stages(self, *parts: Function) -> tuple[Function, ...]:
+        return parts
+
     def terms(self, *parts: Term) -> tuple[Term, ...]:
         return parts
 
@@ -220,7 +227,7 @@ def _literals(read: tuple[Any, ...]) -> tuple[Literal, ...]:
 
 
 _OF_TERMS: Mapping[str, Callable[[tuple[Any, ...]], Any]] = {
-    "atoms": tuple, "terms": tuple, "atom": _only, "term": _only, "conditions": _literals, "body": _literals,
+    "atoms": tuple, "stages": tuple, "terms": tuple, "atom": _only, "term": _only, "conditions": _literals, "body": _literals,
 }  # fmt: skip
 
 

@@ -26,7 +26,7 @@ def explained(error: UnexpectedInput, text: str, start: str) -> ExpressionError:
     expected = getattr(error, "accepts", None) or getattr(error, "expected", None) or ()
     readable = sorted(_READABLE[name] for name in expected if name in _READABLE)
     hint = _TOKEN_HINTS.get(":" if text[:offset].rstrip().endswith(":") else text[offset : offset + 1], "")
-    if start in ("atoms", "clauses") and re.search(r"\bnot\s+$", text[:offset]):
+    if start in ("atoms", "stages", "clauses") and re.search(r"\bnot\s+$", text[:offset]):
         hint = _NOT_HINT
     hint = hint or (f"expected {' or '.join(readable)}" if readable else _SHAPES[start])
     return ExpressionError(offset, said, hint)
@@ -37,6 +37,7 @@ _ATOMS, _CONDITIONS = (
     "atoms, such as at(Item, To), with commas between",
     "atoms and comparisons, such as not heavy(Item), X != Y",
 )
+_TOGETHER = "write ',' for and, '|' for or; only in stages `&` joins what is reached together"
 _SHAPES = {
     "header": "write name(Variable, ...)",
     "signature": "write name(type, ...)",
@@ -46,12 +47,13 @@ _SHAPES = {
     "terms": "names, variables and terms, with commas between",
     "clauses": "an atom and its constraints, such as at(Item, Other), Other != To",
     "atoms": _ATOMS,
+    "stages": "atoms, such as at(Item, To), with commas between; `&` between those that are reached together",
     "conditions": _CONDITIONS,
     "body": _CONDITIONS,
 }  # what each kind of expression looks like
 _CHARACTER_HINTS = {
     ".": "an expression does not end with a full stop; ranges such as p_1..4 are only allowed in lists of objects",
-    "&": "write ',' for and, '|' for or",
+    "&": _TOGETHER,
     "!": "write `not` before the atom",
     "-": "write `not` before the atom",
     "'": "write texts in double quotes",
@@ -60,6 +62,7 @@ _CHARACTER_HINTS = {
     "{": "write #count, #sum, #min or #max before a set",
 }
 _TOKEN_HINTS = {
+    "&": _TOGETHER,
     ";": "';' separates alternatives of `implies` and `denies`; elsewhere ',' means and",
     ":": "write rules in .lp files; `p(X) : q(X)` is a condition",
     "|": "write `a(X) | b(X)` between atoms of a condition",

@@ -18,7 +18,7 @@ def status(made: AssemblyMade) -> str:
 
 def text(made: AssemblyMade, base: str) -> str:
     """An answer for people."""
-    learned = [f"  {obstacle(each)}" for each in made.obstacles]
+    learned = list(dict.fromkeys(f"  {obstacle(each)}" for each in made.obstacles))
     why = ["geometry forbade:", *learned] if learned else []
     if not isinstance(made, Built):
         said = f"the parts are not assembled on {base}: {made.why.reason}"

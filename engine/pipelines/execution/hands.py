@@ -3,7 +3,8 @@
 from dataclasses import dataclass, replace
 
 from engine.model.execution import Command, Fate, Order, Phase, RecordKind, Trouble, TroubleKind
-from engine.pipelines.execution.course import LOST, TABLE, Course, Turn
+from engine.pipelines.execution.course import LOST, Course
+from engine.pipelines.execution.progress import Turn
 from engine.stages.execution.machine import TIMEOUT
 from kb.terms import Function
 
@@ -86,8 +87,7 @@ def _hear_orders(course: Course) -> None:
         if given.order in (Order.STOP, Order.ABORT):
             course.driver.halt()
             raise Ended(Turn(Phase.STOPPED, why="stopped by order"))
-        if given.order in TABLE:
-            course.pending.append(given)
+        course.pending.append(given)
 
 
 def _trouble(course: Course, trouble: Trouble) -> None:

@@ -32,7 +32,7 @@ def place(
     at = possible(task, T_start), possible(task, T_goal)
     near = world.configuration
     carries = direct(task, at, near)
-    if isinstance(carries, NotPlaced) and carries.step == "hold":
+    if isinstance(carries, NotPlaced) and carries.step in ("hold", "motion"):
         carries = regrasped(task, at, near)
     if isinstance(carries, NotPlaced):
         return carries, looked

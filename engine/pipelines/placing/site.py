@@ -39,8 +39,8 @@ class Site:
 
     @cached_property
     def solids(self) -> dict[str, Solid]:
-        """The surfaces of all bodies that have one."""
-        return {name: solid_of(body) for name, body in self.world.cell.bodies.items() if body.shapes}
+        """The surfaces of all bodies that have one, also of clutter."""
+        return {name: solid_of(body) for name, body in self.scene.cell.bodies.items() if body.shapes}
 
     @cached_property
     def unknown(self) -> Unknown:
@@ -67,9 +67,15 @@ class Site:
         others: Mapping[str, Floats] | None = None,
         absent: Collection[str] = (),
     ) -> Task:
-        """To move a part from one pose in the world to another, with other parts at poses, and without those that are absent."""
-        world = without(self.world, absent).put(part, "world", ends[0])
-        for name, T in (others or {}).items():
+        """To move a part from one pose in the world to another, with other bodies at poses, and without those that are absent.
+
+        Clutter that has a pose is known from then on.
+        """
+        world, others = without(self.world, absent), others or {}
+        met = {name: self.scene.cell.bodies[name] for name in others if name not in world.cell.bodies}
+        cell = replace(world.cell, bodies={**world.cell.bodies, **met})
+        world = replace(world, cell=cell).put(part, "world", ends[0])
+        for name, T in others.items():
             world = world.put(name, "world", T)
         table = table_pose(self.scene, self.world)
         cell = replace(world.cell, bodies={**world.cell.bodies, UNKNOWN: self.columns})

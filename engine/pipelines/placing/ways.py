@@ -1,17 +1,18 @@
 """Ways of a part from one pose to another: with one hold that serves both, or with regrasps on the free place."""
 
 from collections.abc import Iterator, Sequence
-from itertools import islice
+from itertools import islice, pairwise
 
 import numpy as np
 
 from engine.kernels.rigid import rotation, transform
 from engine.model.geometry import Floats, Truths
 from engine.model.grasping import Placement as Lying
-from engine.model.grasping import Regrasps
+from engine.model.grasping import RegraspAnswer, Regrasps, Unplaceable
 from engine.pipelines.placing.answers import Carry, NotPlaced
 from engine.pipelines.placing.carrying import carried
 from engine.pipelines.placing.holding import BACK_M, Reach, with_hand
+from engine.pipelines.placing.room import no_room
 from engine.pipelines.placing.task import Task
 from engine.stages.grasping.placements import placements, volume_and_centre
 from engine.stages.grasping.regrasps import regrasps
@@ -66,7 +67,7 @@ def direct(task: Task, ends: Ends, near: Floats) -> Ways:
     answer: Ways = NotPlaced(
         "hold", f"no grasp of {task.part} serves both where it lies and at its goal", "regrasp it"
     )
-    for hold in islice(_most_vertical(task, start & goal), TRIED):
+    for hold in islice(most_vertical(task, start & goal), TRIED):
         found = carried(task, hold, (task.T_start, task.T_goal), near, "goal")
         if not isinstance(found, NotPlaced):
             return (found,)
@@ -75,7 +76,7 @@ def direct(task: Task, ends: Ends, near: Floats) -> Ways:
 
 
 def _no_hold(task: Task, ends: Ends) -> NotPlaced | None:
-    """What is said where an end has no hold at all."""
+    """What is said where an end has no hold at all, or the goal no room."""
     start, goal = ends
     if not start.any():
         hint = "remove what stands around it, or give the hand a wider opening"
@@ -83,10 +84,10 @@ def _no_hold(task: Task, ends: Ends) -> NotPlaced | None:
     if not goal.any():
         hint = "relate it so that two opposite faces stay free, or remove what stands at the goal"
         return NotPlaced("grasp", f"no grasp of {task.part} can be let go at its goal", hint)
-    return None
+    return no_room(task, task.T_goal)
 
 
-def _most_vertical(task: Task, which: Truths) -> Iterator[int]:
+def most_vertical(task: Task, which: Truths) -> Iterator[int]:
     """Holds, those first with which the hand comes most steeply from above."""
     down = (task.T_start[:3, :3] @ task.holds.poses[:, :3, 2].T)[2]
     order = np.argsort(np.round(down, 6), kind="stable")
@@ -94,18 +95,38 @@ def _most_vertical(task: Task, which: Truths) -> Iterator[int]:
 
 
 def regrasped(task: Task, ends: Ends, near: Floats) -> Ways:
-    """The fewest carries over placements on the free place."""
+    """The fewest carries over placements on the free place, at least one of them.
+
+    Where the motions of a sequence are not found, the next one goes without the hold that could not be brought to its end.
+    """
     if (lacking := _no_hold(task, ends)) is not None:
         return lacking
     lying = list(rests(task))
-    useful = np.ones(len(ends[0]), dtype=bool)
-    table = np.array([_at_rest(task, T, useful) for _, T in lying]).T.reshape(len(useful), len(lying))
-    found = regrasps(*ends, table)
-    if not isinstance(found, Regrasps):
-        reason = f"of {len(found.needed)} grasps that serve the goal, none is reached by any sequence of placements"
-        hint = "give another free place as `table`, or relate the part otherwise"
-        return NotPlaced("regrasp", reason, hint)
-    return _carries(task, found, lying, near)
+    poses = [T for _, T in lying]
+    start, goal, table = ends[0], ends[1].copy(), serving(task, poses)
+    answer: NotPlaced | None = None
+    for _ in range(TRIED):
+        found = shortest(task, (start, goal), poses, table)
+        if not isinstance(found, Regrasps):
+            return answer or _unreached(found)
+        carries, answer = _carries(task, found, lying, near)
+        if answer is None:
+            return carries
+        hold, ban = ([found.first, *(n for _, n in found.then)][len(carries)], len(carries))
+        if ban < len(found.then):
+            table[hold, found.then[ban][0]] = False
+        else:
+            goal[hold] = False
+    assert answer is not None
+    return answer
+
+
+def _unreached(found: Unplaceable) -> NotPlaced:
+    reason = (
+        f"of {len(found.needed)} grasps that serve the goal, none is reached by any sequence of placements"
+    )
+    hint = "give another free place as `table`, or relate the part otherwise"
+    return NotPlaced("regrasp", reason, hint)
 
 
 def rests(task: Task) -> Iterator[tuple[Lying, Floats]]:
@@ -117,20 +138,42 @@ def rests(task: Task) -> Iterator[tuple[Lying, Floats]]:
             yield each, task.T_world_table @ T_table @ each.T_table_part
 
 
-def _at_rest(task: Task, T_world_part: Floats, which: Truths) -> Truths:
-    clear = task.holds.clear(task.obstacles(T_world_part), which, BACKS)
-    return reached(task, T_world_part, clear)
+def shortest(task: Task, ends: Ends, T_world_part: Sequence[Floats], table: Truths) -> RegraspAnswer:
+    """The fewest regrasps, at least one, over rests of the part at r poses; `table` (h, r) is what `serving` says of them.
+
+    Whether the arm reaches is asked only at the rests of a sequence that is free otherwise, and noted in the table. Until it is
+    asked, all count as reached. So no sequence of fewer rests is overlooked.
+    """
+    asked: set[int] = set()
+    while True:
+        found = regrasps(*ends, table, fewest=1)
+        new = {rest for rest, _ in found.then} - asked if isinstance(found, Regrasps) else set()
+        if not new:
+            return found
+        for rest in sorted(new):
+            table[:, rest] = reached(task, T_world_part[rest], table[:, rest])
+        asked |= new
 
 
-def _carries(task: Task, found: Regrasps, lying: Sequence[tuple[Lying, Floats]], near: Floats) -> Ways:
+def serving(task: Task, T_world_part: Sequence[Floats]) -> Truths:
+    """With which holds the hand meets nothing where the part lies at which of r poses (h, r)."""
+    every = np.ones(len(task.holds.poses), dtype=bool)
+    found = [task.holds.clear(task.obstacles(T), every, BACKS) for T in T_world_part]
+    return np.array(found, dtype=bool).reshape(len(found), len(every)).T
+
+
+def _carries(
+    task: Task, found: Regrasps, lying: Sequence[tuple[Lying, Floats]], near: Floats
+) -> tuple[tuple[Carry, ...], NotPlaced | None]:
+    """The carries of a sequence, and why there are not more of them, if so."""
     holds = [found.first, *(hold for _, hold in found.then)]
     poses = [task.T_start, *(lying[rest][1] for rest, _ in found.then), task.T_goal]
     names = [*(f"on {lying[rest][0].facet}" for rest, _ in found.then), "goal"]
-    carries = []
-    for hold, here, there, name in zip(holds, poses, poses[1:], names, strict=True):
+    carries: list[Carry] = []
+    for hold, (here, there), name in zip(holds, pairwise(poses), names, strict=True):
         one = carried(task, hold, (here, there), near, name)
         if isinstance(one, NotPlaced):
-            return one
+            return tuple(carries), one
         carries.append(one)
         near = one.legs[-1].path[-1]
-    return tuple(carries)
+    return tuple(carries), None

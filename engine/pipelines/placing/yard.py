@@ -12,6 +12,7 @@ import numpy as np
 
 from engine.model.geometry import Floats
 from engine.pipelines.placing.answers import Carry, NotPlaced
+from engine.pipelines.placing.room import no_room
 from engine.pipelines.placing.site import Site
 from engine.pipelines.placing.task import Task
 from engine.pipelines.placing.ways import direct, possible, regrasped, rests
@@ -111,6 +112,8 @@ class Yard:
     def _held(self, move: Move, others: Spots) -> bool:
         """Whether there are holds for both ends, and one for both if there is to be one grasp."""
         task = self._task(move, others)
+        if no_room(task, task.T_goal) is not None:
+            return False
         at = possible(task, task.T_start), possible(task, task.T_goal)
         if move.way is Way.DIRECT:
             return bool((at[0] & at[1]).any())
