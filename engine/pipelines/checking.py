@@ -69,12 +69,10 @@ def check(target: str, reach: bool = True) -> CheckReport:
         located = {place for each in problems for place in _located(each)}
         found += _checked_cell(cell, loaded.domain, reach, atoms, located)
         found += [each for each in _checked_frame(loaded.domain) if each not in found]
-    if loaded is not None and is_there(faults := Path(loaded.domain.path).with_name(FAULTS_FILE)):
-        paths.append(faults)
-        found += _checked_faults(Path(loaded.domain.path))
-    if loaded is not None and is_there(contacts := Path(loaded.domain.path).with_name(CONTACTS_FILE)):
-        paths.append(contacts)
-        found += _checked_contacts(Path(loaded.domain.path))
+    for name, checked in ((FAULTS_FILE, _checked_faults), (CONTACTS_FILE, _checked_contacts)):
+        if loaded is not None and is_there(beside := Path(loaded.domain.path).with_name(name)):
+            paths.append(beside)
+            found += checked(Path(loaded.domain.path))
     return CheckReport(tuple(map(str, paths)), in_order(found))
 
 

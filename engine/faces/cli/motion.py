@@ -122,18 +122,8 @@ def plan_motion(
         from engine.model.motion import Strategy
         from engine.pipelines.motion.moving import Wish
 
-        return Wish(
-            margin,
-            seed,
-            bridges,
-            Strategy(strategy.value),
-            direct,
-            tool,
-            not rest,
-            refine,
-            math.radians(upright),
-            budget,
-        )
+        way, tilt_rad = Strategy(strategy.value), math.radians(upright)
+        return Wish(margin, seed, bridges, way, direct, tool, not rest, refine, tilt_rad, budget)
 
     if problems is not None:
         from engine.faces.cli.motion_sets import replays

@@ -1,5 +1,6 @@
 """What a domain forgets, and what is wrong with initial states: told where it is so, and nowhere else."""
 
+import itertools
 from pathlib import Path
 
 import pytest
@@ -15,6 +16,13 @@ RULES = "fits(I, P) :- item(I), place(P).\nhome(bolt, table).\nhome(nut, bin).\n
 
 def codes(folder: Path, *changes: tuple[str, str], rules: str = RULES, problem: str = "") -> list[str]:
     """The codes that `check` tells of the cell with changes in its domain."""
+    return [each.code for each in told(folder, *changes, rules=rules, problem=problem)]
+
+
+def told(
+    folder: Path, *changes: tuple[str, str], rules: str = RULES, problem: str = ""
+) -> tuple[Diagnostic, ...]:
+    """What `check` tells of it."""
     text = (CELL / "domain.yaml").read_text("utf-8")
     for old, new in changes:
         assert old in text
@@ -24,7 +32,7 @@ def codes(folder: Path, *changes: tuple[str, str], rules: str = RULES, problem: 
     (folder / "rules.lp").write_text(rules, "utf-8")
     goals = problem or "goals:\n  - at(bolt, shelf)\n"
     (folder / "problems" / "p.yaml").write_text(f"problem: p\ndomain: workshop\n{goals}", "utf-8")
-    return [each.code for each in check(str(folder)).diagnostics]
+    return check(str(folder)).diagnostics
 
 
 def test_the_sound_cell_is_sound(tmp_path: Path) -> None:
@@ -59,6 +67,52 @@ def test_rules_for_names_that_are_almost_declared(tmp_path: Path, rules: str, fo
 )
 def test_initial_states(tmp_path: Path, problem: str, found: list[str]) -> None:
     assert codes(tmp_path, problem=problem) == found
+
+
+@pytest.mark.parametrize(("full", "other"), list(itertools.permutations(("table", "bin", "shelf"), 2)))
+def test_two_things_are_told_wherever_they_are_and_whatever_is_elsewhere(
+    full: str, other: str, tmp_path: Path
+) -> None:
+    third = ("item: [bolt, nut]", "item: [bolt, nut, pin]")
+    given = f"  - at(nut, {full})\n  - at(bolt, {full})\n  - at(pin, {other})\n"
+    problem = f"complete: true\ninitial:\n{given}goals:\n  - at(pin, {full})\n"
+    (found,) = told(tmp_path, third, problem=problem)
+    assert found.code == "K314"
+    assert f"but free({full}) allows only one of them" in found.message
+
+
+def test_a_place_that_nothing_needs_to_be_free_takes_several_things(tmp_path: Path) -> None:
+    both = "initial:\n  - at(nut, shelf)\n  - at(bolt, shelf)\ngoals:\n  - at(bolt, bin)\n"
+    assert "K314" not in codes(tmp_path, ("at(Item, From), free(To)", "at(Item, From)"), problem=both)
+
+
+NEEDY = (
+    "  move(Item",
+    "  call: {adds: alarm}\n  answer: {preconditions: alarm, deletes: alarm}\n"
+    "  oil(Item): {preconditions: oiled(Item), deletes: oiled(Item)}\n"
+    "  level(Place): {preconditions: zeroed(Place), deletes: zeroed(Place)}\n  move(Item",
+)
+MORE = ("  free(place): {}\n", "  free(place): {}\n  alarm: {}\n  oiled(item): {}\n  zeroed(place): {}\n")
+
+
+@pytest.mark.parametrize(
+    ("fact", "changes", "hint"),
+    [
+        ("free(bin)", (), "nothing is true of at(item, place): add such facts under `initial:`"),
+        ("at(nut, table)", (), "`cellwright explain` tells what is missing"),
+        (
+            "free(bin)",
+            (MORE, NEEDY),
+            "nothing is true of at(item, place), oiled(item), zeroed(place): add such facts under `initial:`",
+        ),
+    ],
+)
+def test_what_is_missing_at_the_start_is_named_and_nothing_else(
+    fact: str, changes: tuple[tuple[str, str], ...], hint: str, tmp_path: Path
+) -> None:
+    problem = f"complete: true\ninitial:\n  - {fact}\ngoals:\n  - at(bolt, bin)\n"
+    (found,) = [each for each in told(tmp_path, *changes, problem=problem) if each.code == "K313"]
+    assert found.hint == hint
 
 
 def test_two_things_with_one_home_are_told_wherever_they_begin(tmp_path: Path) -> None:

@@ -191,6 +191,22 @@ WIPE, POUR = step(1, "wipe(bolt)"), step(2, "pour(table)", 1)
             id="unordered steps hold different resources",
         ),
         pytest.param(
+            "tried, at(bolt, rack), at(nut, bin)", "at(bolt, table); at(nut, table)",
+            (
+                step(1, "light(red)"), step(2, "look(red)", 1),
+                step(3, "store(bolt, rack)", holds=("bolt",)), step(4, "move(nut, table, bin)", holds=ARM),
+            ),
+            {"at(I2, From1)"}, {"W <= M", "fits(I2, To1)", "most(P1, M)", "weight(I1, W)"},
+            {"From1 != To1", "I1 != I2", "I1 != arm"}, {"at(I1, P1)", "at(I2, To1)", "lit(L1)", "tried"},
+            id="unordered steps hold different resources, whichever steps come before them",
+        ),
+        pytest.param(
+            "at(bolt, rack), not at(bolt, table)", "at(bolt, table)",
+            (step(1, "store(bolt, rack)", holds=("bolt",)),),
+            set(), {"W <= M", "most(P1, M)", "weight(I1, W)"}, {"P1 != Value"}, {"at(I1, P1)"},
+            id="what a step makes false by a rule it does under the conditions of this rule",
+        ),
+        pytest.param(
             "lit(red), not lit(green)", "lit(green)", (step(1, "light(red)"), step(2, "douse(green)")),
             set(), set(), {"L1 != L2"}, {"lit(L1)"},
             id="unordered steps do not undo each other",
@@ -359,6 +375,18 @@ def test_a_plan_that_does_not_work_is_not_generalised() -> None:
     )
     assert "precondition of look(red) does not hold" in refused("tried", (step(1, "look(red)"),))
     assert "is about all instances" in refused("tried", (step(1, "free(bolt)"),))
+
+
+def test_a_condition_on_all_objects_is_not_generalised() -> None:
+    house = """domain: house
+types: {place: object}
+objects: {place: [table]}
+fluents: {"clean(place)": {}, tidy: {}}
+operators:
+  tidy_up: {preconditions: "clean(P) : place(P)", adds: tidy}
+"""
+    with pytest.raises(NotGeneral, match="a condition of tidy_up is about all objects"):
+        example(posed("tidy", ("clean(table)",), house), Plan((step(1, "tidy_up"),)))
 
 
 def test_a_plan_that_another_order_breaks_is_not_generalised() -> None:
