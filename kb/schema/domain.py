@@ -1,6 +1,6 @@
 """The form of `domain.yaml`."""
 
-from typing import Literal
+from typing import Literal, get_args
 
 from pydantic import Field
 from pydantic.config import JsonDict
@@ -162,6 +162,9 @@ _ROLES: JsonDict = {
 }
 
 
+ToolName = Literal["sequencer", "library", "planner", "scheduler", "diagnosis"]
+
+
 class DomainFile(Strict):
     """A `domain.yaml`: one kind of cell."""
 
@@ -207,6 +210,10 @@ class DomainFile(Strict):
         default_factory=dict,
         description="names that the engine knows: what this domain calls them, where it is another name",
         json_schema_extra={"properties": _ROLES, "additionalProperties": False},
+    )
+    tools: list[ToolName] = Field(
+        default_factory=lambda: list(get_args(ToolName)),
+        description="what a run plans with: of those that give the same, the first that serves; all of them if left out",
     )
     motion: MotionEntry | None = Field(
         None, description="how an arm moves between places: what durations call travel(From, To)"

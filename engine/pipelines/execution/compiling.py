@@ -38,11 +38,15 @@ class Compiled:
 
 @dataclass(frozen=True, slots=True)
 class Stay:
-    """What one step brings may stay for so many units of time until another takes it."""
+    """What one step brings may stay for so many units of time until another takes it.
+
+    What is there when the plan begins has the source 0, and `since_ms` on the run's clock.
+    """
 
     source: StepId
     target: StepId
     most: int
+    since_ms: int | None = None
 
 
 def unit_ms(domain: Domain) -> Fraction:
@@ -91,7 +95,9 @@ def compiled(
             rests=number in rests,
             process=bool(hands) and not hands.intersection(map(str, step.resources)),
         )
-    dwells = tuple(Dwell(int(s.source), int(s.target), int(s.most * unit)) for s in stays)
+    dwells = tuple(
+        dict.fromkeys(Dwell(int(s.source), int(s.target), int(s.most * unit), s.since_ms) for s in stays)
+    )
     return Compiled(Program(activities, dwells, timed), plan, changes, expects, results)
 
 
