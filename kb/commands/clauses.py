@@ -160,6 +160,9 @@ class Search:
         cost += match.cost + self.matcher.unfit(match) + (MOVED if match.form.moved else 0)
         for end, last, place in behind(self.said, match.end, earlier is None):
             then = joint.then or last
+            place = (
+                "" if then and place == "first" else place
+            )  # "then open the drawer first": before what follows
             clause = Clause(
                 match.form,
                 match.values,

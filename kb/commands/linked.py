@@ -1,6 +1,7 @@
 """How a sentence says an act that another one comes after or before: "heating probe 1", "probe 1 is heated", "you have heated it"."""
 
 from collections.abc import Collection, Iterable, Iterator
+from dataclasses import replace
 
 from kb.commands.matching import LEFT_OUT, Match, Matcher
 from kb.commands.mentions import Words
@@ -70,7 +71,11 @@ def _first(matcher: Matcher, place: int, form: Form) -> Iterator[tuple[int, Word
     """What can fill the first slot of a form from a place on."""
     slot = next((part for part in form.parts if isinstance(part, Slot)), None)
     if slot is not None:
-        yield from ((end, words) for end, words in matcher.slot(slot.type, place) if words.how != "omitted")
+        for end, words in matcher.slot(slot.type, place):
+            if words.how == "all" and len(words.pieces) == 1:
+                yield end, replace(words, how="pronoun")  # "once all are heated": all that were said
+            elif words.how != "omitted":
+                yield end, words
 
 
 def _verbs(said: Said, begin: int, verb: str) -> Iterator[int]:

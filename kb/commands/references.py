@@ -27,6 +27,7 @@ class References:
     def __init__(self, vocabulary: Vocabulary) -> None:
         self.vocabulary, self.domain, self.objects = vocabulary, vocabulary.domain, vocabulary.objects
         self.named: list[tuple[str, ...]] = []
+        self.each: set[tuple[str, ...]] = set()  # named by "each" or "every", so that "it" means each of them
 
     def resolve(self, words: Words, type_: str) -> tuple[Function, ...]:
         """The objects meant, each once, in natural order. Raises `Unclear`."""
@@ -38,6 +39,8 @@ class References:
                 raise Unclear(words.pieces[0].offset, said)
         if words.how not in ("pronoun", "omitted"):
             self.named.append(unique)
+            if words.pieces[0].lower in ("each", "every"):
+                self.each.add(unique)
         return tuple(map(Function, unique))
 
     def _meant(self, words: Words, type_: str) -> Sequence[str]:
@@ -113,7 +116,7 @@ class References:
             raise Unclear(offset, f"nothing before '{' '.join(said)}' is {self._article(type_)}", hint)
         last = fitting[-1]
         if said[0] in ("it", "this", "that"):
-            if len(last) > 1:
+            if len(last) > 1 and last not in self.each:
                 message = (
                     f"'{' '.join(said)}' means one object, but the last ones named were {', '.join(last)}"
                 )

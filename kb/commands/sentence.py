@@ -81,7 +81,13 @@ class _Sentence:
         if found:
             raise InvalidInput(found)
         asked = {each.offset: [*self._acts(each, values[each.offset])] for each in clauses}
-        in_time = in_order_of_time(clauses, _referred(clauses, asked))
+        try:
+            referred = _referred(clauses, asked)
+        except Unclear as error:
+            raise InvalidInput(
+                [Diagnostic(self.place(error.offset), "K603", error.message, error.hint)]
+            ) from None
+        in_time = in_order_of_time(clauses, referred)
         acts = [act for number, clause in enumerate(in_time) for act in _placed(number, clause, asked)]
         exclusion = Exclusion(self.domain, self.vocabulary.objects, self.facts)
         try:
@@ -233,7 +239,11 @@ def _referred(clauses: Sequence[Clause], asked: dict[int, list[Act]]) -> dict[in
             for act in asked[each.offset]
         }
         keys = [_key(act, clause.again) for act in asked[clause.offset]]
-        if all(key in known for key in keys):
+        lost = next((a for a, key in zip(asked[clause.offset], keys, strict=True) if key not in known), None)
+        if clause.again and lost is not None:
+            message = f"this is said in short, but nothing before says it whole for {lost.subject}"
+            raise Unclear(clause.offset, message, "say the act whole, with all that belongs to it")
+        if lost is None:
             asked[clause.offset] = [known[key][0] for key in keys]
             found[clause.offset] = frozenset(known[key][1] for key in keys)
     return found
@@ -246,6 +256,14 @@ def _key(act: Act, again: bool) -> object:
 
 def _placed(number: int, clause: Clause, asked: Mapping[int, Sequence[Act]]) -> Iterator[Act]:
     """The acts of a clause with their place in the order of time."""
-    waits = frozenset(act.literals for offset in clause.waits for act in asked[offset])
+    own = {act.subject for act in asked[clause.offset]}
+    groups = [asked[offset] for offset in sorted(clause.waits)]
+    alone = [{act.subject for act in group} <= own for group in groups]  # each object goes on by itself
     for act in asked[clause.offset]:
+        waits = frozenset(
+            other.literals
+            for group, each in zip(groups, alone, strict=True)
+            for other in group
+            if not each or other.subject == act.subject
+        )
         yield replace(act, clause=number, then=clause.then, waits=waits)

@@ -17,6 +17,7 @@ NAMED = 60  # visits that are named; of longer tours, the first and the last
 POINT = 3.0  # radius of a visit
 CHANGE = "#9a9fa8"  # ways on which the tool is changed
 FLAT = 0.5  # points lie in a plane if they spread across it less than this share of what they spread along it
+LETTER = 6.5  # pixels of a letter, on average
 UPRIGHT = 0.95  # the cosine of the steepest slope that is still seen from above
 
 
@@ -29,11 +30,13 @@ def picture(tour: Tour, problem: TourProblem) -> str | None:
     flat, seen_from = _flat(np.array(places, dtype=float))
     tools = colours(sorted({visit.tool for visit in visits}))
     head = MARGIN + LINE * (len(tools) + 3)
-    at, size = _fitted(flat, head)
+    caption = _caption(len(visits), seen_from, problem.closed)
+    at, (width, height) = _fitted(flat, head)
+    size = max(width, round(2 * MARGIN + LETTER * len(caption))), height
     ways = [*pairwise(range(len(at))), *([(len(at) - 1, 0)] if problem.closed and len(at) > 2 else [])]
     used = [visit.tool for visit in visits]
     body = [
-        *_legend(tools, used, seen_from, problem.closed),
+        *_legend(tools, used, caption),
         *(_way(at[a], at[b], tools[used[a]] if used[a] == used[b] else CHANGE) for a, b in ways),
         *(_visit(at[n], tools[visit.tool], n + 1, visit.name) for n, visit in enumerate(visits)),
         *_names(at, [visit.name for visit in visits], size),
@@ -85,7 +88,12 @@ def _opening(size: tuple[int, int]) -> Iterator[str]:
     yield f'<rect width="100%" height="100%" fill="{PAPER}"/>'
 
 
-def _legend(tools: Mapping[str, str], used: Sequence[str], seen_from: str, closed: bool) -> Iterator[str]:
+def _caption(count: int, seen_from: str, closed: bool) -> str:
+    hint = "" if count <= NAMED else "; names show when the pointer rests on a dot"
+    return f"{'a closed tour' if closed else 'an open tour'} of {count} visits, {seen_from}{hint}"
+
+
+def _legend(tools: Mapping[str, str], used: Sequence[str], caption: str) -> Iterator[str]:
     lines = [(tools[tool], f"{tool or 'visits'}: {used.count(tool)}") for tool in tools]
     if any(one != other for one, other in pairwise(used)):
         lines.append((CHANGE, "on the way to another tool"))
@@ -93,9 +101,7 @@ def _legend(tools: Mapping[str, str], used: Sequence[str], seen_from: str, close
         y = MARGIN + number * LINE
         yield f'<rect x="{MARGIN:g}" y="{y - 10:g}" width="11" height="11" fill="{colour}"/>'
         yield _text(said, MARGIN + 18, y)
-    hint = "" if len(used) <= NAMED else "; names show when the pointer rests on a dot"
-    shape = "a closed tour" if closed else "an open tour"
-    yield _text(f"{shape} of {len(used)} visits, {seen_from}{hint}", MARGIN, MARGIN + len(lines) * LINE)
+    yield _text(caption, MARGIN, MARGIN + len(lines) * LINE)
 
 
 def _way(start: tuple[float, float], end: tuple[float, float], colour: str) -> str:

@@ -115,6 +115,8 @@ def test_people_are_shown_types_for_slots() -> None:
         ('    - say: "put {B:box} on r2-d2"\n      goal: on(B, shelf)\n', "K601", 28, "'r2-d2' is not a word that a sentence can contain"),
         ('    - say: "put {B:box}"\n      goal: on(B, shelf\n', "K106", 15, "this bracket is never closed"),
         ('    - say: "weigh {B:box}"\n      stage: "not weighed(B, 5)"\n', "K107", 15, "a stage can only contain atoms"),
+        ('    - say: "put {B:box}"\n      stage: weighed(B, 5) & on(B, shelf)\n', "K108", 14, "an event is no state"),
+        ('    - say: "put {B:box}"\n      stage: on(B, shelf)\n      subject: C\n', "K105", 16, "'C' is no slot for an object"),
     ],
 )  # fmt: skip
 def test_a_wrong_phrase_is_reported_at_its_place(

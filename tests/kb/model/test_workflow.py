@@ -75,7 +75,7 @@ def test_what_holds_already_is_reached_at_once_however_many_chains_wait_for_it()
 
 
 def test_the_last_fluent_of_a_subject_lasts_and_no_event_does() -> None:
-    assert lasting(CHAINS, domain()) == {"second": SHUT}
+    assert lasting(CHAINS, domain()) == {"second": (SHUT,)}
     again = Chain("third", (BAKED,), after=("second",), subject=Function("tray"))
     assert lasting((*CHAINS, again), domain()) == {}
 

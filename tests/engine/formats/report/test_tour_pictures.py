@@ -91,3 +91,9 @@ def test_no_colour_is_used_twice(names: list[str]) -> None:
     assert list(made) == list(dict.fromkeys(names))
     assert len(set(made.values())) == len(made)
     assert all(re.fullmatch("#[0-9a-f]{6}", each) for each in made.values())
+
+
+def test_a_narrow_picture_is_as_wide_as_its_caption() -> None:
+    text = drawn([(0.0, 0.0), (0.0, 1.0), (0.0, 2.0)])
+    caption = next(line for line in re.findall(r">([^<>]+)</text>", text) if " tour of " in line)
+    assert float(ElementTree.fromstring(text).get("width", "")) >= 6 * len(caption)
