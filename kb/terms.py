@@ -87,6 +87,8 @@ class Function(_Hashed):
     def __str__(self) -> str:
         if not self.arguments:
             return self.name
+        if self.name == TOGETHER:
+            return " & ".join(map(str, self.arguments))
         return f"{self.name}({', '.join(map(str, self.arguments))})"
 
 
@@ -106,11 +108,26 @@ class Operation:
         return f"({self.left}{self.operator}{self.right})"
 
 
+TOGETHER = "&"  # the name of a stage of several fluents, which are its arguments
+
+
 Term = Number | Text | Variable | Function | Operation
 Atom = Function
 Substitution = Mapping[Variable, Term]
 
 ANYTHING = Variable("_")
+
+
+def together(atoms: Iterable[Atom]) -> Atom:
+    """The stage that several fluents reach together: `stored(tube) & capped(tube)`."""
+    return Function(TOGETHER, tuple(atoms))
+
+
+def parts_of(stage: Atom) -> tuple[Atom, ...]:
+    """The atoms of a stage: the stage itself, or those that are reached together."""
+    if stage.name != TOGETHER:
+        return (stage,)
+    return tuple(part for part in stage.arguments if isinstance(part, Function))
 
 
 def variables(term: Term) -> Iterator[Variable]:

@@ -36,9 +36,8 @@ def thinned(problem: Problem, statics: Named | None = None) -> Thinned:
     It is the same problem if there are no such objects, or if grounding has to report something. `statics` gives the
     evaluated static facts, if they are known already.
     """
-    free = free_objects(problem)
-    most = {type_: 1 + most_at_once(problem.domain, type_) for type_ in set(free.values())}
-    if all(count <= most[type_] for type_, count in Counter(free.values()).items()):
+    free, most = _plentiful(problem)
+    if not free:
         return Thinned(problem)
     named, state = _started(problem, statics)
     if state is None or any(True for _ in named(VIOLATED, 1)):
@@ -50,6 +49,17 @@ def thinned(problem: Problem, statics: Named | None = None) -> Thinned:
     spares = tuple(each[: most[free[each[0]]]] for each in classes)
     gone = frozenset(name for own, kept in zip(classes, spares, strict=True) for name in own[len(kept) :])
     return Thinned(_without(problem, gone, facts, state, named), gone, spares) if gone else Thinned(problem)
+
+
+def _plentiful(problem: Problem) -> tuple[dict[str, str], dict[str, int]]:
+    """The free objects, with their types, of which there are more than can matter at once; and how many that are, by type.
+
+    Objects of the other types all stay, so what a fact says about one of them ties nothing.
+    """
+    free = free_objects(problem)
+    most = {type_: 1 + most_at_once(problem.domain, type_) for type_ in set(free.values())}
+    counts = Counter(free.values())
+    return {name: type_ for name, type_ in free.items() if counts[type_] > most[type_]}, most
 
 
 def _started(problem: Problem, statics: Named | None) -> tuple[Named, tuple[Atom, ...] | None]:
