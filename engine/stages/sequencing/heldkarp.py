@@ -1,10 +1,11 @@
 """The bound of Held and Karp for many cities: the ascent sees few edges, and at last all edges are counted.
 
-Held & Karp 1970, 1971; steps as in Helsgaun 2000. An ascent over few edges can give a figure that is too
+Held & Karp 1970, 1971; steps as in Helsgaun 2000 and Barahona & Anbil 2000. An ascent over few edges can give a figure that is too
 high. So what is returned is always the weight of a tree of all edges under the penalties that were found. Its edges that
 were lacking are added, and the ascent goes on.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -19,7 +20,18 @@ if TYPE_CHECKING:
     from engine.stages.sequencing.kernels.graphs import Graph
 
 GRAIN = 64.0  # penalties are whole multiples of 1 / GRAIN
-ROUNDS = 4
+# Parts of the steps, in eighths, and the share of each at its beginning and its end. Before and after each, edges that are
+# lacking are added.
+ROUNDS = (
+    (0, 1.0, 1.0),
+    (2, 0.1, 0.02),
+    (2, 0.02, 0.004),
+    (2, 0.01, 0.001),
+    (2, 0.004, 0.0001),
+    (1, 0.001, 0.0001),
+)
+AT_ONCE = ((8, 0.1, 0.0001),)  # the parts for so many cities that nobody looks for lacking edges
+MEMORY = 0.97  # of the average, at each step
 STEPS, EFFORT = 4000, 1_500_000  # steps of the ascent: at most so many, or so many cities looked at
 DENSE = 12_000  # up to this number of cities all edges are counted one by one
 QUICK = 8_000  # up to this number of cities there is always a bound, soon after an interrupt
@@ -80,18 +92,18 @@ def bound(
     steps = max(20, min(STEPS, effort // n))
     places = n - opened
     penalty = _coarsely(edges, np.zeros(n), places, float(upper), steps, interrupted)
-    for _ in range(ROUNDS):
-        penalty = _climbed(edges, penalty, float(upper), steps, interrupted)
+    for part, *shares in ROUNDS if n <= DENSE or costs.metric is None else AT_ONCE:
+        penalty = _averaged(edges, penalty, float(upper), steps * part // 8, shares, interrupted)
         if interrupted() and (n > QUICK or np.isfinite(best)):
             break
         value, codes = _of_all(costs, penalty, edges)
         best = max(best, value)
         known = _codes(edges.first, edges.second, n)
         fresh = np.setdiff1d(codes, known)
-        if not len(fresh) or interrupted() or best > upper - 1:
+        if interrupted() or best > upper - 1:
             break
-        fresh = np.concatenate((fresh, _promising(costs, penalty)))
-        edges, steps = _edges(costs, np.concatenate((known, fresh))), max(20, steps // 3)
+        if len(fresh):
+            edges = _edges(costs, np.concatenate((known, fresh, _promising(costs, penalty))))
     return min(upper, int(np.ceil(best))) if np.isfinite(best) else 0
 
 
@@ -149,42 +161,63 @@ def _coarsely(
     return penalty
 
 
+def _averaged(
+    edges: _Edges,
+    penalty: Floats,
+    upper: float,
+    steps: int,
+    shares: Sequence[float],
+    interrupted: Interrupted,
+) -> Floats:
+    """The penalties (n,) of the best bound, by steps along an average of what the last trees say (Barahona & Anbil 2000).
+
+    A single tree says too much: from one step to the next its edges leap to and fro between clusters. A step is a share of
+    what is lacking to `upper` (Held & Karp 1971). It falls from the first of the `shares` to the last, as in annealing.
+    """
+    degree, kept, best = np.zeros(len(penalty), np.int32), penalty, -np.inf
+    average: Floats = np.zeros(len(penalty))
+    for share in np.geomspace(shares[0], shares[1], steps).tolist():
+        value = edges.weigh(penalty, degree)
+        turn = degree.astype(np.float64) - 2.0
+        if value > best:
+            best, kept = value, penalty
+        if not turn.any() or best > upper - 1 or interrupted():
+            break
+        average = MEMORY * average + (1 - MEMORY) * turn
+        square = float(np.cumsum(average * average)[-1])  # the same figure on every processor
+        size = min(share * (upper - value) / square, upper / len(penalty))
+        penalty = penalty + np.rint(GRAIN * size * average) / GRAIN
+    return kept
+
+
 def _climbed(
     edges: _Edges,
     penalty: Floats,
     upper: float,
     steps: int,
     interrupted: Interrupted,
-    size: float = 0.0,
-    cluster: Ints | None = None,
+    size: float,
+    cluster: Ints,
 ) -> Floats:
     """The penalties (n,) of the best bound, by periods of steps of one size (Helsgaun 2000).
 
-    The size is doubled while this helps at first. Then size and period are shortened again and again. The cities of a
-    `cluster` (n,) move together.
+    Size and period are shortened again and again. The cities of a `cluster` (n,) move together.
     """
     degree = np.zeros(len(penalty), np.int32)
     last: Floats = np.zeros(len(penalty))
-    kept, best, first, period = penalty, -np.inf, size == 0, max(10, steps // 3)
-    size = size or max(1.0 / GRAIN, upper / len(penalty) / 50)
+    kept, best, period = penalty, -np.inf, max(10, steps // 3)
     while period > 2 and size >= 0.5 / GRAIN:
-        for step in range(period):
+        for _ in range(period):
             value = edges.weigh(penalty, degree)
             turn = degree.astype(np.float64) - 2.0
             if value > best:
                 best, kept = value, penalty
-                size = 2 * size if first else size
-            elif first and step > period // 8:
-                first, size = False, 0.75 * size
             if not turn.any() or best > upper - 1 or interrupted():
                 return kept
-            if cluster is not None:
-                turn = np.asarray(np.bincount(cluster, turn), np.float64)[cluster]
-            turn = np.clip(turn, -STEEPEST, STEEPEST)
-            way = GRAIN * size * (0.7 * turn + 0.3 * last)
-            penalty = penalty + np.rint(way) / GRAIN
+            turn = np.clip(np.asarray(np.bincount(cluster, turn), np.float64)[cluster], -STEEPEST, STEEPEST)
+            penalty = penalty + np.rint(GRAIN * size * (0.7 * turn + 0.3 * last)) / GRAIN
             last = turn
-        period, size, first, penalty = period * 2 // 3, size / 2, False, kept
+        period, size, penalty = period * 2 // 3, size / 2, kept
     return kept
 
 

@@ -234,11 +234,12 @@ class Plain:
         return np.array([_odd(a, b, (p / self.metres - origin) @ axes) for p in points], bool)
 
     def on_round(self, face: Any, points: Floats) -> NDArray[np.bool_]:
-        """Whether points (metres) lie on the material of a cylinder or a cone: a ray runs along its straight lines, and
-        away from its tip."""
+        """Whether points (metres) lie on the material of a cylinder or a cone: they lie on its surface, and a ray that runs
+        along its straight lines, away from its tip, crosses an odd number of edges."""
         core = self.surface(face)
         origin, z = numbers(core, "Axis/AxisPoint"), numbers(core, "Axis/Direction")
-        radii = [float(core.findtext(f"Diameter{name}", "0")) for name in ("Bottom", "Top")]
+        same = core.findtext("Diameter", "0")
+        radii = [float(core.findtext(f"Diameter{name}", same)) / 2 for name in ("Bottom", "Top")]
         away = -1 if radii[0] > radii[1] else 1
         x = np.array([0.8312, 0.4711, -0.2953])
         x = x - (x @ z) * z
@@ -255,7 +256,9 @@ class Plain:
         for p in points / self.metres - origin:
             at = np.arctan2(p @ y, p @ x) + 1.7e-5
             crossed = sum(_above(start, stop, at + 2 * np.pi * turn, p @ z * away) for turn in range(-2, 3))
-            found.append(crossed % 2 == 1)
+            slope = (radii[1] - radii[0]) / float(core.findtext("Length", "1"))
+            away_from_axis = np.hypot(p @ x, p @ y) - radii[0] - slope * (p @ z)
+            found.append(crossed % 2 == 1 and abs(away_from_axis) < 1e-6)
         return np.array(found)
 
     def on_feature(self, feature: str, points: Floats) -> NDArray[np.bool_]:
