@@ -18,6 +18,7 @@ USAGE: Any = typer.BadParameter.__base__  # a wrong command line; typer has no p
 VERBS = {
     "abort": "monitor:abort",
     "add": "monitor:add",
+    "answer": "monitor:answer",
     "approve": "monitor:approve",
     "back": "monitor:back",
     "cell": "cell:app",
