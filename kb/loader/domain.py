@@ -77,5 +77,6 @@ def _phrases(reader: Reader) -> list[Phrase]:
                 node.where, "K005", "a phrase needs either a goal or a stage", "give exactly one of them"
             )
         where = node.value["say"][1].where
-        found.append(Phrase(value["say"], value.get("goal", ""), value.get("stage", ""), where))
+        goal, stage, subject = (value.get(key, "") for key in ("goal", "stage", "subject"))
+        found.append(Phrase(value["say"], goal, stage, subject, where))
     return found

@@ -176,11 +176,15 @@ class Rule:
 
 @dataclass(frozen=True, slots=True)
 class Phrase:
-    """A sentence pattern and the stage or goal that it stands for. The command grammar reads patterns."""
+    """A sentence pattern and the stage or goal that it stands for. The command grammar reads patterns.
+
+    `subject` is the slot whose object the act is about; empty: the first in the pattern.
+    """
 
     say: str
     goal: str = ""
     stage: str = ""
+    subject: str = ""
     where: Source = field(default=NOWHERE, compare=False)
 
 

@@ -136,7 +136,12 @@ class PhraseEntry(Strict):
 
     say: str = Field(description="words, {Variable:type}, (either|or), [optional]")
     goal: Expression | None = Field(None, description="the goal, if the order does not matter")
-    stage: Expression | None = Field(None, description="a stage of a workflow")
+    stage: Expression | None = Field(
+        None, description="a stage of a workflow, or several; `&` between what is reached together"
+    )
+    subject: str | None = Field(
+        None, description="the slot whose object the act is about; without it, the first slot in the pattern"
+    )
 
 
 class CommandsEntry(Strict):

@@ -4,6 +4,7 @@ from collections.abc import Mapping
 
 from engine.pipelines.controllers.link import Patience, Place
 from kb.diagnostics import Diagnostic, InvalidInput, Source
+from kb.numbers import is_count
 
 HINT = "give --option command='PROGRAM ...' or --option address=HOST:PORT"
 SETTINGS = ("command", "address", "begin", "answer", "heartbeat", "reconnect")
@@ -17,7 +18,7 @@ def place_of(options: Mapping[str, str]) -> Place:
         raise InvalidInput([Diagnostic(Source("--option"), "K406", said, f"one of {', '.join(SETTINGS)}")])
     command, address = options.get("command", ""), options.get("address", "")
     host, _, port = address.rpartition(":")
-    if bool(command) == bool(address) or (address and not (host and port.isdecimal() and int(port) < 65536)):
+    if bool(command) == bool(address) or (address and not (host and is_count(port) and int(port) < 65536)):
         raise InvalidInput([Diagnostic(Source("--option"), "K409", "where is the controller?", HINT)])
     return Place(command, host, int(port or 0))
 

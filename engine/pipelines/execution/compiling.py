@@ -15,7 +15,7 @@ from kb.model.plan import Plan, Step, StepId
 from kb.model.problem import Problem
 from kb.model.workflow import reaches
 from kb.syntax import SECONDS
-from kb.terms import Atom, Function, Term, substitute
+from kb.terms import Atom, Function, Term, parts_of, substitute
 
 PATIENCE = 2  # a reply may take so many times the forecast
 GRACE_MS = 30_000  # and so much longer
@@ -131,7 +131,7 @@ def resting(
         return any(mentions(atom, hand) for hand in hands) and any(mentions(atom, each) for each in things)
 
     goals = [part.atom for part in goal_parts(problem.goal) if isinstance(part, Literal) and part.positive]
-    goals += [stage for chain in problem.chains for stage in chain.stages]
+    goals += [part for chain in problem.chains for stage in chain.stages for part in parts_of(stage)]
     holding = {atom for atom in here.state if held(atom)}
     found = set()
     for step in steps:
