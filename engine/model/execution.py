@@ -136,6 +136,7 @@ class Order(StrEnum):
     ABORT = "abort"  # at a pause: end the run
     ADD = "add"  # a further command in words, merged without touching the steps that have begun
     APPROVE = "approve"
+    ANSWER = "answer"  # what a person was asked: an outcome of a question, or that a step is done by hand
 
 
 class RecordKind(StrEnum):

@@ -16,6 +16,12 @@ Step = Annotated[
 Facts = Annotated[
     str, typer.Argument(metavar="FACTS", help="facts, separated by ;, with a - before those that do not hold")
 ]
+Said = Annotated[
+    str,
+    typer.Argument(
+        metavar="[ANSWER]", help="an outcome that the question allows, or a step; else the only open one"
+    ),
+]
 Where = Annotated[str, typer.Option("--store", help="the journal of RUN, if runs in several have its name")]
 Words = Annotated[
     str, typer.Argument(metavar="COMMAND", help="a further command, in the words of the domain")
@@ -65,6 +71,11 @@ def back(run: RunName, step: Step, store: Where = "", format: Format = Form.TEXT
 def correct(run: RunName, facts: Facts, store: Where = "", format: Format = Form.TEXT) -> None:
     """At a pause of RUN, correct what it holds for true, and have it plan on from there."""
     _tell(run, "correct", facts, "takes note", store, format)
+
+
+def answer(run: RunName, text: Said = "", store: Where = "", format: Format = Form.TEXT) -> None:
+    """Answer what RUN asks a person: one of the outcomes of a question, or a step that was done by hand."""
+    _tell(run, "answer", text, "hears it", store, format)
 
 
 def add(run: RunName, command: Words, store: Where = "", format: Format = Form.TEXT) -> None:

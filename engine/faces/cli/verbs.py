@@ -19,6 +19,7 @@ USAGE: Any = typer.BadParameter.__base__  # a wrong command line; typer has no p
 VERBS = {
     "abort": "orders:abort",
     "add": "orders:add",
+    "answer": "orders:answer",
     "approve": "orders:approve",
     "back": "orders:back",
     "cell": "cell:app",

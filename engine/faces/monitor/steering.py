@@ -17,6 +17,7 @@ WORDED = {  # what is asked for
     "back": ("Go back", "step to go back to, by its number"),
     "correct": ("Correct", "facts, separated by ;, with a - before those that do not hold"),
     "add": ("Add", "a further command, in the words of the domain"),
+    "answer": ("Answer", "an outcome that the question allows, or a step; empty for the only open one"),
 }
 SURE = ("abort",)
 

@@ -108,10 +108,26 @@ class Course(Progress):
             self.take(event)
             if before is not self.standing.phase:
                 self.recorder.note(RecordKind.PHASE, phase=self.standing.phase.value, why=given.order.value)
+        elif given.order is Order.ANSWER:
+            self._answered(given)
         elif self.standing.phase in (Phase.QUIESCING, Phase.HANDLING):
             self.pending.append(given)  # first it has to be found out what went wrong
         elif given.order is not Order.APPROVE:
             self.turn = Turn(self.standing.phase, given=given)
+
+    def _answered(self, given: Given) -> None:
+        """Take a step for a person for done that a person has confirmed; the answer names the step if several are open."""
+        asked = {n: each for n, r in self.standing.running.items() if (each := self._activity(r)).asks}
+        named = [n for n, each in asked.items() if given.text.strip() in (str(n), each.action)]
+        if len(found := named or (list(asked) if not given.text.strip() else [])) != 1:
+            open_ = ", ".join(each.action for each in asked.values()) or "nothing"
+            self.recorder.note(RecordKind.DECISION, what="answer refused", why=f"a person is asked: {open_}")
+            return
+        self.recorder.note(RecordKind.REPLY, command=found[0], text="done", data={})
+        self.take(executive.Replied(found[0]))
+
+    def _activity(self, running: executive.Running) -> executive.Activity:
+        return self.compiled.program.activities[running.activity]
 
     def take(self, event: executive.Event) -> None:
         """Take an event through the table, and do what comes of it."""

@@ -67,7 +67,8 @@ def _awaited(course: Course, command: Command) -> str:
     """The reply to a command that was sent; `timeout` if none comes in time. Raises `Ended`."""
     due = None if command.timeout_ms is None else course.driver.now_ms() + command.timeout_ms
     while True:
-        _hear_orders(course)
+        if (said := _hear_orders(course, command)) is not None:
+            return said
         times = [each for each in (due, course.orders.next_ms()) if each is not None]
         for message in course.driver.receive(min(times, default=None)):
             if isinstance(message, Trouble):
@@ -81,13 +82,22 @@ def _awaited(course: Course, command: Command) -> str:
             return TIMEOUT
 
 
-def _hear_orders(course: Course) -> None:
+def _hear_orders(course: Course, command: Command) -> str | None:
+    """What a person answers to a command that asks one; None if nobody has answered. Raises `Ended`."""
     for given in course.orders.due(course.driver.now_ms()):
         course.recorder.note(RecordKind.ORDER, **given.content())
         if given.order in (Order.STOP, Order.ABORT):
             course.driver.halt()
             raise Ended(Turn(Phase.STOPPED, why="stopped by order"))
-        course.pending.append(given)
+        if given.order is not Order.ANSWER:
+            course.pending.append(given)
+        elif command.asks and given.text in command.choices:
+            course.recorder.note(RecordKind.REPLY, command=command.number, text=given.text, data={})
+            return given.text
+        else:
+            choices = ", ".join(command.choices) if command.asks else "no person is asked now"
+            course.recorder.note(RecordKind.DECISION, what="answer refused", why=f"it is none of: {choices}")
+    return None
 
 
 def _trouble(course: Course, trouble: Trouble) -> None:

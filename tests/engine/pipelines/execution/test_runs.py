@@ -123,3 +123,23 @@ def test_a_device_with_a_queue_gets_commands_ahead_and_takes_no_longer() -> None
     kinds = {each.content["command_kind"] for each in of(records, RecordKind.COMMAND)}
     assert {"wait", "continue"} <= kinds
     assert (ending.outcome, ending.makespan_ms) == ("reached", ready.makespan * 1000)
+
+
+def test_a_person_answers_before_the_cell_does() -> None:
+    fault = [Injection("heat(probe_1, slot(furnace, 1), 900)", "furnace_off")]
+    _, records, _ = executed("themse/one", fault)
+    asked = next(each for each in of(records, RecordKind.COMMAND) if each.content["asks"])
+    orders = [
+        (asked.at_ms + 500, Given(Order.ANSWER, "dance")),
+        (asked.at_ms + 1_000, Given(Order.ANSWER, "cured")),
+    ]
+    ending, records, _ = executed("themse/one", fault, orders=Timed(orders))
+    replies = [
+        each for each in of(records, RecordKind.REPLY) if each.content["command"] == asked.content["command"]
+    ]
+    assert (replies[0].at_ms, replies[0].content["text"]) == (asked.at_ms + 1_000, "cured")
+    assert "answer refused" in [each.content["what"] for each in of(records, RecordKind.DECISION)]
+    assert ending.outcome in (
+        "reached",
+        "stopped",
+    )  # the cell itself is put right only when the person has done it
