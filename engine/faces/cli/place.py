@@ -24,6 +24,13 @@ def place(
     base: Annotated[str, typer.Argument(metavar="PART", help="the body that it is placed on")],
     scene: SceneName,
     image: Image = None,
+    again: Annotated[
+        Path | None,
+        typer.Option(
+            "--again",
+            help="a depth image taken just before the part is grasped: what has moved since is planned anew",
+        ),
+    ] = None,
     seed: Seed = 0,
     format: Format = Form.TEXT,
     output: Annotated[
@@ -34,21 +41,28 @@ def place(
     """Place a part ON another one, as the relations of a scene say: find it, grasp it, and plan all motions."""
     if on.lower() != "on":
         raise typer.BadParameter(f"write: place {part} on {base}", param_hint="ON")
-    give(lambda: _placed(part, base, scene, image, seed, output), format)
+    give(lambda: _placed(part, base, scene, (image, again), seed, output), format)
 
 
-def _placed(part: str, base: str, scene: str, image: Path | None, seed: int, output: Path | None) -> Answer:
+def _placed(
+    part: str, base: str, scene: str, images: tuple[Path | None, Path | None], seed: int, output: Path | None
+) -> Answer:
     from rich.text import Text
 
     from engine.formats.interop.depth_files import read_depth
     from engine.formats.report import placing as report
     from engine.pipelines.placing import looking, placing
+    from engine.pipelines.placing.answers import Placed
     from kb.loader.scene import load_scene
 
     read = load_scene(scene_file(scene))
-    given = read_depth(image, looking.camera_of(read)) if image else None
+    given, later = (read_depth(each, looking.camera_of(read)) if each else None for each in images)
     found, looked = placing.place(read, part, base, seed, given)
-    status, said = report.status(found), report.text(found, part, base)
+    before = ""
+    if later is not None and isinstance(found, Placed):
+        since = placing.again(read, part, base, found, later)
+        found, looked, before = since.answer, since.looked, report.since(since, part)
+    status, said = report.status(found), before + report.text(found, part, base)
     if output is not None and looked is not None:
         output.mkdir(parents=True, exist_ok=True)
         drawn = output / "depth.png"
