@@ -66,6 +66,8 @@ def macrop_of(found: Mapping[str, Any]) -> Macrop:
     """The MACROP that a document describes. Raises `NotationError` if the document is not a MACROP."""
     try:
         return _read(found)
+    except RecursionError:
+        raise NotationError("not a MACROP: nested too deeply") from None
     except (KeyError, TypeError, AttributeError, ValueError) as error:
         if isinstance(error, NotationError):
             raise
@@ -130,7 +132,7 @@ def loads(text: str) -> Macrop:
     """The MACROP in a JSON text. Raises `NotationError`."""
     try:
         found = json.loads(text)
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         raise NotationError(f"not JSON: {error}") from None
     if not isinstance(found, dict):
         raise NotationError("not a MACROP: no JSON object")

@@ -2,6 +2,8 @@
 
 from typing import TYPE_CHECKING
 
+from kb.numbers import is_count
+
 if TYPE_CHECKING:
     from engine.faces.cli.interruption import Interruption
     from engine.model.troubleshooting import Action, Advice
@@ -36,7 +38,7 @@ def asking(found: "Desk", interrupted: "Interruption") -> "Answerer":
                 return None
             if said in action.outcomes:
                 return said
-            if said.isdigit() and 1 <= int(said) <= len(action.outcomes):
+            if is_count(said) and 1 <= int(said) <= len(action.outcomes):
                 return action.outcomes[int(said) - 1]
 
     return ask

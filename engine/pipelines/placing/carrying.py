@@ -5,7 +5,7 @@ import numpy as np
 from engine.kernels.geometry.proof import proved
 from engine.kernels.rigid import inverse
 from engine.model.geometry import Floats
-from engine.model.motion import Moved, Query
+from engine.model.motion import FINEST_M, Moved, Query
 from engine.pipelines.placing.answers import Carry, Leg, NotPlaced
 from engine.pipelines.placing.holding import BACK_M, HAND, Reach, with_hand
 from engine.pipelines.placing.task import Task
@@ -13,7 +13,6 @@ from engine.stages.geometry.collision.ground import Ground
 from engine.stages.motion.planner import plan
 
 LIFT_M = 0.08
-FINEST_M = 1e-4  # a motion so small need not be halved for a proof
 BUDGET = 20_000  # configurations that the search for one motion looks at
 CHOICES = 3  # configurations that are tried for an end
 
