@@ -42,7 +42,9 @@ def place(
     if isinstance(carries, NotPlaced):
         return carries, looked
     counts = (len(task.holds.poses), int(at[0].sum()), int(at[1].sum()))
-    return Placed(goal, sighting, T_start, T_goal, counts, carries), looked
+    holds = task.holds
+    taken = tuple((holds.poses[n], holds.grasps[holds.grasp_of[n]].width_m) for n in np.nonzero(at[0])[0])
+    return Placed(goal, sighting, T_start, T_goal, counts, carries, taken), looked
 
 
 @dataclass(frozen=True, slots=True, eq=False)
