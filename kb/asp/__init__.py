@@ -72,6 +72,8 @@ class Grounder:
         try:
             self._control.add(part, [], text)
             run_bounded(lambda: self._control.ground([(part, [])]))
+        except UnicodeEncodeError:
+            raise AspError([(0, 0, "half a character is no text")]) from None
         except RuntimeError as error:
             raise AspError(self._messages.heard or [(0, 0, str(error))]) from None
 
@@ -173,6 +175,8 @@ def ground_term(text: str) -> Term:
     messages = Messages()
     try:
         return term(clingo.parse_term(text, logger=messages))
+    except UnicodeEncodeError as error:
+        raise AspError([(1, error.start + 1, "half a character is no text")]) from None
     except RuntimeError as error:
         messages.hear(str(error))
         raise AspError(messages.heard) from None

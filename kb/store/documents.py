@@ -68,7 +68,7 @@ def macrop_of(found: Mapping[str, Any]) -> Macrop:
         return _read(found)
     except RecursionError:
         raise NotationError("not a MACROP: nested too deeply") from None
-    except (KeyError, TypeError, AttributeError, ValueError) as error:
+    except (KeyError, TypeError, AttributeError, ValueError, OverflowError) as error:
         if isinstance(error, NotationError):
             raise
         raise NotationError(f"not a MACROP: {type(error).__name__}: {error}") from None

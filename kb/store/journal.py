@@ -73,7 +73,7 @@ class Journal:
 
     def __init__(self, target: str) -> None:
         self.target = target
-        self._engine: Engine = opened(target)
+        self._engine: Engine = opened(target, durable=True)
         self._held: PoolProxiedConnection | None = None
         with transaction(self._engine, target, writes=True) as connection:
             metadata.create_all(connection)
@@ -121,11 +121,9 @@ class Journal:
             raise JournalFailure(" ".join(str(error).split())[:200]) from error
 
     def _writing(self) -> PoolProxiedConnection:
-        """The connection that appends. SQLite waits for the disk at each commit, as other databases do anyway."""
+        """The connection that appends."""
         if self._held is None:
             self._held = self._engine.raw_connection()
-            if self._engine.dialect.name == "sqlite":
-                self._held.cursor().execute("PRAGMA synchronous = FULL")
         return self._held
 
     def _forget(self) -> None:

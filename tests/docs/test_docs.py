@@ -85,6 +85,7 @@ def furnished(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (folder / "part.qif").write_text(PART)
     (folder / "set.json").write_text('{"problems": [{"from": "home", "to": "meas(m2)"}]}')
     with contextlib.chdir(folder):
+        run("cellwright macros list --store STORE")
         run("cellwright import qif part.qif --output inspection.yaml")
         run(f"cellwright export pddl {PLACEHOLDERS['TARGET']} --output exported")
         planned = run("cellwright plan --pddl exported/domain.pddl exported/problem.pddl --format ipc")

@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Callable, Sequence
+from contextlib import closing
 from dataclasses import dataclass, field
 from functools import cache, partial
 from pathlib import Path
@@ -210,7 +211,8 @@ def _results(form: str) -> list[bytes]:
 def log(path: Path) -> None:
     from engine.pipelines.simulator.log import Log
 
-    list(Log(str(path)).past())
+    with closing(Log(str(path))) as found:
+        list(found.past())
 
 
 def sentence(path: Path) -> None:

@@ -166,7 +166,19 @@ def _made(make: Callable[[], Answer]) -> Answer:
     except Exception as error:
         if os.environ.get("CELLWRIGHT_TRACEBACK"):
             raise
+        if found_damage := _damage():
+            return Answer("bad input", code=BAD_INPUT, diagnostics=found_damage)
         return Answer("internal error", {"error": f"{type(error).__name__}: {error}"}, code=INTERNAL)
+
+
+def _damage() -> "tuple[Diagnostic, ...]":
+    """What is wrong in the libraries that were opened: damage there explains what no reader could foresee."""
+    if "kb.store.opening" not in sys.modules:
+        return ()
+    from kb.store.checking import damage
+    from kb.store.opening import opened_so_far
+
+    return damage(opened_so_far())
 
 
 def _stopped(code: int) -> Answer:
@@ -198,27 +210,28 @@ def _print(answer: Answer, form: Form) -> None:
 
         _write(json.envelope(answer.status, answer.content, answer.diagnostics) + "\n")
     elif answer.text is not None:
-        from rich.console import Console
+        from engine.faces.cli.terminal import console
 
-        Console().print(answer.text())
+        console().print(answer.text())
 
 
 def _write(text: str) -> None:
     """Write data as UTF-8, whatever the encoding of the terminal is."""
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(encoding="utf-8", errors="replace")
-    sys.stdout.write(text)
+    from kb.diagnostics import escaped
+
+    sys.stdout.write(escaped(text))
 
 
 def _report(answer: Answer) -> None:
     """Print diagnostics and failures on standard error."""
     if not answer.diagnostics and answer.code not in (INTERRUPTED, INTERNAL):
         return
-    from rich.console import Console
-
+    from engine.faces.cli import terminal
     from engine.formats.report.findings import diagnostics
 
-    console = Console(stderr=True, soft_wrap=True)
+    console = terminal.console(stderr=True, soft_wrap=True)
     if answer.diagnostics:
         console.print(diagnostics(answer.diagnostics))
     if answer.code == INTERRUPTED and answer.text is None:

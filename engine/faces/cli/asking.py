@@ -13,11 +13,10 @@ if TYPE_CHECKING:
 
 def asking(found: "Desk", interrupted: "Interruption") -> "Answerer":
     """A function that asks the person at the terminal. An empty line, Ctrl-C or the end of the input ends the case."""
-    from rich.console import Console
-
+    from engine.faces.cli import terminal
     from engine.formats.report import diagnosis as report
 
-    console = Console(stderr=True)
+    console = terminal.console(stderr=True)
 
     def ask(action: "Action", advice: "Advice") -> str | None:
         session = found.session

@@ -186,6 +186,7 @@ def _read_task(wanted: "PlanRequest") -> "PddlProblem | None":
 
 def _plan(wanted: PlanRequest, form: PlanForm, stats: bool, work: SearchOptions) -> Answer:
     from engine.faces.cli.interruption import Interruption
+    from engine.faces.cli.origin import losses
     from engine.formats.report import json
 
     _require_strategy(work.strategy)
@@ -197,6 +198,7 @@ def _plan(wanted: PlanRequest, form: PlanForm, stats: bool, work: SearchOptions)
         plan_forms.document(made, stats) if form is PlanForm.JSON else {},
         text=lambda: plan_forms.text(made, stats, work.folded),
         code=INTERRUPTED if interrupted.heard else exit_code(outcome),
+        diagnostics=losses(made.origin, work.store),
         raw=plan_forms.raw(made, form),
     )
 

@@ -11,7 +11,7 @@ from engine.stages.macros.learning.generalise import NotGeneral, generalise
 from engine.stages.macros.lifted.world import CellDomain
 from engine.stages.macros.lookup.repertoire import record_of
 from engine.stages.validation.semantics import Semantics
-from kb.diagnostics import Diagnostic, InvalidInput, Source
+from kb.diagnostics import Diagnostic, InvalidInput, Source, escaped
 from kb.files import read_file
 from kb.model.macro import Macrop
 from kb.store import Library, NotationError, Record, document, macrop_of
@@ -59,7 +59,7 @@ def write(file: Path, macrops: Iterable[Macrop]) -> None:
     """Write MACROPs as JSON. Raises `InvalidInput` if the file cannot be written."""
     whole = {"version": VERSION, "macrops": list(map(document, macrops))}
     try:
-        file.write_text(json.dumps(whole, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+        file.write_text(escaped(json.dumps(whole, indent=1, ensure_ascii=False)) + "\n", encoding="utf-8")
     except OSError as error:
         raise _refused(file, "K415", f"cannot be written: {error.strerror}") from error
 

@@ -29,5 +29,5 @@ def read(text: str, form: ResultForm) -> Results:
     reader = {ResultForm.CSV: read_csv, ResultForm.JSON: read_json, ResultForm.QIF: read_qif}[form]
     try:
         return reader(text)
-    except (KeyError, TypeError, AttributeError, RecursionError) as error:
+    except (LookupError, TypeError, AttributeError, RecursionError) as error:
         raise ValueError(f"not results: {error!r}") from error

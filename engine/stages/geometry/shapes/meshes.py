@@ -20,6 +20,7 @@ from engine.model.geometry import Floats, Longs
 from engine.stages.geometry.shapes.hull import FlatError, hull_triangles, hull_vertices, planes
 from kb.diagnostics import Diagnostic, InvalidInput, Source
 from kb.files import read_bytes
+from kb.numbers import LARGEST
 
 MAX_BYTES = 256 * 2**20
 MAX_TRIANGLES = 2_000_000
@@ -49,9 +50,16 @@ def read_mesh(path: Path) -> TriangleMesh:
         raise _refused(
             path, f"the mesh cannot be read: {said}", "export it again as STL, OBJ or DAE"
         ) from None
-    if not len(triangles) or not np.isfinite(vertices).all():
+    if not _is_sound(vertices, triangles):
         raise _refused(path, "a mesh without triangles, or with endless ones", "export it again")
     return _cleaned(vertices, triangles)
+
+
+def _is_sound(vertices: Floats, triangles: Longs) -> bool:
+    """Whether there are triangles, between vertices that are there, with coordinates that can be calculated with."""
+    if not len(triangles) or not len(vertices) or not (np.abs(vertices) <= LARGEST).all():
+        return False
+    return bool(triangles.min() >= 0 and triangles.max() < len(vertices))
 
 
 def _bytes(path: Path) -> bytes:
