@@ -11,7 +11,9 @@ from engine.faces.cli.options import Format, Seed
 from engine.faces.cli.scene_files import Image, SceneName, scene_file
 
 if TYPE_CHECKING:
+    from engine.formats.report.depth_picture import Hands
     from engine.model.vision import DepthImage
+    from engine.pipelines.placing.answers import Placed
     from engine.pipelines.placing.looking import Looked
     from kb.model.scene import Scene
 
@@ -24,43 +26,70 @@ def place(
     base: Annotated[str, typer.Argument(metavar="PART", help="the body that it is placed on")],
     scene: SceneName,
     image: Image = None,
+    again: Annotated[
+        Path | None,
+        typer.Option(
+            "--again",
+            help="a depth image taken just before the part is grasped: what has moved since is planned anew",
+        ),
+    ] = None,
     seed: Seed = 0,
     format: Format = Form.TEXT,
     output: Annotated[
         Path | None,
-        typer.Option("--output", "-o", help="a folder for pictures: the depth image with the part found"),
+        typer.Option("--output", "-o", help="a folder for pictures: the part found, and its grasps"),
     ] = None,
 ) -> None:
     """Place a part ON another one, as the relations of a scene say: find it, grasp it, and plan all motions."""
     if on.lower() != "on":
         raise typer.BadParameter(f"write: place {part} on {base}", param_hint="ON")
-    give(lambda: _placed(part, base, scene, image, seed, output), format)
+    give(lambda: _placed(part, base, scene, (image, again), seed, output), format)
 
 
-def _placed(part: str, base: str, scene: str, image: Path | None, seed: int, output: Path | None) -> Answer:
+def _placed(
+    part: str, base: str, scene: str, images: tuple[Path | None, Path | None], seed: int, output: Path | None
+) -> Answer:
     from rich.text import Text
 
     from engine.formats.interop.depth_files import read_depth
     from engine.formats.report import placing as report
     from engine.pipelines.placing import looking, placing
+    from engine.pipelines.placing.answers import Placed
     from kb.loader.scene import load_scene
 
     read = load_scene(scene_file(scene))
-    given = read_depth(image, looking.camera_of(read)) if image else None
+    given, later = (read_depth(each, looking.camera_of(read)) if each else None for each in images)
     found, looked = placing.place(read, part, base, seed, given)
-    status, said = report.status(found), report.text(found, part, base)
+    before = ""
+    if later is not None and isinstance(found, Placed):
+        since = placing.again(read, part, base, found, later)
+        found, looked, before = since.answer, since.looked, report.since(since, part)
+    status, said = report.status(found), before + report.text(found, part, base)
     if output is not None and looked is not None:
         output.mkdir(parents=True, exist_ok=True)
-        drawn = output / "depth.png"
+        drawn, taken = output / "depth.png", output / "grasps.png"
         drawn.write_bytes(_picture(read, part, looked))
         said = f"{said}\n{drawn}"
+        if isinstance(found, Placed):
+            taken.write_bytes(_picture(read, part, looked, _hands(found, looked)))
+            said = f"{said}\n{taken}"
     return Answer(status, report.content(found), lambda: Text(said), CODES[status])
 
 
-def _picture(scene: "Scene", part: str, looked: "Looked") -> bytes:
+def _picture(scene: "Scene", part: str, looked: "Looked", hands: "Hands" = ()) -> bytes:
     from engine.formats.report.depth_picture import picture
     from engine.stages.geometry.shapes.solids import solid_of
 
     best = looked.sightings[part].best
     image: DepthImage = looked.image
-    return picture(image, solid_of(scene.cell.bodies[part]), best.T_camera_part if best else None)
+    return picture(image, solid_of(scene.cell.bodies[part]), best.T_camera_part if best else None, hands)
+
+
+def _hands(found: "Placed", looked: "Looked") -> "Hands":
+    """Where the hand can take the part, and where it does."""
+    from engine.kernels.rigid import inverse
+
+    T = inverse(looked.T_world_camera) @ found.T_world_part
+    first = found.carries[0]
+    chosen = [(T @ first.T_part_hand, first.grasp.width_m, True)]
+    return [*chosen, *((T @ pose, width, False) for pose, width in found.possible)]

@@ -1,6 +1,7 @@
 """A depth image as a picture: near is light, far is dark, nothing is blue; the edges of a part are drawn over it."""
 
 import io
+from collections.abc import Sequence
 
 import numpy as np
 from PIL import Image, ImageDraw
@@ -11,10 +12,21 @@ from engine.model.solid import Solid
 from engine.model.vision import DepthImage
 
 NOTHING, EDGE = (70, 90, 160), (230, 60, 40)
+POSSIBLE, CHOSEN, SHORT, LONG = (60, 200, 90), (250, 210, 40), 1, 4
+BACK_M = 0.04  # how far a line that stands for a hand goes back
 
 
-def picture(image: DepthImage, solid: Solid | None = None, T_camera_part: Floats | None = None) -> bytes:
-    """The PNG of a depth image, with the edges of a solid at a pose (4, 4), if there is one."""
+Hands = Sequence[tuple[Floats, float, bool]]
+
+
+def picture(
+    image: DepthImage, solid: Solid | None = None, T_camera_part: Floats | None = None, hands: Hands = ()
+) -> bytes:
+    """The PNG of a depth image, with the edges of a solid at a pose (4, 4), if there is one.
+
+    Each of `hands` is a pose T_camera_hand (4, 4), the width to which it closes, and whether it is the chosen one. It is drawn as
+    the line between its pads, and one back to the hand; the chosen one is yellow, all others are green.
+    """
     depth = image.depth
     seen = depth > 0
     low, high = (float(x) for x in np.percentile(depth[seen], (0.5, 99.5))) if seen.any() else (0.0, 1.0)
@@ -27,6 +39,12 @@ def picture(image: DepthImage, solid: Solid | None = None, T_camera_part: Floats
             for ends in facet.edges:
                 u, v = image.camera.pixels(apply(T_camera_part, ends))
                 pen.line([(u[0], v[0]), (u[1], v[1])], fill=EDGE)
+    for T, width_m, chosen in sorted(hands, key=lambda each: each[2]):
+        half = width_m / 2
+        ends = np.array([[-half, 0, -BACK_M], [-half, 0, 0], [half, 0, 0], [half, 0, -BACK_M]])
+        u, v = image.camera.pixels(apply(T, ends))
+        line = [(float(x), float(y)) for x, y in zip(u, v, strict=True)]
+        ImageDraw.Draw(drawn).line(line, fill=CHOSEN if chosen else POSSIBLE, width=LONG if chosen else SHORT)
     made = io.BytesIO()
     drawn.save(made, "PNG")
     return made.getvalue()

@@ -9,6 +9,8 @@ from engine.model.assembly import Assembled, Freedom
 from engine.model.geometry import Floats
 from engine.model.vision import Hypothesis
 from engine.pipelines.placing.answers import Carry, Leg, NotPlaced, PlaceAnswer, Placed
+from engine.pipelines.placing.doubt import at_goal
+from engine.pipelines.placing.placing import STILL_M, STILL_RAD, Since
 from engine.stages.geometry import transforms
 
 STATUS = {"relations": "infeasible", "regrasp": "infeasible"}
@@ -28,6 +30,7 @@ def content(answer: PlaceAnswer) -> dict[str, Any]:
             "T_world_part": answer.T_world_goal.tolist(),
             "degrees": answer.goal.degrees,
             "redundant": list(map(str, answer.goal.redundant)),
+            "covariance": at_goal(answer).tolist(),
         },
         "found": {
             "T_world_part": answer.T_world_part.tolist(),
@@ -71,11 +74,31 @@ def text(answer: PlaceAnswer, part: str, base: str) -> str:
     lines = [
         f"{part} lies at {pose(answer.T_world_part)}, {_sureness(answer)}",
         f"{part} belongs at {pose(answer.T_world_goal)}, {free(answer.goal)}",
+        f"there it will be within {_within(at_goal(answer))} of that (three standard deviations of what was seen)",
         f"{every} ways to hold it: {start} are possible where it lies, {goal} at its goal",
     ]
     for n, each in enumerate(answer.carries, 1):
         lines += _told(n, each)
     return "\n".join(lines)
+
+
+def since(look: Since, part: str) -> str:
+    """What a second look says of the first, as a line."""
+    if np.isinf(look.moved_m):
+        return f"{part} is not where it was any more\n"
+    moved = f"{1000 * look.moved_m:.1f} mm and {np.degrees(look.moved_rad):.1f} degrees"
+    if isinstance(look.answer, Placed) and look.moved_m < STILL_M and look.moved_rad < STILL_RAD:
+        return f"{part} is where it was, within {moved}\n"
+    return f"{part} has moved by {moved}: planned anew\n"
+
+
+def _within(covariance: Floats) -> str:
+    """Three standard deviations in the worst direction."""
+    worst = [
+        3 * float(np.sqrt(np.linalg.eigvalsh(block)[-1]))
+        for block in (covariance[:3, :3], covariance[3:, 3:])
+    ]
+    return f"{1000 * worst[0]:.2f} mm and {np.degrees(worst[1]):.2f} degrees"
 
 
 def pose(T: Floats) -> str:

@@ -36,7 +36,10 @@ class Carry:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Placed:
-    """The way from the part as it was found to its goal: `carries`, of which all but the last end in a placement to regrasp."""
+    """The way from the part as it was found to its goal: `carries`, of which all but the last end in a placement to regrasp.
+
+    `possible` are the hand's poses T_part_hand with which the part can be taken where it lies, each with the width it closes to.
+    """
 
     goal: Assembled
     sighting: Located
@@ -44,6 +47,7 @@ class Placed:
     T_world_goal: Floats
     holds: tuple[int, int, int]  # all, those possible where the part lies, those possible at the goal
     carries: tuple[Carry, ...]
+    possible: tuple[tuple[Floats, float], ...] = ()
 
 
 @dataclass(frozen=True, slots=True, eq=False)

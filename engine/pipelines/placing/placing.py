@@ -1,7 +1,10 @@
 """PLACE: the goal from relations, the part from an image, and the way between the two."""
 
+from dataclasses import dataclass
+
 import numpy as np
 
+from engine.kernels.rigid import difference
 from engine.model.assembly import Contradiction
 from engine.model.geometry import Floats
 from engine.model.vision import Located, NotLocated
@@ -12,6 +15,8 @@ from engine.pipelines.placing.site import Site
 from engine.pipelines.placing.ways import direct, possible, regrasped
 from engine.stages.geometry.world.model import World
 from kb.model.scene import Scene
+
+STILL_M, STILL_RAD = 0.002, np.radians(1)  # what has moved less is where it was
 
 
 def place(
@@ -37,7 +42,37 @@ def place(
     if isinstance(carries, NotPlaced):
         return carries, looked
     counts = (len(task.holds.poses), int(at[0].sum()), int(at[1].sum()))
-    return Placed(goal, sighting, T_start, T_goal, counts, carries), looked
+    holds = task.holds
+    taken = tuple((holds.poses[n], holds.grasps[holds.grasp_of[n]].width_m) for n in np.nonzero(at[0])[0])
+    return Placed(goal, sighting, T_start, T_goal, counts, carries, taken), looked
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Since:
+    """What a second look shows, just before the part is taken: how far it was moved since (m, rad), and the plan from there on.
+
+    A plan that still holds is kept.
+    """
+
+    moved_m: float
+    moved_rad: float
+    answer: PlaceAnswer
+    looked: Looked
+
+
+def again(scene: Scene, part: str, base: str, plan: Placed, image: Floats) -> Since:
+    """The plan after a second look: the same if the part is where it was, else one from where it is now."""
+    world = World.of(scene.cell)
+    looked = look(scene, world, (part,), 0, image)
+    sighting = looked.sightings[part]
+    if isinstance(sighting, NotLocated):
+        return Since(np.inf, np.inf, unseen(part, sighting), looked)
+    apart = [difference(plan.T_world_part, looked.T_world_camera @ each) for each in sighting.equivalent]
+    metres, radians = min(apart, key=lambda pair: float(pair[0] + 0.05 * pair[1]))
+    if metres < STILL_M and radians < STILL_RAD:
+        return Since(float(metres), float(radians), plan, looked)
+    anew, _ = place(scene, part, base, image=image)
+    return Since(float(metres), float(radians), anew, looked)
 
 
 def contradicted(goal: Contradiction) -> NotPlaced:
