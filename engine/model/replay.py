@@ -130,7 +130,7 @@ def replayed(
         if not fitting:
             return None
         best = max(fitting, key=lambda each: (each.adds & ~state).bit_count())
-        found.append(task.grounded(state, best))
+        found.append(best)
         state = task.after(state, best)
         for each in settling(state, reaching):
             found.append(each)

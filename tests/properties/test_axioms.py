@@ -2,18 +2,22 @@
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from unittest.mock import patch
 
 from hypothesis import HealthCheck, assume, event, given, settings
 from hypothesis import strategies as st
 
+from engine.formats.interop.pddl import read_pddl
+from engine.formats.interop.pddl.export import export
 from engine.kernels.bits import bitset, indices
 from engine.model.axioms import Axiom, Axioms
-from engine.model.outcome import Found, Infeasible
+from engine.model.outcome import Found, GaveUp, Infeasible
 from engine.model.task import Task
 from engine.pipelines import planning
 from engine.stages.grounding import ground
-from engine.stages.planning import Limits
+from engine.stages.planning import Limits, plan
 from engine.stages.validation.datalog import Facts, solve
 from engine.stages.validation.derivation import Derivation
 from engine.stages.validation.semantics import Semantics
@@ -77,6 +81,29 @@ def test_derived_atoms_are_true_where_the_checker_says_so(problem: Problem) -> N
         assert {a for a in fluents if a.name in ("d", "e")} <= {*facts.named("d"), *facts.named("e")}
         missing = [a for a in task.atoms if a.name in ("d", "e") and a not in fluents]
         assert not any(a in facts for a in missing)
+
+
+@given(problems())
+@settings(DILIGENT, max_examples=20)
+def test_strategies_that_need_definitions_say_so(problem: Problem) -> None:
+    task = grounded(problem)
+    assume(task.axioms is not None and task.goals)
+    outcome = plan(task, Limits(strategy="backward"))
+    assert isinstance(outcome, GaveUp)
+    assert "forward" in outcome.reason
+
+
+@given(problems())
+@settings(DILIGENT, max_examples=20)
+def test_the_ground_export_keeps_the_rules(problem: Problem) -> None:
+    text = export(problem, grounded(problem), lifted=False)
+    with TemporaryDirectory() as folder:
+        domain, task = Path(folder) / "domain.pddl", Path(folder) / "problem.pddl"
+        domain.write_text(text.domain)
+        task.write_text(text.problem)
+        outcome = planning.plan(read_pddl(domain, task).problem)
+    length = shortest(problem)
+    assert isinstance(outcome, Infeasible if length is None else Found)
 
 
 @st.composite

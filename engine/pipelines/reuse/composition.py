@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 
 from engine.model.replay import instances, reached_goals, replayed
-from engine.model.task import GroundOperator, Task, progress
+from engine.model.task import GroundOperator, Task
 from engine.stages.grounding import ground
 from engine.stages.macros.lifted.situation import Situation
 from engine.stages.macros.lookup.checking import check
@@ -187,9 +187,9 @@ def _ordered_anew(task: Task, operators: Sequence[GroundOperator]) -> tuple[Plan
     """The plan of the steps that are needed, and their positions in `operators`; None if there is no such plan."""
     state = task.initial
     for operator in operators:
-        state = progress(state, operator)
+        state = task.after(state, operator)
     goals = reached_goals(task, state)
-    if goals is None or any(operator.conditional for operator in operators):
+    if goals is None or task.axioms is not None or any(operator.conditional for operator in operators):
         return None
     kept = eliminate(task.initial, operators, goals)
     own = [operator for operator in operators if not is_internal(operator.instance)]

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from engine.model.outcome import Found, Outcome
 from engine.model.replay import early
 from engine.model.stages import STAGE
-from engine.model.task import Bits, GroundOperator, progress
+from engine.model.task import Bits, GroundOperator
 from engine.pipelines import planning
 from engine.pipelines.attainment import GivenUp, Obstacles, attainable
 from engine.pipelines.revision.course import Course
@@ -164,7 +164,7 @@ class _PlanRepair:
                 return None
             operators = plainly(task, executed)  # kernels do not see conditional effects
             for operator in operators:
-                state = progress(state, operator)
+                state = task.after(state, operator)
         goals = self.course.reached_goals(state)
         return None if goals is None else (goals, operators)
 

@@ -13,7 +13,7 @@ from kb.graphs import components
 
 Support = frozenset[int]
 Rules = dict[int, list[tuple[int, ...]]]  # the rule bodies of each derived atom, as signed numbers
-MAX_SUPPORTS = 64
+MAX_SUPPORTS = 32
 LEAST = 1  # supports of an atom where others stay
 
 
@@ -36,8 +36,8 @@ def supports_of(derived: Sequence[int], rules: Rules, negated: Iterable[int]) ->
 class Supports:
     """The supports of every derived atom of a problem.
 
-    An atom is computed after the atoms that it depends on. One with more than `most` supports stays as it is. The first one
-    that stays ends the computation, unless `most` is `LEAST`.
+    An atom is computed after the atoms that it depends on. One with more than `most` supports stays as it is, and so do more
+    than `most` atoms that depend on one another. The first one that stays ends the computation, unless `most` is `LEAST`.
     """
 
     def __init__(self, derived: Iterable[int], rules: Rules, most: int) -> None:
@@ -77,16 +77,21 @@ class Supports:
 
     def _close(self, component: list[int], rules: Rules) -> None:
         try:
-            changed = True
-            while changed:
-                changed = False
-                for atom in component:
-                    found = self._supported(atom, rules)
-                    if found != self._supports[atom]:
-                        self._supports[atom], changed = found, True
+            if len(component) > self._most:  # then most of its atoms have many supports
+                raise _TooMany
+            self._repeat(component, rules)
         except _TooMany:
             self.stay = True
             self._supports.update({atom: [frozenset([atom])] for atom in component})
+
+    def _repeat(self, component: list[int], rules: Rules) -> None:
+        changed = True
+        while changed:
+            changed = False
+            for atom in component:
+                found = self._supported(atom, rules)
+                if found != self._supports[atom]:
+                    self._supports[atom], changed = found, True
 
     def _supported(self, atom: int, rules: Rules) -> list[Support]:
         found = list(self._supports[atom])

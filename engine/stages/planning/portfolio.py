@@ -15,7 +15,7 @@ from engine.stages.planning.elimination import eliminate, reached
 from engine.stages.planning.regression.mutexes import mutexes
 from engine.stages.planning.regression.searches import BestFirst, Climb
 from engine.stages.planning.regression.space import Backward, Regression
-from engine.stages.planning.variants import TooManyVariants, plainly, unconditional
+from engine.stages.planning.variants import FORWARD_ONLY, TooManyVariants, plainly, unconditional
 
 CLIMB = 2_000  # nodes that hill climbing may generate before other searches start
 QUICK = 2_000  # nodes that best-first regression may generate before other searches start
@@ -77,7 +77,8 @@ class Setting:
         Raises `TooManyVariants`.
         """
         if self.regression is None:
-            raise TooManyVariants("there are too many conditional effects for backward search")
+            many = "there are too many conditional effects for backward search"
+            raise TooManyVariants(FORWARD_ONLY if self.task.axioms else many)
         return Chaining(self, self.regression)
 
     @cached_property

@@ -14,6 +14,7 @@ from kb.terms import Function
 
 MAX_EFFECTS = 8  # conditional effects of one operator
 MAX_VARIANTS = 100_000  # plain operators of a task
+FORWARD_ONLY = "a derived predicate can hold in very many ways: use the strategy auto, landmarks or forward"
 
 
 class TooManyVariants(Exception):
@@ -26,7 +27,7 @@ def unconditional(task: Task) -> list[GroundOperator]:
     Raises `TooManyVariants`, also where derived atoms are not replaced by their definitions.
     """
     if task.axioms is not None:
-        raise TooManyVariants("derived predicates with very many definitions are for forward searches only")
+        raise TooManyVariants(FORWARD_ONLY)
     complements = _complements(task)
     found: list[GroundOperator] = []
     for operator in task.operators:

@@ -1,16 +1,19 @@
 """A ground task written as PDDL, with one action without parameters for each operator. Any planner can solve it."""
 
+from collections.abc import Iterator
+
 from engine.formats.interop.pddl.export.names import PddlNames
 from engine.model.task import Bits, ConditionalEffect, GroundOperator, Task, indices
 from kb.terms import Function
 
 
 class GroundWriter:
-    """Writes one ground task. Negative conditions become separate atoms, unless there are conditional effects."""
+    """Writes one ground task. Negative conditions become separate atoms, unless there are conditional effects or axioms."""
 
     def __init__(self, name: str, task: Task) -> None:
         self.name, self.task, self.names = name, task, PddlNames()
-        self.plain = not any(operator.conditional for operator in task.operators)
+        self.conditional = any(operator.conditional for operator in task.operators)
+        self.plain = not self.conditional and task.axioms is None
         self.actions: dict[str, GroundOperator] = {}
         for operator in task.operators:
             self.actions[self._fresh(operator.instance)] = operator
@@ -27,14 +30,17 @@ class GroundWriter:
     def domain(self) -> str:
         """The domain file."""
         requirements = [":strips"]
-        requirements += [] if self.plain else [":negative-preconditions", ":conditional-effects"]
-        requirements += [":disjunctive-preconditions"] if len(self.task.goals) > 1 else []
+        requirements += [] if self.plain else [":negative-preconditions"]
+        requirements += [":conditional-effects"] if self.conditional else []
+        requirements += [":disjunctive-preconditions"] if len(self.task.goals) > 1 or self.task.axioms else []
+        requirements += [":derived-predicates"] if self.task.axioms else []
         requirements += [":action-costs"] if self.priced else []
         parts = [
             f"(define (domain {self.names.of('domain', self.name)})",
             f"  (:requirements {' '.join(requirements)})",
             f"  (:predicates {self._all((1 << len(self.task.atoms)) - 1)}{'' if self.task.goals else self._never})",
             *(["  (:functions (total-cost) - number)"] if self.priced else []),
+            *self._derived(),
             *(self._action(name, operator) for name, operator in self.actions.items()),
         ]
         return "\n".join(parts) + ")\n"
@@ -42,7 +48,8 @@ class GroundWriter:
     def problem(self) -> str:
         """The problem file."""
         goals = [f"(and {self._conditions(goal)})" for goal in self.task.goals] or [f"(and{self._never})"]
-        facts = self._all(self.task.initial) + (" (= (total-cost) 0)" if self.priced else "")
+        derived = self.task.axioms.derived if self.task.axioms else 0
+        facts = self._all(self.task.initial & ~derived) + (" (= (total-cost) 0)" if self.priced else "")
         parts = [
             f"(define (problem {self.names.of('problem', self.name)})",
             f"  (:domain {self.names.of('domain', self.name)})",
@@ -51,6 +58,13 @@ class GroundWriter:
             *(["  (:metric minimize (total-cost))"] if self.priced else []),
         ]
         return "\n".join(parts) + ")\n"
+
+    def _derived(self) -> Iterator[str]:
+        """The rules of derived atoms."""
+        for atom, rules in self.task.axioms.by_head.items() if self.task.axioms else ():
+            bodies = [f"(and {self._conditions(each.body)})" for each in rules]
+            if bodies:
+                yield f"  (:derived {self._atom(atom)} (or {' '.join(bodies)}))"
 
     @property
     def _never(self) -> str:

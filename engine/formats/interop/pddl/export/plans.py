@@ -11,7 +11,7 @@ from engine.formats.interop.pddl.expressions import actions
 from engine.model.histories import reached_by
 from engine.model.replay import instances, replayed
 from engine.model.stages import REACHES, stage_atom
-from engine.model.task import GroundOperator, Task, progress
+from engine.model.task import GroundOperator, Task
 from kb.diagnostics import Diagnostic, InvalidInput, Source, nearest
 from kb.files import File
 from kb.model.plan import Plan, Step, StepId
@@ -156,9 +156,9 @@ class GroundPlans:
         made = _followed(plan, self.task)
         state = self.task.initial
         for operator in made:
-            state = progress(state, operator)
+            state = self.task.after(state, operator)
         for operator in self.task.operators:  # those that close the plan and note which goals are met
             if operator.instance.name in ("_ends", "_meets") and not operator.preconditions & ~state:
                 made.append(operator)
-                state = progress(state, operator)
+                state = self.task.after(state, operator)
         return "".join(f"({names[operator]})\n" for operator in made)
