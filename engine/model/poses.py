@@ -14,8 +14,8 @@ class MeasurementPoses:
 
     `straight` are the ways (m, k) from free space into the pose, the preferred ones first: the last row of each is the pose,
     the first the approach point. `tilt_rad` is the angle to the normal. `patch` is where a scanner looks in its picture.
-    `box` holds everything that the arm and its tool can touch in any pose that was looked at; None if there was no pose.
-    `own` and `near` are digests: of the arm, the tool and the place, and of the bodies in the box.
+    `boxes` hold everything that the arm and its tool can touch in the configurations that the answer rests on, one box for each
+    of the arm's links that move. `own` and `near` are digests: of the arm, the tool and the place, and of the bodies in the boxes.
     """
 
     measurement: str
@@ -25,7 +25,7 @@ class MeasurementPoses:
     tilt_rad: float = 0.0
     patch: Patch | None = None
     reason: str = ""
-    box: Box | None = None
+    boxes: tuple[Box, ...] = ()
     own: str = ""
     near: str = ""
 

@@ -131,7 +131,7 @@ def _run(asked: Asked, faults: Sequence[str], options: Sequence[str], events: st
         from engine.formats.report.narration import understood
 
         say("\n".join(understood(problem)) + "\n")
-    with Watching(wanted.run, events, asked.approve, shown, asked.factor) as watch:
+    with Watching(wanted.run, wanted.store, events, asked.approve, shown, asked.factor) as watch:
         ending = begin(
             wanted, problem, watch.channel, watch.watchers, Limits(asked.expansions, seed=asked.seed)
         )
@@ -153,11 +153,11 @@ class Watching:
     """What watches a run from this process: its events, and the orders of the terminal (Ctrl-C) and of the socket."""
 
     def __init__(
-        self, run: str, events: str, approve: bool, shown: bool = False, factor: float = 0.0
+        self, run: str, store: str, events: str, approve: bool, shown: bool = False, factor: float = 0.0
     ) -> None:
         from engine.pipelines.execution.channel import Channel
 
-        self.channel: Channel = Channel(run)
+        self.channel: Channel = Channel(run, store)
         self._events, self._approve, self._run = events, approve, run
         self._state: dict[str, Any] = {"run": run, "phase": "ready", "at_ms": 0}
         self._out: Any = None

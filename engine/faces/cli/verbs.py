@@ -29,6 +29,7 @@ VERBS = {
     "driver": "driver:app",
     "explain": "explain:explain",
     "export": "export:export",
+    "handey": "handey:app",
     "import": "import_:app",
     "init": "init:init",
     "interrupt": "monitor:interrupt",

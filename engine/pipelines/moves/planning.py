@@ -13,6 +13,7 @@ from engine.model.outcome import Found, GaveUp, Infeasible, Outcome
 from engine.model.schedule import Timetable
 from engine.pipelines.gate import PlanGate
 from engine.pipelines.moves.bars import told, without_blocked
+from engine.pipelines.moves.states import in_order
 from engine.pipelines.moves.walking import Walk, Ways
 from engine.pipelines.objective import Run
 from engine.pipelines.timetable import keeping, own_order, timed
@@ -21,7 +22,7 @@ from engine.ports import GeometryBackend
 from engine.stages.grounding import ground
 from kb.diagnostics import Diagnostic, InvalidInput, Source
 from kb.model.cell import Cell
-from kb.model.plan import Plan
+from kb.model.plan import Plan, StepId
 from kb.model.problem import Problem
 from kb.syntax import SECONDS
 from kb.terms import Function
@@ -104,7 +105,9 @@ def _in_real_time(asked: _Asked, run: Run, steps: list[MovedStep], refused: Sequ
         table = _scheduled(barred, plan, run)
         if table is None:
             break
-        again = list(asked.walk.steps(table.plan))
+        again: Sequence[MovedStep | Unmoved] = steps
+        if _tour(table.plan) != _tour(plan):
+            again = list(asked.walk.steps(table.plan))
         if any(isinstance(each, Unmoved) for each in again):
             break
         moved = [each for each in again if isinstance(each, MovedStep)]
@@ -115,6 +118,11 @@ def _in_real_time(asked: _Asked, run: Run, steps: list[MovedStep], refused: Sequ
     barred, plan = _with_times(asked.barred, plan, steps)
     table = own_order(barred, ground(barred), plan)
     return _made(asked, run, table, steps, refused)
+
+
+def _tour(plan: Plan) -> list[tuple[StepId, Function]]:
+    """What the arms do one after the other."""
+    return [(step.id, step.operator) for step in in_order(plan)]
 
 
 def _made(

@@ -1,14 +1,16 @@
 """The cell in one state, ready for motions: where the bodies are, what may touch, and what an arm reaches."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
 
 from engine.kernels.geometry.proof import proved
-from engine.model.geometry import Contact, Floats
+from engine.kernels.linear import matmul
+from engine.model.geometry import Contact, Floats, Truths
+from engine.model.motion import FINEST_M
 from engine.ports import CollisionChecker, GeometryBackend
 from engine.stages.geometry import transforms
 from engine.stages.geometry.collision.ground import Ground
@@ -21,7 +23,6 @@ from kb.model.cell import Place, Placement
 STRAIGHT_STEP_M = 0.01  # how often a straight way of the tool is looked at
 STRAIGHT_TOLERANCE_M = 0.001  # how far the tool may be off the straight way between two corners
 JUMP = 0.5  # rad or m: two configurations so far apart are of two branches
-FINEST_M = 1e-4
 
 
 @dataclass(eq=False)
@@ -62,9 +63,17 @@ class Room:
 
         What they touch is not looked at.
         """
-        found = self.kinematics[place.arm].solve(self.reach.target(place))
-        inside = nearest_turns(self._model(place.arm), found.q[found.valid], now)
-        ordered: Floats = inside[np.argsort(np.abs(inside - now).max(axis=1), kind="stable")]
+        return self.poses_at([place], now)[0]
+
+    def poses_at(self, places: Sequence[Place], now: Floats) -> list[Floats]:
+        """The same for places of one arm."""
+        targets = [self.reach.target(place) for place in places]
+        arm, ends = places[0].arm, np.cumsum([len(each) for each in targets])[:-1]
+        found = self.kinematics[arm].solve(np.concatenate(targets))
+        ordered = []
+        for q, valid in zip(np.split(found.q, ends), np.split(found.valid, ends), strict=True):
+            inside = nearest_turns(self._model(arm), q[valid], now)
+            ordered.append(inside[np.argsort(np.abs(inside - now).max(axis=1), kind="stable")])
         return ordered
 
     def _model(self, arm: str) -> ArmModel:
@@ -72,33 +81,41 @@ class Room:
 
     def straight(self, place: Place, at: Floats, back_m: float) -> Floats | None:
         """The straight way of the tool (m, k) from `back_m` before configuration `at` up to it; None if the arm cannot follow."""
+        return self.straights(place, at[None], back_m)[0]
+
+    def straights(self, place: Place, at: Floats, back_m: float) -> list[Floats | None]:
+        """The same for configurations (n, k) with the tool of one place in hand."""
         count = max(1, int(np.ceil(back_m / STRAIGHT_STEP_M)))
         T_flange_tool = self.reach.flange_to_end(place)
+        away = np.zeros((count + 1, 3))
+        away[:, 2] = -np.linspace(0.0, back_m, count + 1)
+        back = matmul(T_flange_tool, transforms.transform(np.eye(3)[None].repeat(count + 1, 0), away))
         start = self._model(place.arm).flange_pose(at)
-        backs = [
-            start
-            @ T_flange_tool
-            @ transforms.translation(0.0, 0.0, -away)
-            @ transforms.inverse(T_flange_tool)
-            for away in np.linspace(0.0, back_m, count + 1)
-        ]
-        path = self.followed(place.arm, np.array(backs), at)
-        return None if path is None else np.ascontiguousarray(path[::-1])
+        lines = matmul(start[:, None], matmul(back, transforms.inverse(T_flange_tool))[None])
+        paths = self.followed(place.arm, lines, at)
+        return [None if path is None else np.ascontiguousarray(path[::-1]) for path in paths]
 
-    def followed(self, arm: str, T_base_flange: Floats, at: Floats) -> Floats | None:
-        """Configurations (m, k) on which the flange goes through poses (n, 4, 4), from configuration `at` on.
+    def followed(self, arm: str, T_base_flange: Floats, at: Floats) -> list[Floats | None]:
+        """Configurations (m, k) on which the flange goes through poses (n, m, 4, 4), from configurations `at` (n, k) on.
 
-        Corners that the straight line between their neighbours passes near enough are left out. None if the arm cannot follow.
+        Corners that the straight line between their neighbours passes near enough are left out. None where the arm cannot follow.
         """
-        model, found = self._model(arm), self.kinematics[arm].solve(T_base_flange)
-        path = [at]
-        for n in range(1, len(T_base_flange)):
-            near = nearest_turns(model, found.q[n][found.valid[n]], path[-1])
-            away = np.abs(near - path[-1]).max(axis=1)
-            if not len(near) or away.min() > JUMP:
-                return None
-            path.append(near[int(np.argmin(away))])
-        return _thinned(model, np.array(path), T_base_flange)
+        model, (count, length) = self._model(arm), T_base_flange.shape[:2]
+        found = self.kinematics[arm].solve(T_base_flange.reshape(-1, 4, 4))
+        q = found.q.reshape(count, length, *found.q.shape[1:])
+        valid = found.valid.reshape(count, length, -1)
+        paths, follows = np.repeat(at[:, None], length, axis=1), np.ones(count, dtype=bool)
+        for n in range(1, length):
+            near, inside = turned_near(model, q[:, n], paths[:, n - 1, None])
+            away = np.where(inside & valid[:, n], np.abs(near - paths[:, n - 1, None]).max(axis=2), np.inf)
+            best = np.argmin(away, axis=1)
+            follows &= away[np.arange(count), best] <= JUMP
+            paths[:, n] = near[np.arange(count), best]
+        kept = _corners(model, paths, T_base_flange)
+        return [
+            path[corners] if follow else None
+            for path, corners, follow in zip(paths, kept, follows, strict=True)
+        ]
 
     def is_free(self, place: Place, path: Floats) -> bool:
         """Whether nothing touches that must not, anywhere on a path (m, k) of the place's arm."""
@@ -117,34 +134,41 @@ def nearest_turns(model: ArmModel, q: Floats, now: Floats) -> Floats:
 
     Those that no turn brings within the limits are left out.
     """
+    found, inside = turned_near(model, q, now)
+    near: Floats = found[inside]
+    return near
+
+
+def turned_near(model: ArmModel, q: Floats, now: Floats) -> tuple[Floats, Truths]:
+    """Configurations (..., k), turned by whole turns to be nearest to `now` within the limits, and which can be within them."""
     joints, turn = model.joints, 2 * math.pi
     whole = np.round((now - q) / turn)
-    choices = np.stack([whole + more for more in (0.0, -1.0, 1.0, -2.0, 2.0)])
-    values = q + np.where(joints.prismatic, 0.0, choices * turn)
-    within = (values >= joints.lower - 1e-9) & (values <= joints.upper + 1e-9)
-    far = np.where(within, np.abs(values - now), np.inf)
-    best = np.argmin(far, axis=0)
-    found: Floats = np.take_along_axis(values, best[None], axis=0)[0]
-    inside: Floats = found[np.isfinite(far.min(axis=0)).all(axis=1)]
-    return inside
+    best, least = np.array(q), np.full(q.shape, np.inf)
+    for more in (0.0, -1.0, 1.0, -2.0, 2.0):
+        values = q + np.where(joints.prismatic, 0.0, (whole + more) * turn)
+        within = (values >= joints.lower - 1e-9) & (values <= joints.upper + 1e-9)
+        far = np.where(within, np.abs(values - now), np.inf)
+        nearer = far < least
+        best[nearer], least[nearer] = values[nearer], far[nearer]
+    return best, np.isfinite(least).all(axis=-1)
 
 
-def _thinned(model: ArmModel, path: Floats, poses: Floats) -> Floats:
-    """The corners of a path (n, k) between which the straight line of the joints keeps the flange near its poses (n, 4, 4)."""
-    kept, first = [0], 0
-    while first < len(path) - 1:
-        last = next(
-            (n for n in range(len(path) - 1, first + 1, -1) if _passes(model, path, poses, first, n)),
-            first + 1,
-        )
-        kept.append(last)
-        first = last
-    found: Floats = path[kept]
-    return found
-
-
-def _passes(model: ArmModel, path: Floats, poses: Floats, first: int, last: int) -> bool:
-    share = np.linspace(0.0, 1.0, last - first + 1)[1:-1, None]
-    between = model.flange_pose(path[first] + share * (path[last] - path[first]))
-    off = np.linalg.norm(between[:, :3, 3] - poses[first + 1 : last, :3, 3], axis=1)
-    return bool((off < STRAIGHT_TOLERANCE_M).all())
+def _corners(model: ArmModel, paths: Floats, poses: Floats) -> Truths:
+    """Which corners of paths (n, m, k) are kept (n, m): the straight line of the joints from each to the next keeps the flange
+    near its poses (n, m, 4, 4).
+    """
+    kept = np.zeros(paths.shape[:2], dtype=bool)
+    kept[:, [0, -1]] = True
+    waiting = [(np.arange(len(paths)), 0, paths.shape[1] - 1)]
+    while waiting:
+        rows, first, last = waiting.pop()
+        if last - first < 2 or not len(rows):
+            continue
+        share = np.linspace(0.0, 1.0, last - first + 1)[1:-1, None]
+        ends = paths[rows, first, None], paths[rows, last, None]
+        between = model.flange_pose(ends[0] + share * (ends[1] - ends[0]))
+        off = np.linalg.norm(between[..., :3, 3] - poses[rows, first + 1 : last, :3, 3], axis=2)
+        far, middle = rows[(off >= STRAIGHT_TOLERANCE_M).any(axis=1)], (first + last) // 2
+        kept[far, middle] = True
+        waiting += [(far, first, middle), (far, middle, last)]
+    return kept

@@ -10,13 +10,18 @@ from kb.model.plan import Plan, Step
 
 def states_of(semantics: Semantics, plan: Plan) -> Iterator[tuple[Step, State, State]]:
     """Each step in the order of the earliest starts, with the facts before and after it."""
-    starts = earliest_starts(plan)
-    place = {step.id: number for number, step in enumerate(plan.steps)}
     state = semantics.initial()
-    for step in sorted(plan.steps, key=lambda each: (starts[each.id], place[each.id])):
+    for step in in_order(plan):
         after = after_step(semantics, step, state)
         yield step, state, after
         state = after
+
+
+def in_order(plan: Plan) -> list[Step]:
+    """The steps in the order of the earliest starts; of those that start together, in the order of the plan."""
+    starts = earliest_starts(plan)
+    place = {step.id: number for number, step in enumerate(plan.steps)}
+    return sorted(plan.steps, key=lambda each: (starts[each.id], place[each.id]))
 
 
 def after_step(semantics: Semantics, step: Step, state: State) -> State:

@@ -5,6 +5,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from engine.kernels.linear import matmul
 from engine.model.geometry import Contact, Floats
 from engine.model.motion import Blocked
 from engine.model.moves import Leg, LegKind, MovedStep, Unmoved
@@ -13,7 +14,7 @@ from engine.pipelines.moves.rooms import Room
 from engine.stages.geometry import transforms
 from engine.stages.geometry.reach.reach import Unreached
 from engine.stages.geometry.world.model import World
-from kb.model.cell import Cell, Ends, JointKind, Operation, Place, Placement
+from kb.model.cell import Ends, JointKind, Operation, Place, Placement
 from kb.model.plan import Step
 
 TRIED = (
@@ -152,8 +153,9 @@ class StepMotion:
         """Configurations before the place, if that is where the step ends; whether the arm gets in from there is not asked."""
         if self.operation.ends is not Ends.BEFORE:
             return []
-        away = transforms.of_pose(self.place.placement.pose) @ transforms.translation(
-            0, 0, -self.place.approach_m
+        away = matmul(
+            transforms.of_pose(self.place.placement.pose),
+            transforms.translation(0, 0, -self.place.approach_m),
         )
         before = replace(
             self.place, placement=Placement(self.place.placement.parent, transforms.to_pose(away))
@@ -191,15 +193,15 @@ class StepMotion:
     def _dragged(self, at: Floats) -> Floats | str:
         """The way of the arm (m, k) while it moves a body along its joint; a text if it cannot, or something touches."""
         body, world = self.operation.drags, self.before.world
-        first, last = (_value(self.hands.cell, room.world, body) for room in (self.before, self.after))
+        first, last = (guide_value(room.world, body) for room in (self.before, self.after))
         model = world.models[self.arm]
         start = world.pose(f"{self.arm}.base", body)
-        T_body_flange = transforms.inverse(start) @ model.flange_pose(at)
+        T_body_flange = matmul(transforms.inverse(start), model.flange_pose(at))
         poses = [
-            world.guided(body, float(value)).pose(f"{self.arm}.base", body) @ T_body_flange
+            matmul(world.guided(body, float(value)).pose(f"{self.arm}.base", body), T_body_flange)
             for value in np.linspace(first, last, DRAG_STEPS + 1)
         ]
-        path = self.before.followed(self.arm, np.array(poses), at)
+        path = self.before.followed(self.arm, np.array([poses]), at[None])[0]
         if path is None:
             return f"the arm cannot move {body} all the way"
         held = world.moved(self.arm, at).affix(body, f"{self.arm}.tool")
@@ -280,11 +282,12 @@ class StepMotion:
         return Unmoved(self.step.id, self.step.operator, self.place.name, level, reason, bodies, sure=sure)
 
 
-def _value(cell: Cell, world: World, body: str) -> float:
+def guide_value(world: World, body: str) -> float:
     """How far a body is along its guide in a world."""
+    cell = world.cell
     guide = cell.bodies[body].guide
     assert guide is not None
     home = transforms.of_pose(cell.bodies[body].placement.pose)
-    moved = transforms.inverse(home) @ world.placed[body].T_parent_frame
+    moved = matmul(transforms.inverse(home), world.placed[body].T_parent_frame)
     along = moved[:3, 3] if guide.kind is JointKind.PRISMATIC else transforms.rotation_vector(moved[:3, :3])
-    return float(along @ np.array(guide.axis))
+    return float(matmul(along, np.array(guide.axis)))

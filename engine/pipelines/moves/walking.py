@@ -9,9 +9,10 @@ from engine.model.geometry import Floats
 from engine.model.moves import Leg, LegKind, MovedStep, Unmoved
 from engine.pipelines.moves.hands import Front, Hands, held
 from engine.pipelines.moves.places import with_measured_places
+from engine.pipelines.moves.rides import Ride
 from engine.pipelines.moves.rooms import Room
 from engine.pipelines.moves.states import states_of
-from engine.pipelines.moves.steps import StepMotion
+from engine.pipelines.moves.steps import StepMotion, guide_value
 from engine.ports import GeometryBackend
 from engine.stages.geometry.kinematics.inverse import InverseKinematics
 from engine.stages.geometry.world.following import following
@@ -22,8 +23,6 @@ from kb.model.cell import Cell, Location, Operation, Place
 from kb.model.plan import Plan, Step
 from kb.syntax import SECONDS
 from kb.terms import Atom, Function, Term, match, substitute
-
-DRIVE_LOOKS = 17  # how often it is looked while a body carries the arm along
 
 _Situation = tuple[Function, frozenset[Atom], frozenset[Atom], bytes, str, bool]
 _Outcome = tuple[MovedStep | Unmoved, Floats, Front | None]
@@ -42,6 +41,7 @@ class Walk:
     seed: int = 0
     bridges: int = 30
     ways: Ways = field(default_factory=dict)
+    _last: tuple[State, frozenset[Atom]] = (frozenset(), frozenset())
     _rooms: dict[frozenset[Atom], Room] = field(default_factory=dict)
     _known: dict[_Situation, _Outcome] = field(default_factory=dict)
 
@@ -112,35 +112,45 @@ class Walk:
         return self._rooms[facts]
 
     def _located(self, state: State) -> frozenset[Atom]:
-        """The facts of a state that put a body somewhere."""
-        near = (fact for fact in state if fact.name in self._moving)
-        return frozenset(fact for fact in near if any(_fits(each, fact) for each in self.cell.locations))
+        """The facts of a state that put a body somewhere. What the last state had in common with it is not looked at again."""
+        last, known = self._last
+        if state is not last:
+            new, gone = state - last, last - state
+            near = (fact for fact in new if fact.name in self._moving)
+            more = {fact for fact in near if any(_fits(each, fact) for each in self.cell.locations)}
+            if more or not known.isdisjoint(gone):
+                known = (known - gone) | more
+            self._last = state, known
+        return known
 
     def _driven(self, step: Step, operation: Operation, before: State, after: State) -> MovedStep | Unmoved:
         """The arm rests while the body that carries it goes along its joint; it goes home first if it would touch something."""
-        arm = next(
-            name
-            for name in self.cell.arms
-            if operation.drives in World.of(self.cell).supports(f"{name}.base")
-        )
+        body = operation.drives
+        arm = next(name for name in self.cell.arms if body in World.of(self.cell).supports(f"{name}.base"))
         rooms = self.room(before), self.room(after)
+        ride = Ride.of(rooms[0], body, guide_value(rooms[0].world, body), guide_value(rooms[1].world, body))
         legs: list[Leg] = []
-        touched = self._touched(rooms, operation.drives, arm)
+        touched = ride.touched(self._whole(rooms[0], arm))
         if touched:
             home = rooms[0].world.configurations[arm]
             found = self.hands.way(rooms[0], arm, home[None])
             if isinstance(found, Leg):
                 legs.append(found)
                 self.hands.arrive(arm, home, None)
-                touched = self._touched(rooms, operation.drives, arm)
+                touched = ride.touched(self._whole(rooms[0], arm))
         if touched:
-            said = f"{arm} touches {', '.join(touched)} on the way of {operation.drives}"
-            return Unmoved(step.id, step.operator, operation.drives, "way", said, touched)
+            said = f"{arm} touches {', '.join(touched)} on the way of {body}"
+            return Unmoved(step.id, step.operator, body, "way", said, touched)
         self.hands.arrive(arm, self.hands.now(arm), None)
         q = self.hands.now(arm)[None]
-        legs.append(Leg(LegKind.DRIVE, arm, q, np.zeros(1), True, held(rooms[0].world, arm)))
+        proved = ride.proved(self._whole(rooms[0], arm))
+        legs.append(Leg(LegKind.DRIVE, arm, q, np.zeros(1), proved, held(rooms[0].world, arm)))
         takes = max(operation.takes_s, step.duration * self._unit_s)
-        return MovedStep(step.id, step.operator, operation.drives, tuple(legs), takes)
+        return MovedStep(step.id, step.operator, body, tuple(legs), takes)
+
+    def _whole(self, room: Room, arm: str) -> Floats:
+        found: Floats = room.whole(arm, self.hands.now(arm)[None])[0]
+        return found
 
     def _known_ways(self, place: Place, state: State) -> Sequence[Floats]:
         """The straight ways into a place that are known for where the arm stands."""
@@ -153,19 +163,6 @@ class Walk:
     @property
     def _unit_s(self) -> float:
         return float(SECONDS[self.semantics.problem.domain.time_unit])
-
-    def _touched(self, rooms: tuple[Room, Room], body: str, arm: str) -> tuple[str, ...]:
-        """What something touches while a body goes from where it is in one room to where it is in the other."""
-        ends = [room.world.placed[body].T_parent_frame for room in rooms]
-        for share in np.linspace(0.0, 1.0, DRIVE_LOOKS):
-            T = ends[0].copy()
-            T[:3, 3] += share * (ends[1][:3, 3] - ends[0][:3, 3])
-            world = rooms[0].world.put(body, rooms[0].world.placed[body].parent, T)
-            room = Room(world, self.backend, self._kinematics)
-            contacts = room.free(arm).contacts(room.whole(arm, self.hands.now(arm)[None])[0])
-            if contacts:
-                return tuple(sorted({name for each in contacts for name in (each.first, each.second)}))
-        return ()
 
 
 def walked(

@@ -11,18 +11,20 @@ from engine.model.poses import MeasurementPoses
 from engine.pipelines.gate import PlanGate
 from engine.pipelines.moves.places import measured_at, with_measured_places
 from engine.pipelines.moves.rooms import Room
-from engine.pipelines.poses.digests import Standing, own_digest
-from engine.pipelines.poses.finding import found_poses
+from engine.pipelines.poses.digests import Footing, Standing
+from engine.pipelines.poses.finding import Sought, found_poses
 from engine.ports import GeometryBackend
 from engine.stages.geometry.kinematics.inverse import InverseKinematics
 from engine.stages.geometry.world.following import following
 from engine.stages.geometry.world.model import World
 from engine.stages.validation.semantics import Semantics
 from kb.model.cell import Cell, Measuring, Place
+from kb.model.conventions import Conventions
 from kb.model.problem import Problem
 from kb.terms import Atom, Function, Number, Text, is_ground
 
 Key = tuple[str, str, str]  # measurement, tool, station
+TOGETHER = 64  # measurements that are looked at together
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -67,32 +69,60 @@ def known_poses(
     tools = {str(each.arguments[1]): str(each.arguments[0]) for each in semantics.statics.named(words.chosen)}
     whole = with_measured_places(cell, problem, tools)
     widths = _widths(semantics)
-    found: dict[Key, MeasurementPoses] = {}
-    kept = 0
     kinematics = {name: InverseKinematics(model) for name, model in World.of(whole).models.items()}
+    found: dict[Key, MeasurementPoses] = {}
     for station, fact in stations_of_cell(whole) or (("", None),):
-        rooms: dict[str, Room] = {}
-        around: dict[str, Standing] = {}
-        for place in whole.places.values():
-            name = measured_at(words, place.name)
-            if name not in tools or place.tool != tools[name]:
-                continue
-            if place.tool not in rooms:
-                rooms[place.tool] = Room(_standing(whole, semantics, fact, place), backend, kinematics)
-                around[place.tool] = Standing(rooms[place.tool].world)
-            room, others = rooms[place.tool], around[place.tool]
-            how = _how(whole, place)
-            key = (name, place.tool, station)
-            old = (known or {}).get(key)
-            if old is not None and _valid(old, room.world, others, place, how):
-                found[key], kept = old, kept + 1
-                continue
-            found[key] = found_poses(room, others, place, how, name, station, widths.get(name, 0.0))
+        for places in _alike(whole, [each for each in whole.places.values() if _chosen(words, tools, each)]):
+            room = Room(_standing(whole, semantics, fact, places[0]), backend, kinematics)
+            asked = [
+                Sought(name, place, _how(whole, place), widths.get(name, 0.0))
+                for place in places
+                if (name := measured_at(words, place.name))
+            ]
+            found |= _found(room, asked, station, known or {})
+    kept = sum(found[key] is each for key, each in (known or {}).items() if key in found)
     return Knowledge(found, kept, len(found) - kept)
 
 
-def _valid(old: MeasurementPoses, world: World, others: Standing, place: Place, how: Measuring) -> bool:
-    return old.own == own_digest(world, place, how) and old.near == others.digest(old.box)
+def _chosen(words: Conventions, tools: Mapping[str, str], place: Place) -> bool:
+    """Whether a place is that of a measurement, with the tool that is chosen for it."""
+    name = measured_at(words, place.name)
+    return name in tools and place.tool == tools[name]
+
+
+def _alike(cell: Cell, places: Sequence[Place]) -> list[list[Place]]:
+    """The places in groups that one arm takes with one tool in one way."""
+    groups: dict[object, list[Place]] = {}
+    for place in places:
+        way = (place.arm, place.tool, place.touches, place.approach_m, place.turns, _how(cell, place))
+        groups.setdefault(way, []).append(place)
+    return list(groups.values())
+
+
+def _found(
+    room: Room, asked: Sequence[Sought], station: str, known: Mapping[Key, MeasurementPoses]
+) -> dict[Key, MeasurementPoses]:
+    """The poses of measurements that are taken alike: those that are known and still valid, and all others found now."""
+    first = asked[0].place
+    others, footing = Standing(room.world), Footing(room.world, first.arm, first.tool)
+    found: dict[Key, MeasurementPoses] = {}
+    missing = []
+    for each in asked:
+        key = (each.measurement, each.place.tool, station)
+        old = known.get(key)
+        if old is not None and _valid(old, others, footing, each):
+            found[key] = old
+        else:
+            missing.append(each)
+    for n in range(0, len(missing), TOGETHER):
+        for poses in found_poses(room, others, footing, missing[n : n + TOGETHER], station):
+            found[poses.measurement, poses.tool, station] = poses
+    return found
+
+
+def _valid(old: MeasurementPoses, others: Standing, footing: Footing, asked: Sought) -> bool:
+    own = footing.digest(asked.place, asked.how)
+    return old.own == own and old.near == others.digest(old.boxes)
 
 
 def _how(cell: Cell, place: Place) -> Measuring:

@@ -1,11 +1,11 @@
 """What the poses of a measurement depend on, as digests: they stay valid exactly as long as these do not change.
 
-The first digest is of the arm, the tool and the place. The second is of every body that is near: whose box meets the box of
-all that the arm and its tool touch in the poses that were looked at. What is outside of that box cannot have changed the answer.
+The first digest is of the arm, the tool and the place. The second is of every body that is near: whose box meets a box of what
+the arm and its tool touch in the poses that the answer rests on. What is outside of these boxes cannot have changed the answer.
 """
 
 import hashlib
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import fields, is_dataclass
 
 import numpy as np
@@ -23,14 +23,22 @@ from kb.model.shapes import Mesh
 MARGIN_M = 0.01  # a box is grown by this much: what is farther away cannot touch
 
 
-def own_digest(world: World, place: Place, how: object) -> str:
-    """The digest of the arm, its tool, the place as seen from the arm's base, and how the measurement is taken."""
-    cell, arm = world.cell, world.cell.arms[place.arm]
-    at = world.pose(f"{place.arm}.base", place.placement.parent) @ transforms.of_pose(place.placement.pose)
-    base = world.pose("world", f"{place.arm}.base")
-    tool = cell.bodies.get(place.tool)
-    parts = (arm.arm, arm.tool, arm.home, tool and (tool.shapes, tool.features), _rounded(at), _rounded(base))
-    return _digest((*parts, place.approach_m, place.turns, place.touches, how, cell.allowed))
+class Footing:
+    """An arm at a station with a tool: what all its measurements depend on, as a digest."""
+
+    def __init__(self, world: World, arm: str, tool: str) -> None:
+        cell, mounted = world.cell, world.cell.arms[arm]
+        body = cell.bodies.get(tool)
+        self._T_base_world = world.pose(f"{arm}.base", "world")
+        self._world = world
+        parts = (mounted.arm, mounted.tool, mounted.home, body and (body.shapes, body.features))
+        self._same = _digest((*parts, _rounded(transforms.inverse(self._T_base_world)), cell.allowed))
+
+    def digest(self, place: Place, how: object) -> str:
+        """The digest of all that, of the place as seen from the arm's base, and of how the measurement is taken."""
+        at = self._T_base_world @ self._world.pose("world", place.placement.parent)
+        at = at @ transforms.of_pose(place.placement.pose)
+        return _digest((self._same, _rounded(at), place.approach_m, place.turns, place.touches, how))
 
 
 class Standing:
@@ -42,14 +50,18 @@ class Standing:
         self._boxes = {name: box for name, box in boxes.items() if box is not None}
         self._digests = {name: _of_body(world, name) for name in self._boxes}
 
-    def near(self, box: Box) -> list[str]:
-        """The bodies whose own box meets a box."""
-        low, high = (np.array(each) for each in box)
-        return [name for name, own in self._boxes.items() if (own[0] <= high).all() and (own[1] >= low).all()]
+    def near(self, boxes: Sequence[Box]) -> list[str]:
+        """The bodies whose own box meets one of some boxes."""
+        if not len(boxes) or not self._boxes:
+            return []
+        low, high = np.swapaxes(np.array(boxes), 0, 1)[:, None]
+        own_low, own_high = np.swapaxes(np.array(list(self._boxes.values())), 0, 1)[:, :, None]
+        meets = ((own_low <= high) & (own_high >= low)).all(axis=2).any(axis=1)
+        return [name for name, met in zip(self._boxes, meets, strict=True) if met]
 
-    def digest(self, box: Box | None) -> str:
-        """The digest of the bodies that meet a box."""
-        return "" if box is None else _digest(tuple((name, self._digests[name]) for name in self.near(box)))
+    def digest(self, boxes: Sequence[Box]) -> str:
+        """The digest of the bodies that meet one of some boxes."""
+        return _digest(tuple((name, self._digests[name]) for name in self.near(boxes))) if boxes else ""
 
 
 def _of_body(world: World, name: str) -> str:
@@ -71,22 +83,30 @@ def body_box(world: World, name: str) -> tuple[Floats, Floats] | None:
     return (np.min(lows, axis=0), np.max(highs, axis=0)) if lows else None
 
 
-def box_of(room: Room, place: Place, configurations: Collection[Floats]) -> Box | None:
-    """The box of all that moves with the arm in some configurations (n, k), grown by the margin; None without any."""
-    if not len(configurations):
-        return None
+def boxes_of(room: Room, place: Place, configurations: Sequence[Floats]) -> tuple[Box, ...]:
+    """For each carrier of the arm the box of all that moves with it in some configurations (k,), grown by the margin."""
+    if not configurations:
+        return ()
     scene = room.checker(place).scene
-    poses = carrier_poses(scene.joints, room.whole(place.arm, np.array(list(configurations))))
-    low, high = np.full(3, np.inf), np.full(3, -np.inf)
+    poses = carrier_poses(scene.joints, room.whole(place.arm, np.array(configurations)))
+    boxes: dict[int, tuple[Floats, Floats]] = {}
     for piece in scene.pieces:
         if piece.carrier == 0:
             continue
-        T = poses[:, piece.carrier] @ piece.T_carrier_piece
-        corners = np.einsum("nij,vj->nvi", T[:, :3, :3], piece.vertices) + T[:, None, :3, 3]
-        low = np.minimum(low, corners.min(axis=(0, 1)) - piece.radius_m - MARGIN_M)
-        high = np.maximum(high, corners.max(axis=(0, 1)) + piece.radius_m + MARGIN_M)
-    a, b = (tuple(float(each) for each in corner) for corner in (low, high))
-    return ((a[0], a[1], a[2]), (b[0], b[1], b[2]))
+        middle = piece.vertices.mean(axis=0)
+        grown = float(np.linalg.norm(piece.vertices - middle, axis=1).max()) + piece.radius_m + MARGIN_M
+        at = transforms.apply(piece.T_carrier_piece, middle[None])[0]
+        centres = poses[:, piece.carrier, :3, :3] @ at + poses[:, piece.carrier, :3, 3]
+        low, high = centres.min(axis=0) - grown, centres.max(axis=0) + grown
+        if piece.carrier in boxes:
+            low, high = np.minimum(low, boxes[piece.carrier][0]), np.maximum(high, boxes[piece.carrier][1])
+        boxes[piece.carrier] = low, high
+    return tuple((_corner(low), _corner(high)) for _, (low, high) in sorted(boxes.items()))
+
+
+def _corner(point: Floats) -> tuple[float, float, float]:
+    x, y, z = (round(float(each), 6) for each in point)
+    return (x, y, z)
 
 
 def _rounded(T: Floats) -> list[float]:

@@ -1,70 +1,73 @@
-"""The poses of one measurement from one station: free rotation about the tool axis, every branch, the allowed tilts."""
+"""The poses of measurements from one station: free rotation about the tool axis, every branch, the allowed tilts.
+
+Many measurements with one tool are looked at together, so that arrays are long.
+"""
 
 import math
-from collections.abc import Iterator
-from dataclasses import replace
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from engine.model.geometry import Floats
 from engine.model.poses import MeasurementPoses
 from engine.pipelines.moves.rooms import Room
-from engine.pipelines.poses.digests import Standing, box_of, own_digest
+from engine.pipelines.poses.digests import Footing, Standing, boxes_of
+from engine.pipelines.poses.ways import KEPT, ways_into
 from engine.stages.geometry import transforms
 from engine.stages.geometry.reach.reach import Unreached
 from kb.model.cell import Measuring, Patch, Place, Placement
 
-KEPT = 6  # poses that are kept of a measurement
-TRIED = 48  # free configurations whose way in is looked at
 AROUND = 4  # directions in which a tool is tilted
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Sought:
+    """A measurement whose poses are sought at a place. `width_m` is how wide it is (0: as large as a patch may be)."""
+
+    measurement: str
+    place: Place
+    how: Measuring
+    width_m: float = 0.0
+
+
 def found_poses(
-    room: Room,
-    others: Standing,
-    place: Place,
-    how: Measuring,
-    measurement: str,
-    station: str,
-    width_m: float,
-) -> MeasurementPoses:
-    """The poses of the first allowed tilt that has any, the nearest to the arm's rest first.
+    room: Room, others: Standing, footing: Footing, sought: Sequence[Sought], station: str
+) -> list[MeasurementPoses]:
+    """For each measurement the poses of the first allowed tilt that has any, the nearest to the arm's rest first.
 
-    `width_m` is the width of what is looked at (0: as large as a patch may be).
+    All are taken with one arm and one tool, in one way.
     """
-    looked: list[Floats] = []
-    home, reasons = room.world.configurations[place.arm], list[str]()
+    how, ways = sought[0].how, [list[Floats]() for _ in sought]
+    looked, tilts = [list[Floats]() for _ in sought], [0.0] * len(sought)
     for tilt in how.tilts_rad:
-        ways: list[Floats] = []
-        for leaning in _tilted(place, tilt):
-            ways += _ways(room, leaning, home, looked)
-        if ways:
-            patch = _patch(how, width_m, tilt) if how.field_m else None
-            made = MeasurementPoses(measurement, place.tool, station, tuple(ways[:KEPT]), tilt, patch)
-            return _with_digests(made, room, others, place, how, looked)
+        waiting = [n for n, found in enumerate(ways) if not found]
+        leaning = [(n, place) for n in waiting for place in _tilted(sought[n].place, tilt)]
+        for (n, _), found in zip(leaning, ways_into(room, [each for _, each in leaning]), strict=True):
+            ways[n] += found.ways
+            looked[n] += found.looked
+            tilts[n] = tilt
+    made = []
+    for each, own, tilt, seen in zip(sought, ways, tilts, looked, strict=True):
+        if own:
+            patch = _patch(how, each.width_m, tilt) if how.field_m else None
+            poses = MeasurementPoses(
+                each.measurement, each.place.tool, station, tuple(own[:KEPT]), tilt, patch
+            )
+        else:
+            poses = MeasurementPoses(
+                each.measurement, each.place.tool, station, reason=_why(room, each.place)
+            )
+        boxes = boxes_of(room, each.place, seen)
+        made.append(
+            replace(poses, boxes=boxes, own=footing.digest(each.place, how), near=others.digest(boxes))
+        )
+    return made
+
+
+def _why(room: Room, place: Place) -> str:
     answer = room.reach.at(place)
-    reasons = [answer.reason] if isinstance(answer, Unreached) else ["there is no straight way to it"]
-    return _with_digests(
-        MeasurementPoses(measurement, place.tool, station, reason=reasons[0]),
-        room,
-        others,
-        place,
-        how,
-        looked,
-    )
-
-
-def _with_digests(
-    made: MeasurementPoses,
-    room: Room,
-    others: Standing,
-    place: Place,
-    how: Measuring,
-    looked: list[Floats],
-) -> MeasurementPoses:
-    box = box_of(room, place, looked)
-    own, near = own_digest(room.world, place, how), others.digest(box)
-    return replace(made, box=box, own=own, near=near)
+    return answer.reason if isinstance(answer, Unreached) else "there is no straight way to it"
 
 
 def _tilted(place: Place, tilt: float) -> Iterator[Place]:
@@ -77,27 +80,6 @@ def _tilted(place: Place, tilt: float) -> Iterator[Place]:
         axis = (math.cos(angle), math.sin(angle), 0.0)
         turned = T @ transforms.transform(transforms.rotation(axis, tilt), np.zeros(3))
         yield replace(place, placement=Placement(place.placement.parent, transforms.to_pose(turned)))
-
-
-def _ways(room: Room, place: Place, home: Floats, looked: list[Floats]) -> list[Floats]:
-    """The straight ways in that are free; every configuration that was looked at is added to `looked`."""
-    poses = room.poses(place, home)
-    looked += list(poses)
-    if not len(poses):
-        return []
-    free = poses[~room.checker(place).collides(room.whole(place.arm, poses))]
-    found: list[Floats] = []
-    for q in free[:TRIED]:
-        path = room.straight(place, q, place.approach_m)
-        if path is None:
-            continue
-        looked += list(path)
-        before_free = not room.free(place.arm).collides(room.whole(place.arm, path[:1]))[0]
-        if before_free and room.is_free(place, path):
-            found.append(path)
-        if len(found) == KEPT:
-            break
-    return found
 
 
 def _patch(how: Measuring, width_m: float, tilt: float) -> Patch:

@@ -38,7 +38,7 @@ def _written(poses: MeasurementPoses) -> str:
         "tilt_rad": poses.tilt_rad,
         "patch": None if patch is None else [patch.at_m, patch.size_m],
         "reason": poses.reason,
-        "box": poses.box,
+        "boxes": poses.boxes,
         "own": poses.own,
         "near": poses.near,
     }
@@ -56,7 +56,7 @@ def _read(text: str) -> MeasurementPoses | None:
             float(entry["tilt_rad"]),
             _patch(entry["patch"]),
             str(entry["reason"]),
-            _box(entry["box"]),
+            tuple(map(_box, entry["boxes"])),
             str(entry["own"]),
             str(entry["near"]),
         )
@@ -68,8 +68,6 @@ def _patch(said: Any) -> Patch | None:
     return None if said is None else Patch((said[0][0], said[0][1]), (said[1][0], said[1][1]))
 
 
-def _box(said: Any) -> Box | None:
-    if said is None:
-        return None
+def _box(said: Any) -> Box:
     (a, b, c), (d, e, f) = said
     return ((float(a), float(b), float(c)), (float(d), float(e), float(f)))

@@ -12,12 +12,11 @@ from engine.model.task import Bits, ConditionalEffect, GroundOperator, bitset
 from engine.stages.grounding.closure import Deduction
 from engine.stages.grounding.derived import Supports, TooManySupports
 from engine.stages.grounding.numbering import Numbering
-from engine.stages.grounding.program import Schema, is_conditional
+from engine.stages.grounding.program import Schema, is_conditional, signed
 from engine.stages.grounding.universe import Universe
 from engine.stages.grounding.workflow import Workflow
 from kb.asp.tables import Table
 from kb.model.amounts import Amounts, NoAmount
-from kb.model.conditions import Literal
 from kb.model.domain import Operator
 from kb.model.traits import traits
 from kb.terms import Atom, Function, Term, substitute_atom, variables
@@ -290,12 +289,3 @@ class _Shared:
         """Note what is wrong, unless the operator has another instance with the same fault."""
         key = (self.operator.name, code + name)
         self.amiss.setdefault(key, Amiss(self.operator, code, message, hint))
-
-
-def signed(literals: Sequence[Literal], numbers: list[int]) -> tuple[int, ...]:
-    """The signed numbers of literals.
-
-    A negated atom that is never reachable (number -1) is always false, so it is left out.
-    """
-    pairs = zip(literals, numbers, strict=True)
-    return tuple(n if each.positive else ~n for each, n in pairs if each.positive or n >= 0)

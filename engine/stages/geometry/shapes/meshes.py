@@ -15,6 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
+from engine.kernels.linear import matmul, norm
 from engine.model.geometry import Floats, Longs
 from engine.stages.geometry.shapes.hull import FlatError, hull_triangles, hull_vertices, planes
 from kb.diagnostics import Diagnostic, InvalidInput, Source
@@ -156,9 +157,9 @@ def is_convex(mesh: TriangleMesh) -> bool:
     normals, offsets = planes(mesh.vertices, hull_triangles(mesh.vertices))
     corners = mesh.vertices[mesh.triangles]
     points = np.concatenate([mesh.vertices, corners.mean(axis=1)])
-    size = float(np.linalg.norm(np.ptp(mesh.vertices, axis=0)))
+    size = norm(np.ptp(mesh.vertices, axis=0))
     chunks = np.array_split(points, 1 + len(points) * len(offsets) // 2**24)
-    depth = max(float((offsets - chunk @ normals.T).min(axis=1).max()) for chunk in chunks)
+    depth = max(float((offsets - matmul(chunk, normals.T)).min(axis=1).max()) for chunk in chunks)
     return depth <= CONVEX * size
 
 

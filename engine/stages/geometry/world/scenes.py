@@ -1,13 +1,16 @@
 """Makes a collision scene from a world: convex pieces on carriers, and the pairs that must not touch."""
 
 from collections.abc import Collection, Iterator
+from dataclasses import replace
 
 import numpy as np
 
+from engine.kernels.linear import matmul
 from engine.model.geometry import Floats, Joints, Longs, Piece, Scene
 from engine.stages.geometry import transforms
 from engine.stages.geometry.shapes.parts import cores
 from engine.stages.geometry.world.model import NO_JOINTS, Located, World
+from kb.model.cell import JointKind
 from kb.model.shapes import PlacedShape
 
 Names = frozenset[frozenset[str]]
@@ -34,6 +37,51 @@ def free_scene_of(
     others = (*_link_pieces(world), *_body_pieces(world, left), *_region_pieces(world, left))
     standing = tuple(piece for piece in others if piece.carrier == 0)
     return _scene(NO_JOINTS, (*moving, *standing), _allowed(world) | allowed, free=True)
+
+
+def riding_scene_of(world: World, body: str) -> Scene:
+    """The scene in which a body goes along its joint with all that stands on it, arms included: its value is the first joint.
+
+    Raises `ValueError` for a body without a joint, and for one that an arm carries.
+    """
+    guide, start = world.cell.bodies[body].guide, world.locate(world.placed[body].parent)
+    if guide is None or start.carrier:
+        raise ValueError(f"{body} does not go along a joint that stands still")
+    zero = world.guided(body, 0.0)
+    T_ride_world = transforms.inverse(zero.locate(body).T_carrier_frame)
+    joints, pieces = zero.joints, scene_of(zero).pieces
+    moves = np.array([body in zero.supports(_frame_of(zero, piece.body)) for piece in pieces], dtype=bool)
+    riding = np.array(
+        [body in zero.supports(f"{arm}.base") for arm in zero.cell.arms for _ in zero.models[arm].joints.axis]
+    )
+    parent, origin = joints.parent + (joints.parent > 0), joints.T_parent_origin.copy()
+    first = (joints.parent == 0) & riding
+    parent[first], origin[first] = 1, matmul(T_ride_world, origin[first])
+    found = Joints(
+        np.concatenate([[0], parent]).astype(np.int64),
+        np.concatenate([transforms.inverse(T_ride_world)[None], origin]),
+        np.concatenate([[guide.axis], joints.axis]),
+        np.concatenate([[guide.kind is JointKind.PRISMATIC], joints.prismatic]),
+        np.concatenate([[guide.lower], joints.lower]),
+        np.concatenate([[guide.upper], joints.upper]),
+    )
+    carried = tuple(_on_ride(each, rides, T_ride_world) for each, rides in zip(pieces, moves, strict=True))
+    return _scene(found, carried, _allowed(zero))
+
+
+def _frame_of(world: World, body: str) -> str:
+    """The frame that what a piece belongs to stands on."""
+    arm = body.partition(".")[0]
+    return f"{arm}.base" if arm in world.cell.arms and body not in world.cell.bodies else body
+
+
+def _on_ride(piece: Piece, rides: bool, T_ride_world: Floats) -> Piece:
+    """A piece in a scene with one joint more: on it, if it stood on the world and rides along."""
+    if piece.carrier:
+        return replace(piece, carrier=piece.carrier + 1)
+    if not rides:
+        return piece
+    return replace(piece, carrier=1, T_carrier_piece=matmul(T_ride_world, piece.T_carrier_piece))
 
 
 def _scene(joints: Joints, pieces: tuple[Piece, ...], allowed: Names, free: bool = False) -> Scene:
@@ -70,7 +118,7 @@ def _allowed(world: World) -> Names:
 
 def _placed(body: str, at: Located, shapes: tuple[PlacedShape, ...]) -> Iterator[Piece]:
     for placed in shapes:
-        T = at.T_carrier_frame @ transforms.of_pose(placed.pose)
+        T = matmul(at.T_carrier_frame, transforms.of_pose(placed.pose))
         for core in cores(placed.shape):
             yield Piece(body, at.carrier, T, core.vertices, core.radius_m, core.box)
 
@@ -98,5 +146,5 @@ def pieces_of_region(world: World, name: str) -> list[Piece]:
     """The convex pieces of a region that the cell declares."""
     region = world.cell.regions[name]
     below = world.locate(region.placement.parent)
-    T: Floats = below.T_carrier_frame @ transforms.of_pose(region.placement.pose)
+    T: Floats = matmul(below.T_carrier_frame, transforms.of_pose(region.placement.pose))
     return list(_placed(name, Located(below.carrier, T), (PlacedShape(region.shape),)))

@@ -7,12 +7,11 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 
-from engine.stages.grounding.initial import evaluated_state
+from engine.stages.grounding.initial import initial_state
 from engine.stages.grounding.need.likeness import alike, free_objects, most_at_once, names
 from engine.stages.grounding.need.relevance import relevance
 from engine.stages.grounding.program import Vocabulary
-from kb.asp import Grounder
-from kb.asp.statics import evaluate
+from kb.asp.statics import evaluated
 from kb.asp.vocabulary import VIOLATED
 from kb.model.domain import BUILT_IN_TYPES, NUMERIC_TYPES, Domain
 from kb.model.problem import Problem
@@ -37,9 +36,8 @@ def thinned(problem: Problem, statics: Named | None = None) -> Thinned:
     It is the same problem if there are no such objects, or if grounding has to report something. `statics` gives the
     evaluated static facts, if they are known already.
     """
-    free = free_objects(problem)
-    most = {type_: 1 + most_at_once(problem.domain, type_) for type_ in set(free.values())}
-    if all(count <= most[type_] for type_, count in Counter(free.values()).items()):
+    free, most = _plentiful(problem)
+    if not free:
         return Thinned(problem)
     named, state = _started(problem, statics)
     if state is None or any(True for _ in named(VIOLATED, 1)):
@@ -53,15 +51,23 @@ def thinned(problem: Problem, statics: Named | None = None) -> Thinned:
     return Thinned(_without(problem, gone, facts, state, named), gone, spares) if gone else Thinned(problem)
 
 
+def _plentiful(problem: Problem) -> tuple[dict[str, str], dict[str, int]]:
+    """The free objects, with their types, of which there are more than can matter at once; and how many that are, by type.
+
+    Objects of the other types all stay, so what a fact says about one of them ties nothing.
+    """
+    free = free_objects(problem)
+    most = {type_: 1 + most_at_once(problem.domain, type_) for type_ in set(free.values())}
+    counts = Counter(free.values())
+    return {name: type_ for name, type_ in free.items() if counts[type_] > most[type_]}, most
+
+
 def _started(problem: Problem, statics: Named | None) -> tuple[Named, tuple[Atom, ...] | None]:
     """The static facts, unless they are known, and the initial state; None for facts that contradict each other."""
-    grounder = Grounder()
-    state, contradicted = evaluated_state(problem, Vocabulary(problem.domain), grounder)
-    if problem.complete and statics is None:
-        evaluate(grounder, problem)
+    state, contradicted = initial_state(problem, Vocabulary(problem.domain))
 
     def named(name: str, arity: int) -> Iterable[Atom]:
-        return (Function(name, each) for each in grounder.atoms(name, arity))
+        return (Function(name, each) for each in evaluated(problem).atoms(name, arity))
 
     return statics or named, None if contradicted else state
 

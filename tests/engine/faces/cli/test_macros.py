@@ -153,6 +153,7 @@ def test_a_prepared_problem_set_is_looked_up(store: str) -> None:
     assert {each["problem"]: each["status"] for each in first["problems"]} == {
         "both_tools": "found",
         "one_point": "found",
+        "three_stations": "found",
         "tool_missing": "infeasible",
         "twelve_points": "found",
         "two_contacts": "infeasible",

@@ -1,0 +1,92 @@
+"""Straight free ways of a tool into many places at once."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from engine.model.geometry import Floats, Truths
+from engine.pipelines.moves.rooms import Room
+from kb.model.cell import Place
+
+KEPT = 6  # ways that are kept of a place
+TRIED = 48  # free configurations whose way in is looked at
+AT_ONCE = 8  # of them, those that are looked at together
+
+
+@dataclass(eq=False)
+class Ways:
+    """The ways (m, k) into one place that were found, and the configurations (n, k) that this rests on."""
+
+    place: Place
+    poses: Floats
+    free: Truths
+    ways: list[Floats] = field(default_factory=list)
+    looked: list[Floats] = field(default_factory=list)
+    _next: int = 0
+    _seen: int = 0
+
+    def candidates(self) -> Iterator[int]:
+        """The next free configurations whose ways are looked at; none if enough are known."""
+        if len(self.ways) < KEPT:
+            numbers = np.nonzero(self.free)[0][self._next : min(self._next + AT_ONCE, TRIED)]
+            self._next += len(numbers)
+            yield from map(int, numbers)
+
+    def take(self, number: int, path: Floats | None, free: bool) -> None:
+        """Note what was found for one candidate; candidates come in order, and what is not needed is not looked at."""
+        if len(self.ways) == KEPT:
+            return
+        self._see(number + 1)
+        if path is not None:
+            self.looked += list(path)
+            if free:
+                self.ways.append(path)
+
+    def close(self) -> None:
+        """Unless enough ways were found before the end, the answer rests on every configuration."""
+        if len(self.ways) < KEPT:
+            self._see(len(self.poses))
+
+    def _see(self, upto: int) -> None:
+        self.looked += list(self.poses[self._seen : upto])
+        self._seen = max(self._seen, upto)
+
+
+def ways_into(room: Room, places: Sequence[Place]) -> list[Ways]:
+    """For each place the straight ways in that are free, the nearest to the arm's rest first.
+
+    The places take one arm, one tool, one approach, and touch the same. The answer for each is what it would be alone.
+    """
+    if not places:
+        return []
+    arm = places[0].arm
+    poses = room.poses_at(places, room.world.configurations[arm])
+    hits = room.checker(places[0]).collides(room.whole(arm, np.concatenate(poses)))
+    ends = np.cumsum([len(each) for each in poses])[:-1]
+    found = [
+        Ways(*each) for each in zip(places, poses, [~each for each in np.split(hits, ends)], strict=True)
+    ]
+    while rows := [(own, n) for own in found for n in own.candidates()]:
+        starts = np.array([own.poses[n] for own, n in rows])
+        paths = room.straights(places[0], starts, places[0].approach_m)
+        good = _free(room, places[0], paths)
+        for (own, n), path, free in zip(rows, paths, good, strict=True):
+            own.take(n, path, bool(free))
+    for own in found:
+        own.close()
+    return found
+
+
+def _free(room: Room, place: Place, paths: Sequence[Floats | None]) -> Truths:
+    """Which paths touch nothing that they may not: nothing at all where they begin."""
+    known = [n for n, path in enumerate(paths) if path is not None]
+    good = np.zeros(len(paths), dtype=bool)
+    own = [path for path in paths if path is not None]
+    if not own:
+        return good
+    fronts = np.array([path[0] for path in own])
+    clear = ~room.free(place.arm).collides(room.whole(place.arm, fronts))
+    for n, path, front in zip(known, own, clear, strict=True):
+        good[n] = bool(front) and room.is_free(place, path)
+    return good
