@@ -57,7 +57,9 @@ def angles_to_angle(normal: V, axis: V, start: V, target: V) -> V:
         return (0.0, 0.0, 0.0)
     along = vectors.dot(normal, axis) * vectors.dot(axis, start)
     spread = angles.angle_of(math.sqrt(max(0.0, square)), vectors.dot(normal, target) - along)
-    middle = angles.angle_of(vectors.dot(normal, vectors.cross(axis, start)), vectors.dot(normal, start) - along)
+    middle = angles.angle_of(
+        vectors.dot(normal, vectors.cross(axis, start)), vectors.dot(normal, start) - along
+    )
     return (middle + spread, middle - spread, 1.0)
 
 
