@@ -59,7 +59,7 @@ def test_the_end_of_the_time_is_told_as_data(cell: Path) -> None:
 @pytest.mark.slow
 def test_a_preparation_whose_time_is_over_tells_of_every_problem(tmp_path: Path) -> None:
     words = ["prepare", "themse", "--jobs", "1", "--store", str(tmp_path / "s.db"), "--format", "json"]
-    ran = subprocess.run([*COMMAND, *words, "--time-limit", "2"], capture_output=True, text=True, check=False)
+    ran = subprocess.run([*COMMAND, *words, "--time-limit", "8"], capture_output=True, text=True, check=False)
     assert ran.returncode == 23
     assert len(json.loads(ran.stdout)["data"]["problems"]) == 8
 
