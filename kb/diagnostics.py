@@ -37,7 +37,6 @@ CODES = {
     "K302": "a denied atom triggers a rule, but is no precondition",
     "K304": "operator can never be applied",
     "K305": "operator reads a resource that similar operators hold",
-    "K306": "too many supports of a derived predicate",
     "K307": "grounding exceeds its limit",
     "K309": "declared, but nothing uses it",
     "K310": "a condition that nothing makes true",

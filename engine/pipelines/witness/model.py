@@ -18,9 +18,12 @@ from kb.model.shapes import Box, Cylinder, PlacedShape, Sphere, Tube
 STEP_S = 0.004
 STIFF, DAMPED = 40_000.0, 2_000.0  # N m/rad and N m s/rad of the servos of an arm
 ARMATURE = 2.0  # kg m^2 of the drive of a joint
-GRIP_N = 60.0  # greatest force of a body's own drive
+RIGID = 'solref="0.008 1" solimp="0.99 0.999 0.0001"'  # how a body follows another: two fingers stay in the middle
+GRIP_N = 80.0  # greatest force of a body's own drive
 DENSITY = 700.0  # kg/m^3 where no mass is given: housings are hollow
 FRICTION = 0.8
+TWIST = "0.02 0.0001"  # m: friction against turning on a spot as wide as a finger's pad, and against rolling
+FIRM = 'solref="0.008 1" solimp="0.95 0.99 0.0005"'  # how contacts give way: as little as the time step allows
 
 
 def written(world: World) -> str:
@@ -29,8 +32,8 @@ def written(world: World) -> str:
     tree = "\n".join([*writer.standing("world"), *writer.arms()])
     return f"""<mujoco model={quoteattr(world.cell.name)}>
 <compiler angle="radian" autolimits="true" boundmass="0.01" boundinertia="0.0001"/>
-<option timestep="{STEP_S}" integrator="implicitfast" cone="elliptic" impratio="10" noslip_iterations="2"/>
-<default><geom density="{DENSITY}" friction="{FRICTION} 0.005 0.0001" condim="4"/></default>
+<option timestep="{STEP_S}" integrator="implicitfast" cone="elliptic" impratio="10"/>
+<default><geom density="{DENSITY}" friction="{FRICTION} {TWIST}" condim="4" {FIRM}/></default>
 <asset>
 {chr(10).join(writer.meshes)}
 </asset>
@@ -92,19 +95,20 @@ class _Writer:
 
     def _guide(self, name: str, guide: Guide) -> str:
         slides = guide.kind is JointKind.PRISMATIC
-        kind, damping = ("slide", 60.0) if slides else ("hinge", 1.0)
+        kind, damping, rubs = ("slide", 60.0, 4.0) if slides else ("hinge", 1.0, 0.2)
+        rubs = rubs if name in self.by_hand else 0.0
         limits = f"{guide.lower - 1e-4} {guide.upper + 1e-4}"
-        stiff = 15_000.0 if slides else 60.0
+        stiff, drive = (6_000.0, 2.0) if slides else (60.0, 0.02)
         if guide.follows:
-            same = f'joint1={quoteattr(name)} joint2={quoteattr(guide.follows)} polycoef="0 1 0 0 0"'
+            same = f'joint1={quoteattr(name)} joint2={quoteattr(guide.follows)} polycoef="0 1 0 0 0" {RIGID}'
             self.followers.append(f"<joint {same}/>")
-        elif name not in self.by_hand:
+        if name not in self.by_hand:
             self.servos.append(
                 f'<position name={quoteattr(name)} joint={quoteattr(name)} kp="{stiff}" kv="{stiff / 20}" '
                 f'forcerange="{-GRIP_N} {GRIP_N}"/>'
             )
         axis = " ".join(map(str, guide.axis))
-        return f'<joint name={quoteattr(name)} type="{kind}" axis="{axis}" range="{limits}" damping="{damping}"/>'
+        return f'<joint name={quoteattr(name)} type="{kind}" axis="{axis}" range="{limits}" damping="{damping}" frictionloss="{rubs}" armature="{0.0 if name in self.by_hand else drive}"/>'
 
     def _links(self, arm: str, carrier: int, T: Floats) -> str:
         """The links on a carrier of an arm, and the next joint inside of it."""
@@ -146,7 +150,7 @@ class _Writer:
         return inertia + self._shapes(name, link.shapes, offset, "")
 
     def _geoms(self, name: str, body: Body) -> str:
-        extra = "" if body.friction is None else f' friction="{body.friction} 0.005 0.0001"'
+        extra = "" if body.friction is None else f' friction="{body.friction} {TWIST}"'
         count = max(1, sum(len(cores(each.shape)) for each in body.shapes))
         if body.mass_kg is not None:
             extra += f' mass="{body.mass_kg / count}"'

@@ -88,9 +88,13 @@ class _Stage:
         self._aim(joint, value)
 
     def _aim(self, joint: str, value: float) -> None:
-        number = mujoco.mj_name2id(self.model, mujoco.mjtObj.mjOBJ_ACTUATOR, joint)
-        if number >= 0:
-            self.data.ctrl[number] = value
+        """Aim the servo of a joint, and those of all that follow it."""
+        bodies = self.world.cell.bodies
+        same = (name for name, body in bodies.items() if body.guide is not None and body.guide.follows == joint)
+        for name in (joint, *same):
+            number = mujoco.mj_name2id(self.model, mujoco.mjtObj.mjOBJ_ACTUATOR, name)
+            if number >= 0:
+                self.data.ctrl[number] = value
 
     def take(self, step: MovedStep, before: World, after: World) -> None:
         """One step: its legs, and at the place what fingers and furniture do."""

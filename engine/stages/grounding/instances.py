@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 
 from engine.model.task import Bits, ConditionalEffect, GroundOperator, bitset
 from engine.stages.grounding.closure import Deduction
-from engine.stages.grounding.derived import Supports, TooManySupports
+from engine.stages.grounding.derived import Supports
 from engine.stages.grounding.numbering import Numbering
 from engine.stages.grounding.program import Schema, is_conditional, signed
 from engine.stages.grounding.universe import Universe
@@ -96,8 +96,8 @@ Traits = tuple[tuple[Term, ...], int, int]  # resources, duration, cost
 class Instances:
     """Everything that is needed to turn rows into operators.
 
-    `contradictions`, `doubts`, `overflowing` and `amiss` collect what was found wrong on the way; `contradictions` and
-    `overflowing` have the operator's name as key, `amiss` also what is wrong.
+    `contradictions`, `doubts` and `amiss` collect what was found wrong on the way; `contradictions` has the operator's
+    name as key, `amiss` also what is wrong.
     """
 
     universe: Universe
@@ -109,7 +109,6 @@ class Instances:
     amounts: Amounts
     contradictions: dict[str, Contradiction] = field(default_factory=dict)
     doubts: list[Doubt] = field(default_factory=list)
-    overflowing: dict[str, Operator] = field(default_factory=dict)
     amiss: dict[tuple[str, str], Amiss] = field(default_factory=dict)
     _sets: dict[tuple[int, ...], Bits] = field(default_factory=dict)
 
@@ -160,12 +159,8 @@ class Instances:
             conditions = signed(rows.schema.literals, row[arguments:literals])
             if (shared := shares.of(row, instance)) is None:
                 continue
-            try:
-                supports = self.supports.combinations(conditions)
-                effects = tuple(self._conditional(operator, instance, tuple(row[:arguments]), conditions))
-            except TooManySupports:
-                self.overflowing.setdefault(operator.name, operator)
-                continue
+            supports = self.supports.combinations(conditions)
+            effects = tuple(self._conditional(operator, instance, tuple(row[:arguments]), conditions))
             events = self._events(operator, instance)
             for support in supports:
                 base = self.numbering.bits(support)
