@@ -100,7 +100,8 @@ def _is_kept_from_writing(file: Path) -> bool:
 
 def _reading(file: Path) -> URL:
     """The URL for reading a file: unchanging, or, if a log beside it shows that others write, with their changes."""
-    logged = file.with_name(f"{file.name}-wal").exists()
+    log = file.with_name(f"{file.name}-wal")
+    logged = log.exists() and log.stat().st_size
     asked = "mode=ro" if logged else "mode=ro&immutable=1"
     return URL.create("sqlite", database=f"file:{quote(str(file))}?{asked}", query={"uri": "true"})
 

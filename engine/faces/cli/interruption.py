@@ -21,12 +21,14 @@ class Interruption:
 
     A request to terminate (SIGTERM), as from a batch system, works like Ctrl-C: it gets the best answer so far.
 
-    A search calls it now and then; it returns whether to stop. `seconds` is the time limit, counted from its creation.
+    A search calls it now and then; it returns whether to stop. `seconds` is the time limit, counted from the begin of the command.
     """
 
     def __init__(self, seconds: float | None = None) -> None:
         self.started = time.monotonic()
         self.deadline = self.started + seconds if seconds is not None else None
+        if seconds is not None and (watch := current()) and watch.seconds == seconds:
+            self.deadline = watch.deadline  # the limit counts from the begin of the command
         self.heard = self.waiting = self.told = False
         self._before: dict[signal.Signals, Callable[[int, FrameType | None], Any] | int | None] = {}
         self._progress = _ProgressLine() if sys.stderr.isatty() else None

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from engine.faces.cli.answers import Answer, Form, give
-from engine.faces.cli.exits import BAD_INPUT, GAVE_UP, INTERRUPTED
+from engine.faces.cli.exits import BAD_INPUT, GAVE_UP, INTERRUPTED, LIMIT
 from engine.faces.cli.options import Expansions, Format, Library, Seed, TimeLimit
 from engine.model.wording import counted
 
@@ -53,7 +53,7 @@ def _prepare(target: str, store: str, jobs: int, seconds: float | None, expansio
     statuses = {each.status for each in found.problems}
     code = INTERRUPTED if interrupted.heard else BAD_INPUT if "bad input" in statuses else 0
     if not code and ("gave up" in statuses or len(found.problems) < len(paths)):
-        code = GAVE_UP
+        code = LIMIT if interrupted() else GAVE_UP
     diagnostics = tuple(diagnostic for each in found.problems for diagnostic in each.diagnostics)
     return Answer(
         "ok" if not code else "incomplete", _content(found), lambda: _text(found), code, diagnostics

@@ -20,6 +20,7 @@ from kb.stopping import Stopped
 
 HEARING = 0.5  # seconds from Ctrl-C until a search has to have heard it
 TELLING = 0.5  # seconds that a command which was interrupted where it heard nothing may take for its answer
+BUSY = 1.5  # seconds that a busy machine may add to that
 ANSWERING = 10.0  # seconds that a search which has heard it may take for its best answer
 NAME = "watch"  # of the thread
 
@@ -65,17 +66,25 @@ class Watch:
             code, hearing = LIMIT, max(0.05 * (self.seconds or 0), 0.2)
         except OSError:
             return
-        self._await(hearing)
+        self._await(hearing, 0.0)
         if not (self.answered or self.heard):
             signal.pthread_kill(threading.main_thread().ident or 0, signal.SIGALRM)
-            self._await(TELLING if code == INTERRUPTED else 0.2)
+            self._await(TELLING if code == INTERRUPTED else 0.2, BUSY)
         if not self.answered:
             self._end(code)
 
-    def _await(self, seconds: float) -> None:
-        """Wait so long for the answer, and longer if the command has heard that it shall stop."""
-        until = time.monotonic() + seconds
-        while not self.answered and time.monotonic() < (until + ANSWERING if self.heard else until):
+    def _await(self, seconds: float, more: float) -> None:
+        """Wait for the answer, and longer if the command has heard that it shall stop.
+
+        On a busy machine `seconds` of the processor may last so many seconds `more`.
+        """
+        until, spent = time.monotonic() + seconds, time.process_time() + seconds
+        while not self.answered:
+            late = time.monotonic() - until
+            if late > (ANSWERING if self.heard else more) or (
+                late > 0 and not self.heard and time.process_time() > spent
+            ):
+                return
             time.sleep(0.02)
 
     def be_patient(self) -> None:

@@ -92,3 +92,10 @@ static int cut(const char *name, int fd, off_t size) {
 
 int ftruncate(int fd, off_t size) { return cut("ftruncate", fd, size); }
 int ftruncate64(int fd, off_t size) { return cut("ftruncate64", fd, size); }
+
+int unlink(const char *path) {
+    int (*real)(const char *) = dlsym(RTLD_NEXT, "unlink");
+    const char *folder = getenv("DISK_FOLDER");
+    if (folder && strncmp(path, folder, strlen(folder)) == 0) note('u', path, 0, 0, 0);
+    return real(path);
+}

@@ -65,7 +65,10 @@ def after_power_loss(happened: list[Note], chance: random.Random) -> dict[str, b
     synced = {name: at for at, (kind, name, _, _) in enumerate(happened) if kind == "s"}
     files: dict[str, bytearray] = {}
     for at, (kind, name, offset, data) in enumerate(happened):
-        if at > synced.get(name, -1) and chance.random() < 0.5:
+        if at > synced.get("watched" if kind == "u" else name, -1) and chance.random() < 0.5:
+            continue
+        if kind == "u":
+            files.pop(name, None)
             continue
         file = files.setdefault(name, bytearray())
         if kind == "w":
@@ -100,7 +103,9 @@ def test_what_was_acknowledged_survives_a_loss_of_power_at_any_moment(disk: str,
         assert rows["fault_cases"] >= acknowledged
 
 
-@pytest.mark.parametrize("room", [0, 40_000, 90_000, 120_000])
+@pytest.mark.parametrize(
+    "room", [0, *(pytest.param(each, marks=pytest.mark.slow) for each in (40_000, 90_000))]
+)
 def test_a_full_disk_does_not_take_the_answer_with_it(disk: str, tmp_path: Path, room: int) -> None:
     folder = tmp_path / "watched"
     folder.mkdir()

@@ -118,7 +118,7 @@ def test_who_cannot_be_told_why_gets_the_exit_code() -> None:
     "arguments",
     [
         ("check", "bulkhead/one_point", "--no-reach"),
-        ("plan", "bulkhead/one_point", "--anytime", "--time-limit", "5"),
+        ("plan", "bulkhead/one_point", "--anytime", "--time-limit", "15"),
     ],
 )
 def test_who_cannot_be_told_of_progress_gets_the_answer(arguments: tuple[str, ...]) -> None:
