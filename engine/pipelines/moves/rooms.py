@@ -101,7 +101,8 @@ class Room:
         """
         model, (count, length) = self._model(arm), T_base_flange.shape[:2]
         found = self.kinematics[arm].solve(T_base_flange.reshape(-1, 4, 4))
-        q, valid = (each.reshape(count, length, *each.shape[1:]) for each in (found.q, found.valid))
+        q = found.q.reshape(count, length, *found.q.shape[1:])
+        valid = found.valid.reshape(count, length, -1)
         paths, follows = np.repeat(at[:, None], length, axis=1), np.ones(count, dtype=bool)
         for n in range(1, length):
             near, inside = turned_near(model, q[:, n], paths[:, n - 1, None])
