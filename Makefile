@@ -2,7 +2,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test slow long check golden bench mutation wheel clean
+.PHONY: demo test slow long check golden bench fuzz mutation wheel clean
 .DEFAULT_GOAL := test
 
 # What is compiled: plain Python with its types beside it.
@@ -57,6 +57,13 @@ bench: $(PEERS)/ready
 	$(BIN)/python benchmarks/planning.py --peers $(PEERS)/bin/python
 	missed=0; $(BIN)/python benchmarks/sequencing.py --peers || missed=1; \
 	for each in $(MEASURED); do $(BIN)/python benchmarks/$$each.py || missed=1; done; exit $$missed
+
+# Mutated inputs for every reader; it goes on where it stopped. MINUTES=60 SEED=2 make fuzz
+MINUTES ?= 10
+SEED ?= 1
+
+fuzz: $(VENV)/ready
+	$(BIN)/python tests/fuzzing/campaign.py --minutes $(MINUTES) --seed $(SEED)
 
 # Cosmic-ray makes the mutants; it is no part of the product (docs/testing.md).
 mutation: $(VENV)/ready

@@ -1,11 +1,12 @@
 """The fault matrix: every cause of a fault base, injected at every step where it can show; how each run ends.
 
-    python benchmarks/faults.py [--samples N] [--seed N] [--pairs] [--json FILE] [TARGET ...]
+    python benchmarks/faults.py [--samples N] [--seed N] [--second run|recovery|test] [--json FILE] [TARGET ...]
 
-Without `--samples` the whole matrix. `--pairs` injects a second fault behind the first, so that two are in one run, in a recovery
-or in the steps that prepare a test. The plan is made once; each run is in a simulated cell of its own, on the virtual clock. A run
+Without `--samples` the whole matrix. `--second` injects another fault: anywhere in the run, at a step of the recovery from the
+first, or at a step that prepares a test or a repair. With `--json` what was run is kept there, and the next call goes on behind
+it. The plan is made once; each run is in a simulated cell of its own, on the virtual clock. A run
 passes if it ends with the goals reached, also in the cell as it really is, or with a reason for each goal that is not, and if no
-command is carried out twice. Exits with 1 if one does not pass.
+command is carried out twice. Exits with 1 if one does not pass, or if the plan uses an operator that no exception is about.
 """
 
 import argparse
@@ -16,6 +17,7 @@ import time
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
+from enum import StrEnum
 from pathlib import Path
 
 from engine.model.execution import Finish, Record, RecordKind
@@ -23,6 +25,7 @@ from engine.pipelines.execution import Execution, Timed
 from engine.pipelines.execution.compiling import situation_of
 from engine.pipelines.execution.planned import Ready, first
 from engine.pipelines.execution.recorder import Recorder
+from engine.pipelines.execution.records import read_atom
 from engine.pipelines.planning import problem_of
 from engine.pipelines.simulation import World
 from engine.pipelines.simulator import HiddenCell, Injection, Simulator, possible
@@ -71,6 +74,13 @@ class Setting:
             for exception in possible(self.base, step, cause)
         ]
 
+    def uncovered(self) -> tuple[list[str], list[str]]:
+        """The operators of the domain that no exception is about; of them, those that the plan uses."""
+        known = {each.operator.name for each in self.base.exceptions.values() if each.operator is not None}
+        left = [each.name for each in self.problem.domain.operators if each.name not in known]
+        used = {each.operator.name for each in self.ready.plan.steps}
+        return left, [each for each in left if each in used]
+
     def run(self, faults: Sequence[Injection], seed: int) -> tuple[Finish, Kept, HiddenCell]:
         """One run with faults."""
         cell = HiddenCell(self.problem, self.base, tuple(faults), seed)
@@ -91,50 +101,113 @@ def fault_of(setting: Setting, ending: Finish, kept: Kept, cell: HiddenCell) -> 
     return "" if set(ending.open_goals) <= told or ending.why else "goals are open without a reason"
 
 
+class Second(StrEnum):
+    """Where another fault is injected."""
+
+    RUN = "run"
+    RECOVERY = "recovery"
+    TEST = "test"
+
+
+def second(
+    setting: Setting, fault: Injection, where: Second, chance: random.Random, seed: int
+) -> list[Injection]:
+    """Another fault for a run with a fault; none if there is no step where it could be."""
+    if where is Second.RUN:
+        return [chance.choice(setting.matrix())]
+    records = setting.run([fault], seed)[1].records
+    told = next((r.number for r in records if r.kind is RecordKind.EXCEPTION), None)
+    if told is None:
+        return []
+    times: Counter[str] = Counter()
+    places: list[tuple[str, int]] = []
+    for each in records:
+        if each.kind is RecordKind.COMMAND and each.content["command_kind"] == "step":
+            times[each.content["action"]] += 1
+            single = each.content["step"] is None
+            if each.number > told and single == (where is Second.TEST):
+                places.append((each.content["action"], times[each.content["action"]]))
+    ways = [
+        Injection(action, cause, time, exception)
+        for action, time in places
+        for cause in setting.base.causes
+        for exception in possible(setting.base, read_atom(action), cause)
+    ]
+    return [chance.choice(ways)] if ways else []
+
+
+def tried(setting: Setting, faults: Sequence[Injection], seed: int) -> tuple[str, str]:
+    """How a run with faults ends, and what is wrong with it; nothing if it passes."""
+    try:
+        ending, kept, cell = setting.run(faults, seed)
+        return ending.outcome, fault_of(setting, ending, kept, cell)
+    except Exception as error:
+        return "crashed", f"{type(error).__name__}: {str(error)[:160]}"
+
+
+@dataclass
+class Tally:
+    """What was run so far, by target and faults, in a file if there is one."""
+
+    file: Path | None
+    known: dict[str, tuple[str, str]]
+
+    @classmethod
+    def of(cls, file: Path | None) -> "Tally":
+        """The tally in a file."""
+        there = file is not None and file.is_file()
+        return cls(file, json.loads(file.read_text("utf-8")) if there and file is not None else {})
+
+    def note(self, key: str, found: tuple[str, str]) -> None:
+        """Keep a result."""
+        self.known[key] = found
+        if self.file is not None:
+            self.file.write_text(json.dumps(self.known, indent=1) + "\n", "utf-8")
+
+
+def row(setting: Setting, asked: argparse.Namespace, tally: Tally) -> tuple[dict[str, object], int]:
+    """The row of the table for a target, and how many runs ended wrong."""
+    chance = random.Random(f"{asked.seed} {setting.target}")
+    faults = setting.matrix()
+    left, used = setting.uncovered()
+    wrong = len(used)
+    if left:
+        print(f"  {setting.target}: no exception is about {', '.join(left)}", flush=True)
+    chosen = faults if asked.samples is None else chance.choices(faults, k=asked.samples)
+    if asked.samples is not None and asked.second is None:
+        chosen = chance.sample(faults, min(asked.samples, len(faults)))
+    counted: Counter[str] = Counter()
+    began = time.perf_counter()
+    for number, fault in enumerate(chosen):
+        key = f"{setting.target} {asked.second or ''} {asked.seed} {number} {fault}"
+        if key not in tally.known:
+            own = random.Random(key)  # so that a campaign that goes on draws the same
+            more = second(setting, fault, asked.second, own, asked.seed) if asked.second else []
+            tally.note(key, tried(setting, [fault, *more], asked.seed))
+        outcome, found = tally.known[key]
+        counted[outcome] += 1
+        if found:
+            wrong += 1
+            print(f"  {key}: {found}", flush=True)
+    seconds = round(time.perf_counter() - began, 1)
+    said = {"target": setting.target, "cases": len(faults), "operators without an exception": len(left)}
+    return {**said, "run": len(chosen), "seconds": seconds, **counted}, wrong
+
+
 def main() -> int:
     """Run the matrix and print the table."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("targets", nargs="*", default=TARGETS)
     parser.add_argument("--samples", type=int)
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--pairs", action="store_true")
+    parser.add_argument("--second", type=Second, choices=list(Second))
     parser.add_argument("--json", type=Path)
     asked = parser.parse_args()
-    chance, rows, wrong = random.Random(asked.seed), [], 0
+    wrong, tally = 0, Tally.of(asked.json)
     for target in asked.targets:
-        setting = Setting.of(target)
-        faults = setting.matrix()
-        chosen = faults if asked.samples is None else chance.sample(faults, min(asked.samples, len(faults)))
-        counted: Counter[str] = Counter()
-        began = time.perf_counter()
-        for fault in chosen:
-            both = (
-                [fault, Injection(chance.choice(faults).action, chance.choice(faults).cause, 1)]
-                if asked.pairs
-                else [fault]
-            )
-            try:
-                ending, kept, cell = setting.run(both, asked.seed)
-                found, outcome = fault_of(setting, ending, kept, cell), ending.outcome
-            except Exception as error:
-                found, outcome = f"{type(error).__name__}: {str(error)[:160]}", "crashed"
-            counted[outcome] += 1
-            if found:
-                wrong += 1
-                print(f"  {target}: {both}: {found}", flush=True)
-        seconds = time.perf_counter() - began
-        rows.append(
-            {
-                "target": target,
-                "cases": len(faults),
-                "run": len(chosen),
-                "seconds": round(seconds, 1),
-                **counted,
-            }
-        )
-        print(json.dumps(rows[-1]), flush=True)
-    if asked.json:
-        asked.json.write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
+        made, failed = row(Setting.of(target), asked, tally)
+        wrong += failed
+        print(json.dumps(made), flush=True)
     return 1 if wrong else 0
 
 

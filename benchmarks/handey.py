@@ -1,11 +1,12 @@
 """Handey's figures: relations, localisation, grasps and regrasps, and PLACE as a whole.
 
-    python benchmarks/handey.py [--part relations|localisation|regrasps|place ...] [--number N] [--first SEED] [--json FILE]
+    python benchmarks/handey.py [--part relations|localisation|regrasps|place|monitoring|pegs ...] [--number N] [--first SEED] [--json FILE]
 
 Relations: transforms are recovered from random consistent sets, by the worst entry. Localisation: N random scenes, of which the part
 must be found within 2 mm and 1 degree, and as many without the part, in which nothing must be found; processor time of each. Regrasps: the
 shortest sequence of random graphs beside brute force, and how often a grasp that was chosen without the goal's obstacles fails
-there. PLACE: the bundled scene with the part in N drawn places. Exits with 1 where an answer is wrong.
+there. PLACE: the bundled scene with the part in N drawn places. Monitoring: N scripted
+operators, half of whom spoil the goal. Pegs: N insertions in MuJoCo. Exits with 1 where an answer is wrong.
 """
 
 import argparse
@@ -20,6 +21,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from handey_operators import script
 from handey_scenes import trial
 from rich.console import Console
 
@@ -29,8 +31,10 @@ from engine.model.grasping import Regrasps
 from engine.model.vision import Located
 from engine.pipelines.placing.answers import Placed
 from engine.pipelines.placing.placing import place
+from engine.pipelines.placing.watching import watched
 from engine.stages.assembly.relations import assemble
 from engine.stages.geometry import transforms
+from engine.stages.grasping.insertion import Insertion, Phase
 from engine.stages.grasping.regrasps import regrasps
 from engine.stages.vision.hypotheses import Model
 from engine.stages.vision.localisation import locate
@@ -158,18 +162,55 @@ def placing(number: int, first: int) -> Figures:
     return {**counts, "median_s": float(np.median(times)), "p95_s": float(np.quantile(times, 0.95))}
 
 
+def monitoring(number: int, first: int) -> Figures:
+    """Scripted operators, every other of whom spoils the goal: who was warned, and how long one look ahead took."""
+    counts: Counter[str] = Counter()
+    times = []
+    for seed in range(first, first + number):
+        made = script(seed)
+        started = time.process_time()
+        warnings = [said for _, said in watched(made.state, made.events) if said is not None]
+        times.append((time.process_time() - started) / len(made.events))
+        counts[f"{made.spoils or 'not spoilt'}: {'warned' if warnings else 'silent'}"] += 1
+        counts["wrong"] += int(bool(warnings) != bool(made.spoils))
+    return {**counts, "median_s": float(np.median(times))}
+
+
+def pegs(number: int, first: int) -> Figures:
+    """Pegs up to 1.5 mm beside holes that are 0.2 mm wider, with a search and without. Needs the extra `mujoco`."""
+    from engine.pipelines.placing.inserting import Peg, tried
+
+    peg, counts, times, forces = Peg(), Counter[str](), [], []
+    for seed in range(first, first + number):
+        random = np.random.default_rng(seed)
+        angle, away, tilt = random.uniform(0, 2 * np.pi), random.uniform(0, 0.0015), random.normal(0, 0.002)
+        error = away * np.array([np.cos(angle), np.sin(angle)])
+        for name, searches in (("with a search", True), ("straight down", False)):
+            plan = Insertion(peg.depth_m, peg.clearance_m / 2, 0.0015, searches)
+            found = tried(peg, plan, error, tilt)
+            counts[name] += int(found.phase is Phase.DONE)
+            if searches:
+                times.append(found.seconds)
+                forces.append(found.force_n)
+    return {**counts, "pegs": number, "median_s": float(np.median(times)), "greatest_n": float(max(forces))}
+
+
 PARTS: dict[str, Callable[[int, int], Figures]] = {
     "relations": relations,
     "localisation": localisation,
     "regrasps": sequences,
     "place": placing,
+    "monitoring": monitoring,
+    "pegs": pegs,
 }
 
 
 def main() -> int:
     """Run the parts asked for; 1 if an answer is wrong."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--part", nargs="*", choices=PARTS, default=list(PARTS))
+    parser.add_argument(
+        "--part", nargs="*", choices=PARTS, default=[each for each in PARTS if each != "pegs"]
+    )
     parser.add_argument("--number", type=int, default=50)
     parser.add_argument("--first", type=int, default=0)
     parser.add_argument("--json", type=Path)

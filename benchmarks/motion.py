@@ -35,12 +35,12 @@ from ur5_cells import KINDS, Task, tasks
 from engine import plugins
 from engine.kernels.geometry.proof import proved
 from engine.model.geometry import Floats, Scene
-from engine.model.motion import Moved, Query, Refused
+from engine.model.motion import FINEST_M, Moved, Query, Refused
 from engine.ports import CollisionChecker
 from engine.stages.geometry.collision.builtin import BuiltinChecker
 from engine.stages.geometry.collision.ground import Ground
 from engine.stages.geometry.world.scenes import scene_of
-from engine.stages.motion.planner import FINEST_M, plan, search
+from engine.stages.motion.planner import plan, search
 
 STEP, FINER, RUNS = 1 / 32, 1 / 320, 3
 TENTH = 10  # of the certified paths, each of this number is checked by another library, too

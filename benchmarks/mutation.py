@@ -81,7 +81,7 @@ MODULES: dict[
         ("kb/check/*.py",),
         tuple(
             f"tests/kb/check/test_{name}.py"
-            for name in ("fault_bases", "near_misses", "oversights", "domain_checks")
+            for name in ("fault_bases", "near_misses", "oversights", "domain_checks", "alike", "whole_domain")
         ),
     ),
 }

@@ -37,7 +37,6 @@ CODES = {
     "K302": "a denied atom triggers a rule, but is no precondition",
     "K304": "operator can never be applied",
     "K305": "operator reads a resource that similar operators hold",
-    "K306": "too many supports of a derived predicate",
     "K307": "grounding exceeds its limit",
     "K309": "declared, but nothing uses it",
     "K310": "a condition that nothing makes true",
@@ -68,6 +67,7 @@ CODES = {
     "K419": "not enough memory",
     "K420": "not enough time",
     "K421": "a run that cannot be begun or told",
+    "K422": "a library that is damaged",
     "K425": "a controller that does not answer",
     "K501": "the plan does not execute",
     "K502": "the plan misses a goal",
@@ -145,13 +145,24 @@ NOWHERE = Source("")
 
 
 def printable(text: str) -> str:
-    """The text with a mark for each character that would control the terminal or change the direction of the text."""
-    return re.sub(
-        _COMMANDING, "\N{REPLACEMENT CHARACTER}", text
-    )  # compiled at the first use, because most runs report nothing
+    """One line of text in which what would command the terminal is shown as `\\u001b`, line ends included."""
+    return escaped(text.replace("\n", "\\u000a"))
 
 
-_COMMANDING = "[\0-\x08\n-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069\ud800-\udfff]"
+def escaped(text: str) -> str:
+    """The text with `\\u001b` for each character that would control the terminal or change the direction of the text.
+
+    Ends of lines stay. In JSON the result is the same text.
+    """
+    if text.isascii() and text.isprintable():
+        return text
+    # The pattern is compiled at the first use, because most runs report nothing.
+    return re.sub(_COMMANDING, lambda found: f"\\u{ord(found[0]):04x}", text)
+
+
+_COMMANDING = (
+    r"[\0-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069\ud800-\udfff]|\r(?!\n)"
+)
 
 
 def _width(character: str) -> int:

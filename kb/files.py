@@ -51,7 +51,7 @@ def unprintable(text: str) -> re.Match[str] | None:
 def read_file(path: Path, name: str | None = None, most: int = MAX_BYTES) -> File:
     """The text of `path`, of at most so many bytes. Raises `InvalidInput` if it cannot be read as text."""
     name = name or str(path)
-    data = _bytes(path, name, most)
+    data = read_bytes(path, name, most)
     try:
         file = File.of(name, data.decode("utf-8-sig"))
     except UnicodeDecodeError as error:
@@ -69,7 +69,8 @@ def read_file(path: Path, name: str | None = None, most: int = MAX_BYTES) -> Fil
     return file
 
 
-def _bytes(path: Path, name: str, most: int) -> bytes:
+def read_bytes(path: Path, name: str, most: int = MAX_BYTES) -> bytes:
+    """The bytes of a regular file of at most so many. Raises `InvalidInput`."""
     try:
         status = path.stat()
         if stat.S_ISREG(status.st_mode) and status.st_size <= most:

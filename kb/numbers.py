@@ -9,6 +9,9 @@ WHOLE = re.compile(r"[+-]?[0-9]+")
 DECIMAL = re.compile(r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")
 
 
+COUNT = re.compile(r"[0-9]{1,15}")
+
+
 class NumberError(ValueError):
     """A text that is no number for us. The message says why, and can follow the text in quotation marks."""
 
@@ -28,6 +31,11 @@ def decimal(text: str, most: float = LARGEST) -> float:
     if not DECIMAL.fullmatch(text):
         raise NumberError("is not a number")
     return _in_range(float(_short(text)), most)
+
+
+def is_count(text: str) -> bool:
+    """Whether a text is a whole number without a sign, of at most 15 digits."""
+    return COUNT.fullmatch(text) is not None
 
 
 def _short(text: str) -> str:

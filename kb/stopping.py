@@ -5,8 +5,11 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 
 
-class Stopped(Exception):
-    """Whoever asked for an answer wants none any more: Ctrl-C, a request to terminate, or the end of the time."""
+class Stopped(BaseException):
+    """Whoever asked for an answer wants none any more: Ctrl-C, a request to terminate, or the end of the time.
+
+    It is no `Exception`, so that none of those who catch what a foreign library raises takes it for that.
+    """
 
 
 _QUESTION: ContextVar[Callable[[], bool]] = ContextVar("whether to stop", default=lambda: False)

@@ -5,6 +5,7 @@ module knows no types and no predicates.
 """
 
 import functools
+import operator
 import re
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
@@ -45,25 +46,39 @@ class _Hashed:
     """A place for a hash that is computed once. It is no part of the value."""
 
     __slots__ = ("_hash",)
-    _hash: int
+    _hash: int | None
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, init=False, eq=False)
 class Function(_Hashed):
     """A constant (no arguments), a compound term, or an atom.
 
-    Its hash is computed once: terms are looked up far more often than they are made.
+    Its hash is computed once: terms are looked up far more often than they are made. Making, hashing and comparing are
+    written out, because planning does each of them millions of times.
     """
 
     name: str
     arguments: tuple["Term", ...] = ()
 
+    def __init__(self, name: str, arguments: tuple["Term", ...] = ()) -> None:
+        """A frozen value, so its fields are set past its own `__setattr__`."""
+        _set_name(self, name)
+        _set_arguments(self, arguments)
+        _set_hash(self, None)
+
     def __hash__(self) -> int:
-        try:
-            return self._hash
-        except AttributeError:
-            object.__setattr__(self, "_hash", hash((self.name, self.arguments)))
-            return self._hash
+        found = self._hash
+        if found is None:
+            found = hash((self.name, self.arguments))
+            _set_hash(self, found)
+        return found
+
+    def __eq__(self, other: object) -> bool:
+        if self is other:
+            return True
+        if not isinstance(other, Function):
+            return NotImplemented
+        return self.name == other.name and self.arguments == other.arguments
 
     def __reduce__(self) -> tuple[type, tuple[str, tuple["Term", ...]]]:
         """Without the hash, which is another one in another process."""
@@ -72,7 +87,13 @@ class Function(_Hashed):
     def __str__(self) -> str:
         if not self.arguments:
             return self.name
+        if self.name == TOGETHER:
+            return " & ".join(map(str, self.arguments))
         return f"{self.name}({', '.join(map(str, self.arguments))})"
+
+
+_set_name, _set_arguments = (vars(Function)[each].__set__ for each in ("name", "arguments"))
+_set_hash = vars(_Hashed)["_hash"].__set__
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,11 +108,26 @@ class Operation:
         return f"({self.left}{self.operator}{self.right})"
 
 
+TOGETHER = "&"  # the name of a stage of several fluents, which are its arguments
+
+
 Term = Number | Text | Variable | Function | Operation
 Atom = Function
 Substitution = Mapping[Variable, Term]
 
 ANYTHING = Variable("_")
+
+
+def together(atoms: Iterable[Atom]) -> Atom:
+    """The stage that several fluents reach together: `stored(tube) & capped(tube)`."""
+    return Function(TOGETHER, tuple(atoms))
+
+
+def parts_of(stage: Atom) -> tuple[Atom, ...]:
+    """The atoms of a stage: the stage itself, or those that are reached together."""
+    if stage.name != TOGETHER:
+        return (stage,)
+    return tuple(part for part in stage.arguments if isinstance(part, Function))
 
 
 def variables(term: Term) -> Iterator[Variable]:
@@ -120,20 +156,19 @@ def is_ground(term: Term) -> bool:
 
 def substitute(term: Term, bindings: Substitution) -> Term:
     """`term` with every bound variable replaced. Variables inside the new terms are not replaced again."""
-    match term:
-        case Variable():
-            return bindings.get(term, term)
-        case Function(name, arguments) if arguments:
-            return Function(name, tuple([substitute(argument, bindings) for argument in arguments]))
-        case Operation(operator, left, right):
-            return Operation(operator, substitute(left, bindings), substitute(right, bindings))
-        case _:
-            return term
+    if isinstance(term, Variable):
+        return bindings.get(term, term)
+    if isinstance(term, Function):
+        return substitute_atom(term, bindings) if term.arguments else term
+    if isinstance(term, Operation):
+        return Operation(term.operator, substitute(term.left, bindings), substitute(term.right, bindings))
+    return term
 
 
 def substitute_atom(atom: Atom, bindings: Substitution) -> Atom:
-    """`substitute` for an atom. The result is an atom, too."""
-    return Function(atom.name, tuple([substitute(argument, bindings) for argument in atom.arguments]))
+    """`substitute` for an atom. The result is an atom, too: the same one if nothing is replaced."""
+    replaced = [substitute(argument, bindings) for argument in atom.arguments]
+    return atom if all(map(operator.is_, replaced, atom.arguments)) else Function(atom.name, tuple(replaced))
 
 
 def match(pattern: Term, ground: Term, bindings: Substitution) -> dict[Variable, Term] | None:

@@ -48,4 +48,10 @@ REFUSALS = {
     "K906": ["diagnose bulkhead --exception no_echo --step tidy"],
 }
 
-ENVIRONMENT = ("K414", "K419", "K420", "K425")  # what is missing: a package, memory, time, a controller
+ENVIRONMENT = (
+    "K414",
+    "K419",
+    "K420",
+    "K422",
+    "K425",
+)  # what is missing: a package, memory, time, a sound library, a controller

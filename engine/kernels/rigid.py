@@ -1,10 +1,15 @@
-"""Rigid transforms as homogeneous matrices (..., 4, 4). `T_a_b` is the pose of b in a: x_a = T_a_b x_b."""
+"""Rigid transforms as homogeneous matrices (..., 4, 4). `T_a_b` is the pose of b in a: x_a = T_a_b x_b.
+
+The same numbers give the same bits on every processor.
+"""
 
 import math
 
 import numpy as np
 
 from engine.kernels.arrays import Floats
+from engine.kernels.geometry.angles import angles_of, sines_cosines
+from engine.kernels.linear import matmul
 
 
 def identity() -> Floats:
@@ -21,10 +26,10 @@ def translation(x: float, y: float, z: float) -> Floats:
 
 def rotation(axis: tuple[float, float, float] | Floats, angle_rad: float | Floats) -> Floats:
     """Rotation matrices (..., 3, 3) about a unit vector (3,) by angles (...), by the formula of Rodrigues."""
-    angle = np.asarray(angle_rad, dtype=float)[..., None, None]
+    s, c = sines_cosines(np.asarray(angle_rad, dtype=float)[..., None, None])
     x, y, z = np.asarray(axis, dtype=float)
     cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    turned: Floats = np.eye(3) + np.sin(angle) * cross + (1.0 - np.cos(angle)) * (cross @ cross)
+    turned: Floats = np.eye(3) + s * cross + (1.0 - c) * matmul(cross, cross)
     return turned
 
 
@@ -38,19 +43,19 @@ def transform(R: Floats, p: Floats | tuple[float, float, float]) -> Floats:
 def inverse(T: Floats) -> Floats:
     """T_b_a from T_a_b (..., 4, 4)."""
     R_t = np.swapaxes(T[..., :3, :3], -1, -2)
-    return transform(R_t, -(R_t @ T[..., :3, 3:])[..., 0])
+    return transform(R_t, -matmul(R_t, T[..., :3, 3:])[..., 0])
 
 
 def apply(T: Floats, points: Floats) -> Floats:
     """Points (n, 3) of frame b in frame a, by T_a_b (..., 4, 4). Returns (..., n, 3)."""
-    moved: Floats = points @ np.swapaxes(T[..., :3, :3], -1, -2) + T[..., None, :3, 3]
+    moved: Floats = matmul(points, np.swapaxes(T[..., :3, :3], -1, -2)) + T[..., None, :3, 3]
     return moved
 
 
 def is_rigid(T: Floats, tolerance: float = 1e-9) -> bool:
     """Whether every matrix (..., 4, 4) is a rotation (without reflection) and a displacement."""
     R = T[..., :3, :3]
-    orthogonal = np.abs(R @ np.swapaxes(R, -1, -2) - np.eye(3)).max() <= tolerance
+    orthogonal = np.abs(matmul(R, np.swapaxes(R, -1, -2)) - np.eye(3)).max() <= tolerance
     return bool(
         orthogonal and np.all(np.linalg.det(R) > 0) and np.abs(T[..., 3, :] - [0, 0, 0, 1]).max() <= tolerance
     )
@@ -59,7 +64,7 @@ def is_rigid(T: Floats, tolerance: float = 1e-9) -> bool:
 def difference(T_a_b: Floats, T_a_c: Floats) -> tuple[Floats, Floats]:
     """How far poses (..., 4, 4) are apart: in metres (...) and in radians (...)."""
     metres: Floats = np.linalg.norm(T_a_b[..., :3, 3] - T_a_c[..., :3, 3], axis=-1)
-    vector = rotation_vector(np.swapaxes(T_a_b[..., :3, :3], -1, -2) @ T_a_c[..., :3, :3])
+    vector = rotation_vector(matmul(np.swapaxes(T_a_b[..., :3, :3], -1, -2), T_a_c[..., :3, :3]))
     radians: Floats = np.linalg.norm(vector, axis=-1)
     return metres, radians
 
@@ -71,7 +76,7 @@ def rotation_vector(R: Floats) -> Floats:
     )
     sine = np.linalg.norm(skew, axis=-1) / 2.0
     cosine = (np.trace(R, axis1=-2, axis2=-1) - 1.0) / 2.0
-    angle = np.arctan2(sine, cosine)
+    angle = angles_of(sine, cosine)
     near = sine < 1e-12
     scale = np.where(near, 0.5, angle / np.where(near, 1.0, 2.0 * sine))
     vector: Floats = skew * scale[..., None]
@@ -94,9 +99,9 @@ def turned(vector: Floats) -> Floats:
     cross = skew(vector)
     near = angle < 1e-9
     safe = np.where(near, 1.0, angle)
-    sine = np.where(near, 1.0, np.sin(safe) / safe)
-    versine = np.where(near, 0.5, (1.0 - np.cos(safe)) / safe**2)
-    found: Floats = np.eye(3) + sine * cross + versine * (cross @ cross)
+    s, c = sines_cosines(safe)
+    sine, versine = np.where(near, 1.0, s / safe), np.where(near, 0.5, (1.0 - c) / safe**2)
+    found: Floats = np.eye(3) + sine * cross + versine * matmul(cross, cross)
     return found
 
 

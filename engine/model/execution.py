@@ -159,7 +159,7 @@ class RecordKind(StrEnum):
     WORLD: why, adds, ends, reached: the world model was corrected.
     GIVEN_UP: goal, why.
     GOAL: goal: a stage was reached.
-    ORDER: order, given (what it says besides), origin (terminal, socket).
+    ORDER: order, given (what it says besides), origin (terminal, socket), who and when (date and time, UTC) if known.
     DECISION: what, why: a choice of the executive between alternatives.
     PHASE: phase, why.
     CHECKPOINT: state: from here a resumed run can go on without reading older records.

@@ -6,6 +6,8 @@ from typing import TypeAlias
 
 from engine.model.geometry import Contact, Floats
 
+FINEST_M = 1e-4  # a motion so small need not be halved for a proof
+
 
 class Strategy(StrEnum):
     """How a path is looked for.

@@ -52,10 +52,10 @@ def early(task: Task, steps: Sequence[GroundOperator]) -> list[GroundOperator]:
     for step in steps:
         if step.instance.name == REACHES:
             continue
-        state = progress(state, step)
+        state = task.after(state, step)
         made.append(step)
         for each in settling(state, reaching):
-            state = progress(state, each)
+            state = task.after(state, each)
             made.append(each)
     return made if reached_goals(task, state) is not None else list(steps)
 
@@ -130,14 +130,15 @@ def replayed(
         if not fitting:
             return None
         best = max(fitting, key=lambda each: (each.adds & ~state).bit_count())
-        found.append(best)
-        state = progress(state, best)
+        found.append(task.grounded(state, best))
+        state = task.after(state, best)
         for each in settling(state, reaching):
             found.append(each)
-            state = progress(state, each)
+            state = task.after(state, each)
     return found
 
 
 def reached_goals(task: Task, state: Bits) -> Bits | None:
-    """The alternative of the goals that holds in a state."""
-    return next((goal for goal in task.goals if not goal & ~state), None)
+    """The alternative of the goals that holds in a closed state, with fluents from which its derived atoms follow."""
+    found = next((goal for goal in task.goals if not goal & ~state), None)
+    return found if found is None or task.axioms is None else task.axioms.support(state, found)

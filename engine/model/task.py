@@ -1,10 +1,11 @@
 """The ground task: atoms numbered from 0, sets of atoms as integer bitsets (bit i is atom i)."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from engine.kernels.bits import Bits as Bits
 from engine.kernels.bits import bitset as bitset
 from engine.kernels.bits import indices as indices
+from engine.model.axioms import Axioms
 from kb.terms import Atom, Function, Term
 
 
@@ -46,7 +47,8 @@ class Task:
     `weights` are criticalities per atom; each mutex group holds at most one true atom. A negative condition
     on atom p is a positive one on the complementary atom `not(p)`, kept by every effect on p. `goals` are
     alternatives: a state that contains any one of the bitsets is a goal state. A task that is not `whole` leaves out
-    objects that are like others, so what bounds its plans need not bound those of its problem.
+    objects that are like others, so what bounds its plans need not bound those of its problem. Derived atoms that are not
+    replaced by their definitions have `axioms`; only conditions of operators name them, and `initial` is closed.
     """
 
     atoms: tuple[Atom, ...]
@@ -56,6 +58,17 @@ class Task:
     weights: tuple[int, ...]
     mutex_groups: tuple[Bits, ...] = ()
     whole: bool = True
+    axioms: Axioms | None = None
+
+    def after(self, state: Bits, operator: "GroundOperator") -> Bits:
+        """The state after an operator, with its derived atoms. The state before must be closed, too."""
+        return after(self.axioms, state, operator)
+
+    def grounded(self, state: Bits, operator: "GroundOperator") -> "GroundOperator":
+        """The operator with fluents in the place of derived atoms in its preconditions, from which they follow in a state."""
+        if self.axioms is None or not operator.preconditions & self.axioms.derived:
+            return operator
+        return replace(operator, preconditions=self.axioms.support(state, operator.preconditions))
 
     def names(self, bits: Bits) -> tuple[Atom, ...]:
         """The atoms in a bitset."""
@@ -71,6 +84,14 @@ def progress(state: Bits, operator: GroundOperator) -> Bits:
             deletes |= effect.deletes
             cancels |= effect.cancels
     return (state & ~deletes) | (adds & ~cancels)
+
+
+def after(axioms: Axioms | None, state: Bits, operator: GroundOperator) -> Bits:
+    """The closed state after `operator` is applied in a closed state. Derived atoms are looked at only if they may change."""
+    found = progress(state, operator)
+    if axioms is None or not (found ^ state) & axioms.read:
+        return found
+    return axioms.closed(found)
 
 
 def regress(goals: Bits, operator: GroundOperator) -> Bits | None:

@@ -116,11 +116,13 @@ def _proved(problem: Problem, outcome: Found, limits: Limits) -> Found:
     return replace(outcome, optimal=optimal)
 
 
-def scheduled(problem: Problem, outcome: Outcome, limits: Limits, objective: Objective | None) -> Run:
-    """`plan` for an outcome that came without the ground task. Raises `InvalidInput`."""
+def scheduled(
+    problem: Problem, outcome: Outcome, limits: Limits, objective: Objective | None, task: Task | None = None
+) -> Run:
+    """`plan` for an outcome that is known already, and for its ground `task` if that is. Raises `InvalidInput`."""
     if not isinstance(outcome, Found) or not _lasts(outcome.plan):
         return Run(outcome)
-    return _run(problem, ground(problem), outcome, limits, objective)
+    return _run(problem, task or ground(problem), outcome, limits, objective)
 
 
 def fastest(

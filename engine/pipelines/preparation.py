@@ -22,12 +22,15 @@ from engine.pipelines.planning import loaded
 from engine.pipelines.reuse.practice import Practice
 from engine.stages.macros.lifted.digests import Digests
 from engine.stages.planning import Limits
+from kb import stopping
 from kb.diagnostics import Diagnostic, InvalidInput
 from kb.model.domain import Domain
 from kb.model.problem import Problem
+from kb.stopping import Stopped
 from kb.store import Library
 from kb.targets import CELL_FILE
 
+ENDING = 0.5  # seconds that processes may take to end their searches
 SPAWN = multiprocessing.get_context("spawn")
 
 
@@ -110,7 +113,10 @@ def prepare(
     When `limits.interrupted` holds, running searches end and the remaining problems are not planned. Raises `InvalidInput`
     if the library cannot be used.
     """
-    stale = _without_stale(paths, store)
+    try:
+        stale = _without_stale(paths, store)
+    except Stopped:
+        return Preparation(tuple(_interrupted(path) for path in paths))
     jobs = [PreparationJob(path, store, limits.expansions, limits.seed) for path in paths]
     found: dict[Path, Prepared] = {}
     with contextlib.closing(_run(jobs, processes, limits.interrupted)) as answers:
@@ -160,8 +166,12 @@ def _run(
             for each in done:
                 yield waiting.pop(each), each.result()
         stop.set()
+        wait(waiting, timeout=ENDING)
+        late = [each for each in waiting if not each.done()]
+        if late:
+            _kill()
         for each, job in waiting.items():
-            yield job, each.result()
+            yield job, _interrupted(job.path) if each in late else each.result()
 
 
 @contextlib.contextmanager
@@ -172,9 +182,13 @@ def _pool(processes: int, stop: Event) -> Iterator[ProcessPoolExecutor]:
         yield pool
         pool.shutdown(wait=True, cancel_futures=True)
     except BaseException:
-        for process in multiprocessing.active_children():
-            process.kill()
+        _kill()
         raise
+
+
+def _kill() -> None:
+    for process in multiprocessing.active_children():
+        process.kill()
 
 
 @contextlib.contextmanager
@@ -197,7 +211,9 @@ _STOPS: list[Event] = []  # in a process of the pool: the event that tells it to
 
 
 def _listen(stop: Event) -> None:
+    """In a process of the pool: stop its searches and its grounding when `stop` is set."""
     _STOPS.append(stop)
+    stopping.asking(_stopped).__enter__()
 
 
 def _stopped() -> bool:
@@ -207,7 +223,7 @@ def _stopped() -> bool:
 def work(job: PreparationJob, interrupted: Interrupted = _stopped) -> Prepared:
     """Plan one problem with the library in the store, and bring its kept sequence up to date."""
     if interrupted():
-        return Prepared(job.path.stem, "gave up", reason="interrupted")
+        return _interrupted(job.path)
     try:
         problem = loaded(job.path).problem
         if problem is None:
@@ -220,6 +236,8 @@ def work(job: PreparationJob, interrupted: Interrupted = _stopped) -> Prepared:
             answered = practice.plan(problem)
     except InvalidInput as error:
         return Prepared(str(job.path), "bad input", diagnostics=tuple(error.diagnostics))
+    except Stopped:
+        return _interrupted(job.path)
     outcome = answered.outcome
     return Prepared(
         problem.name,
@@ -232,6 +250,10 @@ def work(job: PreparationJob, interrupted: Interrupted = _stopped) -> Prepared:
         sequence=kept,
         poses=poses,
     )
+
+
+def _interrupted(path: Path) -> Prepared:
+    return Prepared(path.stem, "gave up", reason="interrupted")
 
 
 def _poses(store: str, problem: Problem) -> KeptPoses | None:

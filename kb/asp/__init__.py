@@ -53,6 +53,14 @@ class Grounder:
         self._control.ground([("base", [])])
         self._parts = 0
         self._tables = 0
+        self._given: Mapping[tuple[str, int], Mapping[Function, None]] = {}
+
+    def know(self, given: Mapping[tuple[str, int], Mapping[Function, None]]) -> None:
+        """Take all true atoms of some predicates as they are given: that is quicker than to ask clingo for each.
+
+        They must be what clingo would say, also after further text is grounded.
+        """
+        self._given = given
 
     def ground(self, text: str) -> None:
         """Adds statements, and everything that follows from them.
@@ -64,11 +72,16 @@ class Grounder:
         try:
             self._control.add(part, [], text)
             run_bounded(lambda: self._control.ground([(part, [])]))
+        except UnicodeEncodeError:
+            raise AspError([(0, 0, "half a character is no text")]) from None
         except RuntimeError as error:
             raise AspError(self._messages.heard or [(0, 0, str(error))]) from None
 
     def atoms(self, predicate: str, arity: int) -> list[tuple[Term, ...]]:
         """The argument tuples of every true atom of a predicate, in clingo's order."""
+        known = self._given.get((predicate, arity))
+        if known is not None:
+            return [atom.arguments for atom in known]
         found = self._control.symbolic_atoms.by_signature(predicate, arity)
         return [_fact(atom.symbol).arguments for atom in found]
 
@@ -86,12 +99,17 @@ class Grounder:
         """Every true atom of a predicate, of any arity."""
         atoms = self._control.symbolic_atoms
         for name, arity, positive in atoms.signatures:
-            if name == predicate:
+            if name == predicate and positive and (name, arity) in self._given:
+                yield from self._given[name, arity]
+            elif name == predicate:
                 for atom in atoms.by_signature(name, arity, positive):
                     yield _fact(atom.symbol)
 
     def holds(self, atom: Function) -> bool:
         """Whether a ground atom is true."""
+        known = self._given.get((atom.name, len(atom.arguments)))
+        if known is not None:
+            return atom in known
         return self._control.symbolic_atoms[symbol(atom)] is not None
 
     def tables(self, arities: Mapping[str, int]) -> dict[str, Table]:
@@ -157,6 +175,8 @@ def ground_term(text: str) -> Term:
     messages = Messages()
     try:
         return term(clingo.parse_term(text, logger=messages))
+    except UnicodeEncodeError as error:
+        raise AspError([(1, error.start + 1, "half a character is no text")]) from None
     except RuntimeError as error:
         messages.hear(str(error))
         raise AspError(messages.heard) from None

@@ -1,8 +1,8 @@
 """The static facts of a problem, evaluated by clingo, and what is likely to blame where they are too many."""
 
 import re
-from collections import Counter
-from collections.abc import Callable, Iterable, Iterator
+from collections import Counter, deque
+from collections.abc import Callable, Collection, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import lru_cache
@@ -14,11 +14,13 @@ from kb.asp.vocabulary import static_program
 from kb.diagnostics import Diagnostic, InvalidInput, Source
 from kb.model.problem import Problem
 from kb.model.statement import Sign, Signature, Statement
-from kb.terms import Number
+from kb.terms import Atom, Function, Number
 
 SUSPICIOUS = 20_000_000  # instances: what may have more is grounded on trial first
 MANY = 1e18  # instances: more than that is not told apart
 ROUNDS = 4  # rules that build on one another, in a row
+KEPT = 3  # problems whose evaluated facts are kept
+HEAD = re.compile(r"(?:^|\.)[\s{]*([a-z_]\w*)", re.MULTILINE)  # names with which a statement may begin
 RANGE = re.compile(r"([^\s(,;:{]+)\s*\.\.\s*([^\s),;.}]+)")
 
 
@@ -32,18 +34,57 @@ class Suspect:
 
 
 def evaluated(problem: Problem, further: Iterable[str] = ()) -> Grounder:
-    """The static facts of a problem, with `further` rules. Raises `InvalidInput` if they take too long or too much memory."""
+    """The static facts of a problem, with `further` rules, for reading only: problems that share them share the grounder.
+
+    Raises `InvalidInput` if they take too long or too much memory.
+    """
+    rules = tuple(further)
+    for known, more, grounder in _recent:
+        if more == rules and known.domain is problem.domain and _same_facts(known, problem):
+            return grounder
     grounder = Grounder()
-    evaluate(grounder, problem, further)
+    evaluate(grounder, problem, rules)
+    _recent.appendleft((problem, rules, grounder))
     return grounder
 
 
-def evaluate(grounder: Grounder, problem: Problem, further: Iterable[str] = ()) -> None:
-    """Evaluate the static facts of a problem in a new grounder, with `further` rules. Raises `InvalidInput` as above."""
-    text = "\n".join([static_program(problem), *further])
+_recent: deque[tuple[Problem, tuple[str, ...], Grounder]] = deque(maxlen=KEPT)
+
+
+def _same_facts(one: Problem, other: Problem) -> bool:
+    pairs = (one.statics, other.statics), (one.objects, other.objects)
+    return all(own is others or own == others for own, others in pairs)
+
+
+def evaluate(
+    grounder: Grounder, problem: Problem, further: Iterable[str] = (), about: Collection[str] | None = None
+) -> None:
+    """Evaluate the static facts of a problem in a new grounder, with `further` rules; or those `about` some predicates.
+
+    Raises `InvalidInput` as above.
+    """
+    rules = tuple(further)
+    text = "\n".join([static_program(problem, about), *rules])
     with within_limits(lambda: static_suspects(problem)):
         try_first(static_suspects(problem), text)
         grounder.ground(text)
+    grounder.know(only_given(problem, rules))
+
+
+def only_given(problem: Problem, further: Iterable[str] = ()) -> dict[Signature, dict[Atom, None]]:
+    """The static atoms of each predicate about which only the problem's own facts and objects speak, and no rule."""
+    domain = problem.domain
+    if any(each.constant for each in domain.asp):  # a name in a fact may stand for a number
+        return {}
+    found: dict[Signature, dict[Atom, None]] = {}
+    for name, type_ in {**domain.objects, **problem.objects}.items():
+        found.setdefault((type_, 1), {})[Function(type_, (Function(name),))] = None
+    for fact in problem.statics:
+        found.setdefault((fact.name, len(fact.arguments)), {})[fact] = None
+    heads = {name for text in further for name in HEAD.findall(text)}
+    ruled = {each.defines for each in domain.asp} | {(each.parent, 1) for each in domain.types.values()}
+    ruled |= {(each.result, 1) for each in domain.functions.values()}
+    return {each: atoms for each, atoms in found.items() if each not in ruled and each[0] not in heads}
 
 
 def try_first(suspects: Iterable[Suspect], text: str) -> None:

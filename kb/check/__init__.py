@@ -11,7 +11,7 @@ from kb.model.amounts import asked
 from kb.model.conditions import Aggregate, Condition, conditions, literals
 from kb.model.domain import Domain, Effect, Kind, Operator
 from kb.model.problem import Problem
-from kb.terms import Atom, Term, is_ground
+from kb.terms import Atom, Term, is_ground, parts_of
 
 
 def check_domain(domain: Domain, problems: Collection[Problem] = ()) -> list[Diagnostic]:
@@ -62,7 +62,7 @@ def _numbers(operator: Operator) -> Iterator[Term | None]:
 def _named(problems: Collection[Problem]) -> Iterator[str]:
     """The predicates in the facts, goals and workflows of problems."""
     for problem in problems:
-        stages = (stage for chain in problem.chains for stage in chain.stages)
+        stages = (part for chain in problem.chains for stage in chain.stages for part in parts_of(stage))
         yield from (atom.name for atom in (*problem.statics, *problem.initial, *stages))
         yield from (literal.atom.name for literal in literals(problem.goal))
 

@@ -14,6 +14,7 @@ from kb.terms import (
     Substitution,
     match,
     ordered,
+    parts_of,
     substitute,
     substitute_atom,
     unify,
@@ -109,7 +110,9 @@ def hopeless(
     `reached` are the atoms that can become true; `begun` says whether a chain of the problem can reach its first stage.
     """
     wanted = {atom for each in problems for atom in _wanted(each)}
-    own = set(_wanted(problem)) or {stage for chain in problem.chains for stage in chain.stages}
+    own = set(_wanted(problem)) or {
+        part for c in problem.chains for each in c.stages for part in parts_of(each)
+    }
     names = {atom.name for atom in wanted}
     possible = [atom for atom in reached if atom.name in names]
     if begun or not own or any(reaches(atom, each) for each in wanted for atom in possible):
@@ -134,7 +137,8 @@ def _wanted(problem: Problem) -> Iterator[Atom]:
     for part in goal_parts(problem.goal):
         open_ = {p.variable: ANYTHING for p in part.parameters} if isinstance(part, Exists) else {}
         yield from (substitute_atom(each.atom, open_) for each in literals(part) if each.positive)
-    yield from (s for chain in problem.chains for s in chain.stages if s.name in fluent)
+    stages = (part for chain in problem.chains for stage in chain.stages for part in parts_of(stage))
+    yield from (stage for stage in stages if stage.name in fluent)
 
 
 def _missing(domain: Domain, true: Collection[str]) -> list[str]:

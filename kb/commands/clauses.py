@@ -7,7 +7,8 @@ that are left out, then the fewest objects that do not fit, then the fewest phra
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
-from kb.commands.joints import Joint, before, behind, closes, joints
+from kb.commands.joints import Joint, before, behind, closes, joints, linking
+from kb.commands.linked import again, linked
 from kb.commands.matching import LEFT_OUT, MOVED, Book, Match, Matcher, along
 from kb.commands.mentions import Words
 from kb.commands.patterns import PREPOSITIONS, Slot, Word
@@ -15,15 +16,18 @@ from kb.commands.phrasebook import Form
 from kb.commands.reading import Said
 from kb.commands.tokens import Piece
 
-LINKS = ("after", "before")
+LINKED = ("after", "before")
 
 
 @dataclass(frozen=True, slots=True)
 class Clause:
     """One phrase in a sentence: its form, the content of its slots, where it begins, and whether "then" precedes it.
 
-    `link` is "after" or "before" for a clause such as "after heating probe 1", which stands before or behind another.
-    `marked` says that a comma or "and" precedes it.
+    `link` is "after" or "before" for a clause such as "after heating probe 1", which stands before or behind another. It is
+    "first" or "that" for one that comes before all that was said, or before the clause before it: "but first open the drawer".
+    `again` means that it stands in short for an act that was said before.
+    `marked` says that a comma or "and" precedes it, `stop` that a sentence or half of one begins with it. `waits` has the
+    offsets of the clauses that it waits for.
     """
 
     form: Form
@@ -32,6 +36,9 @@ class Clause:
     then: bool
     link: str = ""
     marked: bool = False
+    stop: bool = False
+    waits: frozenset[int] = frozenset()
+    again: bool = False
 
     @property
     def slots(self) -> dict[str, Words]:
@@ -122,21 +129,22 @@ class Search:
 
     def _next(self, earlier: _Reading | None, joint: Joint) -> Iterator[_Reading]:
         """The readings with one clause more, after a joint."""
-        link = earlier.clause.link if earlier is not None else ""
+        link = earlier.clause.link if earlier is not None and earlier.clause.link in LINKED else ""
         if earlier is None or joint.marked or link:
-            for begin, polite in before(self.said, joint.end):
+            goes_on = earlier is not None and not joint.stop
+            for begin, polite, place in before(self.said, joint.end, goes_on):
                 for match in (*self.matcher.forms(begin), *self._short(earlier, begin)):
-                    yield from self._ended(earlier, joint, begin, match, "", polite)
+                    if earlier is not None or not place:
+                        yield from self._ended(earlier, joint, begin, match, place, polite)
         for begin, each in self._links(joint, link):
-            for match in self.matcher.forms(begin, gerund=True):
+            for match in (*linked(self.matcher, begin), *self._again(earlier, begin)):
                 yield from self._ended(earlier, joint, joint.end, match, each)
 
     def _links(self, joint: Joint, link: str) -> Iterator[tuple[int, str]]:
-        """Where a verb in -ing can begin: behind "after" or "before", or as one more act of the same kind."""
+        """Where an act that another one comes after or before can begin; or one more of the same kind."""
         if link and joint.marked and not joint.then:
             yield joint.end, link
-        ends = ((self.said.word(joint.end, word), word) for word in LINKS)
-        yield from ((end, word) for end, word in ends if end is not None)
+        yield from linking(self.said, joint.end)
 
     def _ended(
         self,
@@ -150,10 +158,26 @@ class Search:
         offset = self.said.pieces[self.said.start(begin)].offset
         cost, count, order = earlier.cost if earlier is not None else (0, 0, 0)
         cost += match.cost + self.matcher.unfit(match) + (MOVED if match.form.moved else 0)
-        for end, last in behind(self.said, match.end, earlier is None):
-            clause = Clause(match.form, match.values, offset, joint.then or last, link, joint.marked)
+        for end, last, place in behind(self.said, match.end, earlier is None):
+            then = joint.then or last
+            clause = Clause(
+                match.form,
+                match.values,
+                offset,
+                then,
+                link or place,
+                joint.marked,
+                joint.stop,
+                again=match.again,
+            )
             total = (cost, count + 1, order + match.form.phrase)
             yield _Reading(end, total, clause, earlier, polite or (earlier is not None and earlier.polite))
+
+    def _again(self, earlier: _Reading | None, begin: int) -> Iterator[Match]:
+        """Acts behind "after" or "before" that share words with an earlier clause: "once heated", "measure m1 before m2"."""
+        if self.short and earlier is not None:
+            yield from (replace(each, cost=LEFT_OUT) for each in self._shared(earlier.clause, begin))
+            yield from again(self.matcher, begin, [(each.form, each.values) for each in earlier.clauses()])
 
     def _short(self, earlier: _Reading | None, begin: int) -> Iterator[Match]:
         """The clauses that share words with the one before: "... and probe 2 for 10 min", "... and close it"."""

@@ -23,29 +23,46 @@ POLITE = _sayings(
     "could you | can you | would you | will you | i want you to | i would like you to | i'd like you to | you should"
     " | you must | you have to | let us | let's | we want to | i want to | i would like to | we need to | kindly"
 )
-BEFORE = _sayings("first | first of all | at first | to begin with | now | also | just")
-BEHIND = _sayings("too | as well | also | now | each | first")
+WHEN, WHAT = ("once", "when", "as soon as", "after"), ("this is", "that is", "it is", "they are", "")
+THEN += tuple(
+    tuple(f"{when} {what} {end}".split())
+    for when in WHEN
+    for what in WHAT
+    for end in ("done", "finished", "ready", "over")
+)
+BEFORE = _sayings("now | also | just")
+BEHIND = _sayings("too | as well | also | now | each")
+FIRST = _sayings("first | first of all | at first | to begin with | beforehand | before anything else")
+FIRST_BEHIND = _sayings("first | beforehand | before anything else")
+THAT = _sayings("before that | before this | before doing so | before then")
+STOPS = (";", ".", "!")
 
 
 @dataclass(frozen=True, slots=True)
 class Joint:
-    """What stands between two clauses: the place after it, whether it says "then", and whether anything stands there."""
+    """What stands between two clauses: the place after it, whether it says "then", and whether anything stands there.
+
+    `stop` means that a sentence or half of one ends there.
+    """
 
     end: int
     then: bool
     marked: bool
+    stop: bool = False
 
 
 def joints(said: Said, place: int) -> Iterator[Joint]:
     """The joints that begin at a place: a mark, "and", "then", or several of them."""
     mark = said.one_of(place, MARKS)
     for after_mark in _maybe(place, [mark]):
+        stop = after_mark > place and said.pieces[after_mark - 1].text in STOPS
         for after_and in _maybe(after_mark, _ends(said, after_mark, AND)):
+            stops = stop and after_and == after_mark
             if after_and > place:
-                yield Joint(after_and, False, True)
+                yield Joint(after_and, False, True, stops)
             for end in _ends(said, after_and, THEN):
                 for last in _maybe(end, [said.word(end, ",")]):
-                    yield Joint(last, True, True)
+                    yield Joint(last, True, True, stops)
 
 
 def _maybe(place: int, ends: Iterable[int | None]) -> Iterator[int]:
@@ -58,26 +75,43 @@ def _ends(said: Said, place: int, sayings: Iterable[tuple[str, ...]]) -> list[in
     return sorted({end for end in found if end is not None}, reverse=True)
 
 
-def before(said: Said, place: int) -> Iterator[tuple[int, bool]]:
-    """Where a clause can begin after words that change nothing, and whether they make a polite question of it."""
-    yield place, False
+def before(said: Said, place: int, goes_on: bool) -> Iterator[tuple[int, bool, str]]:
+    """Where a clause can begin after words that change nothing or its place in time; whether they make a polite question of it.
+
+    The third is "first" for a clause that comes before all that was said, "that" for one that comes before the clause before
+    it, and else empty. `goes_on` says that the sentence goes on here, so that "first" is not the beginning of a list.
+    """
+    yield place, False, ""
     for polite in _ends(said, place, POLITE):
-        yield polite, True
-    for end in _ends(said, place, BEFORE):
+        yield polite, True, ""
+    found = [(end, "") for end in _ends(said, place, BEFORE)]
+    found += [(end, "first" if goes_on else "") for end in _ends(said, place, FIRST)]
+    found += [(end, "that") for end in _ends(said, place, THAT)]
+    for end, link in found:
         comma = said.word(end, ",")
-        yield from ((each, False) for each in (end, comma) if each is not None)
+        yield from ((each, False, link) for each in (end, comma) if each is not None)
 
 
-def behind(said: Said, place: int, is_first: bool) -> Iterator[tuple[int, bool]]:
-    """Where a clause can end after words behind it, and whether they put it after the clauses before it."""
-    yield place, False
-    yield from (
-        (end, False)
-        for end in _ends(said, place, BEHIND)
-        if is_first or said.pieces[end - 1].lower != "first"
-    )
+def behind(said: Said, place: int, is_first: bool) -> Iterator[tuple[int, bool, str]]:
+    """Where a clause can end after words behind it, whether they put it after the clauses before it, or before them."""
+    yield place, False, ""
+    yield from ((end, False, "") for end in _ends(said, place, BEHIND))
+    yield from ((end, False, "" if is_first else "first") for end in _ends(said, place, FIRST_BEHIND))
     if not is_first:
-        yield from ((end, True) for end in _ends(said, place, THEN_BEHIND))
+        yield from ((end, True, "") for end in _ends(said, place, THEN_BEHIND))
+        yield from ((end, False, "that") for end in _ends(said, place, THAT))
+
+
+AFTER = _sayings(
+    "after | once | when | as soon as | only after | only once | right after | directly after | immediately after"
+)
+EARLIER = _sayings("before | prior to | right before | shortly before")
+
+
+def linking(said: Said, place: int) -> Iterator[tuple[int, str]]:
+    """Where an act can begin that another one comes after or before: behind "after", "once", "before"."""
+    yield from ((end, "after") for end in _ends(said, place, AFTER))
+    yield from ((end, "before") for end in _ends(said, place, EARLIER))
 
 
 def closes(said: Said, place: int, polite: bool) -> bool:

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 
 from kb.commands.mentions import Mentions, Words
 from kb.commands.patterns import Slot, Word
-from kb.commands.phrasebook import Form, Node, gerunds
+from kb.commands.phrasebook import Form, Node
 from kb.commands.reading import Said
 from kb.commands.tokens import Piece
 from kb.commands.vocabulary import Vocabulary
@@ -25,12 +25,16 @@ class Book:
 
 @dataclass(frozen=True, slots=True)
 class Match:
-    """A form that was found: the place after it, what fills its slots, and its cost."""
+    """A form that was found: the place after it, what fills its slots, and its cost.
+
+    `again` means that it is said in short, for an act that was said before: "once heated".
+    """
 
     end: int
     form: Form
     values: tuple[Words, ...]
     cost: int = 0
+    again: bool = False
 
 
 @dataclass(slots=True)
@@ -50,22 +54,13 @@ class Matcher:
         found = self.walk(self.book.natural, 0, ())
         return (each for each in found if each.end == len(self.said.pieces) and not self.unfit(each))
 
-    def forms(self, begin: int, gerund: bool = False) -> Iterator[Match]:
+    def forms(self, begin: int) -> Iterator[Match]:
         """The phrases that are said whole from a place on."""
-        if gerund:
-            yield from self._gerunds(begin)
-            return
         yield from self.walk(self.book.natural, begin, ())
         here = {self.said.pieces[each].lower for each in self.said.starts(begin)}
         for word in sorted(here & set(self.book.moved.words)):
             if (end := self.said.word(begin, word)) is not None:
                 yield from self.walk(self.book.moved.words[word], end, ())
-
-    def _gerunds(self, begin: int) -> Iterator[Match]:
-        for root in (self.book.natural, self.book.moved):
-            for verb, node in root.words.items():
-                if (end := self.said.one_of(begin, gerunds(verb))) is not None:
-                    yield from self.walk(node, end, ())
 
     def walk(
         self, node: Node, place: int, values: tuple[Words, ...], things: Sequence[tuple[str, ...]] = ()

@@ -8,34 +8,13 @@ box 2"), stand between what is said before and behind them, if the sentence has 
 
 import itertools
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
-from kb.model.conditions import And, Condition, Literal
+from kb.commands.undoing import Act, Apart, Pairs, Undoing, undone
+from kb.model.conditions import And, Condition
 from kb.model.problem import Chain
 from kb.terms import Atom, Term, is_ground
-
-Apart = Callable[[Literal, Literal], bool]
-"""Whether two conditions cannot hold together, or whether the first cannot hold when the second one becomes true."""
-
-
-@dataclass(frozen=True, slots=True)
-class Act:
-    """What one clause asks for one subject. `things` are the other objects that it names.
-
-    `stages` is None if the condition cannot be a stage. `must` means that the phrase makes the act an event or a stage.
-    `alone` means that no slot names its subject. `then` means that the clause follows "then".
-    """
-
-    clause: int
-    subject: Term
-    things: frozenset[Term]
-    literals: tuple[Literal, ...]
-    condition: Condition
-    stages: tuple[Atom, ...] | None
-    must: bool
-    alone: bool
-    then: bool
 
 
 class NoOrder(Exception):
@@ -48,48 +27,25 @@ class NoOrder(Exception):
 
 def arrange(acts: Sequence[Act], apart: Apart, interrupted: Apart) -> tuple[Condition, tuple[Chain, ...]]:
     """The goal and the chains for the acts of a sentence. Raises `NoOrder`."""
-    undone = set(_undone(acts, apart, interrupted))
-    acts = _joined(acts, undone)
+    pairs = undone(acts, apart, interrupted)
+    acts = _joined(acts, pairs)
     order = _Order()
     if _is_ordered(acts):
-        barriers = {number for pair in undone for number in pair} | {n for n, a in enumerate(acts) if a.alone}
-        order.follow(acts, barriers)
+        barriers = {number for pair in pairs for number in pair} | {n for n, a in enumerate(acts) if a.alone}
+        order.follow(acts, barriers, barriers - set(_told(acts, pairs)))
     placed = {number for number, act in enumerate(acts) if act.must or number in order.related}
     placed -= {number for number in placed if _is_only_an_end(number, acts, order)}
-    chains = _Chains(order)
+    chains = _Chains(order, Undoing(acts, pairs, apart, interrupted))
     for number in sorted(placed):
         chains.add(number, acts[number])
-    lasting = {
-        acts[number].subject: number for number in sorted(placed)
-    }.values()  # the last act of each subject
-    ending = (act for n, act in enumerate(acts) if n not in placed or (n in lasting and _is_open(act)))
+    last = {
+        n for n in placed if not any(order.waits(m, n) and acts[m].subject == acts[n].subject for m in placed)
+    }
+    ending = (act for n, act in enumerate(acts) if n not in placed or (n in last and _is_open(act)))
     return And(tuple(dict.fromkeys(act.condition for act in ending))), chains.finished()
 
 
-def _undone(acts: Sequence[Act], apart: Apart, interrupted: Apart) -> Iterator[tuple[int, int]]:
-    """Pairs of acts of different clauses of which the later one undoes the earlier one.
-
-    They cannot hold together. Or "then" stands between them, and the later one cannot be done while the earlier one holds.
-    """
-    thens = list(itertools.accumulate(int(act.then) for act in acts))
-    pairs = (
-        pair for pair in itertools.combinations(range(len(acts)), 2) if _are_fluents(*(acts[n] for n in pair))
-    )
-    for first, second in itertools.islice(pairs, MOST_COMPARED):
-        both = list(itertools.product(acts[first].literals, acts[second].literals))
-        then = thens[second] > thens[first]
-        if any(apart(*each) for each in both) or (then and any(interrupted(*each) for each in both)):
-            yield first, second
-
-
-def _are_fluents(one: Act, other: Act) -> bool:
-    return one.clause != other.clause and not (one.must or other.must)
-
-
-MOST_COMPARED = 100_000  # pairs of acts
-
-
-def _joined(acts: Sequence[Act], undone: set[tuple[int, int]]) -> list[Act]:
+def _joined(acts: Sequence[Act], pairs: Pairs) -> list[Act]:
     """The acts, with one subject for those of which one undoes the other: the subject that was named first."""
     subjects: dict[Term, Term] = {}
 
@@ -98,7 +54,7 @@ def _joined(acts: Sequence[Act], undone: set[tuple[int, int]]) -> list[Act]:
             subject = subjects[subject]
         return subject
 
-    for one, other in sorted(undone):
+    for one, other in sorted(pairs):
         early, late = first(acts[one].subject), first(acts[other].subject)
         if early != late:
             subjects[late] = early
@@ -107,13 +63,20 @@ def _joined(acts: Sequence[Act], undone: set[tuple[int, int]]) -> list[Act]:
 
 def _is_ordered(acts: Sequence[Act]) -> bool:
     """Whether any act has a place in an order."""
-    if any(act.must or act.then for act in acts):
+    if any(act.must or act.then or act.waits for act in acts):
         return True
     clauses: dict[Term, int] = {}
     for act in acts:
         if clauses.setdefault(act.subject, act.clause) != act.clause:
             return True
     return any(clauses.get(thing, act.clause) != act.clause for act in acts for thing in act.things)
+
+
+def _told(acts: Sequence[Act], pairs: Pairs) -> Iterator[int]:
+    """The acts of which the sentence says what they come after, beside an act that they undo."""
+    for number, act in enumerate(acts):
+        if act.waits - {acts[first].literals for first, second in pairs if second == number}:
+            yield number
 
 
 def _is_only_an_end(number: int, acts: Sequence[Act], order: "_Order") -> bool:
@@ -141,8 +104,15 @@ class _Order:
         """The acts that wait or are waited for."""
         return {number for number, waits in self.direct.items() if waits} | {*self.followed}
 
-    def follow(self, acts: Sequence[Act], barriers: set[int]) -> None:
-        """Put acts in order. The acts of a clause never wait for each other."""
+    def waits(self, later: int, earlier: int) -> bool:
+        """Whether an act comes after another one."""
+        return later < len(self.behind) and bool(self.behind[later] >> earlier & 1)
+
+    def follow(self, acts: Sequence[Act], barriers: set[int], late: set[int]) -> None:
+        """Put acts in order. The acts of a clause never wait for each other.
+
+        What stands behind one of `barriers` waits for it; one of `late` waits for everything before it.
+        """
         waiting = _waiting(acts)
         earlier: list[int] = []  # before the last "then": the acts that no other act waits for
         barrier: list[int] = []  # the acts of the last clause that everything behind it waits for
@@ -151,7 +121,8 @@ class _Order:
             earlier = ends if acts[start].then else earlier
             for number in range(start, end):
                 waits = [*self._of_the_same(acts, number, start), *barrier]
-                waits += ends if number in barriers else earlier if number in waiting else []
+                waits += [each for each in range(start) if acts[each].literals in acts[number].waits]
+                waits += ends if number in late else earlier if number in waiting else []
                 self._add(number, waits)
             if barriers & set(range(start, end)):
                 barrier = [number for number in range(start, end) if number in barriers]
@@ -206,6 +177,7 @@ class _Chains:
     """Chains under construction. A chain for which another one waits is not extended."""
 
     order: _Order
+    undoing: Undoing
     segments: dict[str, Chain] = field(default_factory=dict)
     ends: dict[int, list[str]] = field(default_factory=dict)  # for each act, the chains that end with it
 
@@ -214,15 +186,16 @@ class _Chains:
         if act.stages is None:
             raise NoOrder(act.clause)
         waits = self.order.direct.get(number, [])
+        again = self.undoing.again(number, self.order.behind) if waits else ()
         after = tuple(name for each in waits for name in self.ends[each])
         if len(after) == 1 and self._goes_on(waits[0], after[0], act):
             before = self.segments[after[0]]
-            self.segments[after[0]] = replace(before, stages=before.stages + act.stages)
+            self.segments[after[0]] = replace(before, stages=before.stages + again + act.stages)
             self.ends[number] = [after[0]]
         elif act.must:
-            self.ends[number] = [self._open(act.subject, act.stages, after)]
+            self.ends[number] = [self._open(act.subject, again + act.stages, after)]
         else:
-            self.ends[number] = [self._open(act.subject, (stage,), after) for stage in act.stages]
+            self.ends[number] = [self._open(act.subject, (*again, stage), after) for stage in act.stages]
 
     def _goes_on(self, earlier: int, name: str, act: Act) -> bool:
         return (

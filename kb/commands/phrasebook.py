@@ -73,6 +73,23 @@ def gerunds(verb: str) -> tuple[str, ...]:
     return (*short, f"{verb}ing", f"{verb}{verb[-1]}ing")
 
 
+_IRREGULAR = (
+    "put put,take taken,bring brought,hold held,give given,cut cut,spin spun,shut shut,set set,send sent,read read,get got,"
+    "make made,lay laid,find found,feed fed,wind wound,draw drawn,drive driven,write written,shake shaken,freeze frozen,"
+    "grind ground,bend bent,hang hung,leave left,open opened open,sweep swept,stick stuck,burn burnt burned,go gone,do done"
+)
+IRREGULAR = {words.split()[0]: tuple(words.split()[1:]) for words in _IRREGULAR.split(",")}
+
+
+def participles(verb: str) -> tuple[str, ...]:
+    """What a verb may look like after "is" and "have": heated, stored, put."""
+    if verb in IRREGULAR:
+        return IRREGULAR[verb]
+    if verb.endswith("e"):
+        return (f"{verb}d",)
+    return f"{verb}ed", f"{verb}{verb[-1]}ed", *((f"{verb[:-1]}ied",) if verb.endswith("y") else ())
+
+
 def spoken(say: str) -> tuple[str, ...]:
     """The words of a noun, in small letters."""
     return tuple(say.lower().replace("’", "'").split())

@@ -1,5 +1,6 @@
 """The meaning of phrases: goals and stages with slots, checked against the signatures of the domain."""
 
+import re
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
@@ -9,7 +10,7 @@ from kb.diagnostics import Diagnostic, Source, nearest, unknown_name
 from kb.model.conditions import Condition, Exists, Literal, Not, Parameter
 from kb.model.domain import BUILT_IN_TYPES, NUMERIC_TYPES, OBJECT, Domain, Kind, Phrase
 from kb.syntax import ExpressionError, Parsed, parse
-from kb.terms import ANYTHING, Atom, Function, Number, Term, Text, Variable
+from kb.terms import ANYTHING, Atom, Function, Number, Term, Text, Variable, parts_of
 
 Place = Callable[[tuple[str | int, ...], int], Source]
 """A function from a path under `commands:`, such as `("phrases", 3, "say")`, and a character in its text to the place."""
@@ -27,6 +28,7 @@ class Meaning:
     slots: tuple[Slot, ...]
     conditions: tuple[Literal, ...]
     is_stage: bool
+    subject: str
 
 
 def meanings(domain: Domain) -> list[Meaning]:
@@ -38,20 +40,27 @@ def _meaning(phrase: Phrase, domain: Domain) -> Meaning:
     pattern = read_pattern(phrase.say)
     field = "stage" if phrase.stage else "goal"
     parsed = _parsed(phrase, field, domain)
-    return Meaning(phrase, pattern, slots_of(pattern), parsed.value, field == "stage")
+    return Meaning(phrase, pattern, slots_of(pattern), parsed.value, field == "stage", phrase.subject)
 
 
 def _parsed(phrase: Phrase, field: str, domain: Domain) -> Parsed:
+    if field == "stage" and not re.match(r"\s*not\s", phrase.stage):
+        read = parse("stages", phrase.stage, domain.time_unit)
+        return Parsed(tuple(map(Literal, read.value)), read.places)
     parsed = parse("conditions", getattr(phrase, field), domain.time_unit)
-    for part in parsed.value:
-        if not isinstance(part, Literal) or (field == "stage" and not part.positive):
-            raise ExpressionError(0, f"a {field} can only contain atoms")
+    if field == "stage" or not all(isinstance(part, Literal) for part in parsed.value):
+        raise ExpressionError(0, f"a {field} can only contain atoms")
     return parsed
 
 
 def spoken_of(domain: Domain) -> Iterator[Literal]:
     """The literals that the phrases of a domain stand for; its phrases have been checked."""
-    return (literal for meaning in meanings(domain) for literal in meaning.conditions)
+    return (part for meaning in meanings(domain) for literal in meaning.conditions for part in alone(literal))
+
+
+def alone(literal: Literal) -> tuple[Literal, ...]:
+    """The literal, or those of a stage that is reached together."""
+    return tuple(Literal(part, literal.positive) for part in parts_of(literal.atom))
 
 
 def slots_of(pattern: Pattern) -> tuple[Slot, ...]:
@@ -151,9 +160,19 @@ class _PhraseCheck:
             self._report(self.field, error.offset, error.code, error.message, error.hint)
             return self.found
         self.types = {Variable(slot.variable): slot.type for slot in slots_of(pattern)}
+        self._subject()
         for literal in self.parsed.value:
-            self._atom(literal.atom)
+            parts = parts_of(literal.atom)
+            for part in parts:
+                self._atom(part, len(parts) == 1)
         return self.found
+
+    def _subject(self) -> None:
+        said = self.phrase.subject
+        if said and self.types.get(Variable(said), "int") in NUMERIC_TYPES:
+            known = [str(variable) for variable, type_ in self.types.items() if type_ not in NUMERIC_TYPES]
+            hint = nearest(said, known) or f"its slots: {', '.join(known) or 'none'}"
+            self._report("subject", 0, "K105", f"'{said}' is no slot for an object of the phrase", hint)
 
     def _report(self, field: str, offset: int, code: str, message: str, hint: str = "") -> None:
         where = self.place(("phrases", self.index, field), offset) if self.place else self.phrase.where
@@ -181,7 +200,7 @@ class _PhraseCheck:
     def _known_types(self) -> list[str]:
         return [*self.domain.types, *BUILT_IN_TYPES]
 
-    def _atom(self, atom: Atom) -> None:
+    def _atom(self, atom: Atom, alone: bool) -> None:
         predicate = self.domain.predicates.get(atom.name)
         if predicate is None:
             hint = nearest(atom.name, list(self.domain.predicates))
@@ -189,6 +208,8 @@ class _PhraseCheck:
         elif predicate.kind not in ALLOWED[self.field]:
             allowed = " or ".join(kind.value for kind in ALLOWED[self.field])
             self._wrong(atom, "K108", f"'{atom.name}' is {predicate.kind.value}; a {self.field} is {allowed}")
+        elif predicate.kind is Kind.EVENT and not alone:
+            self._wrong(atom, "K108", "an event is no state, so nothing can be reached together with it")
         elif len(predicate.arguments) != len(atom.arguments):
             self._wrong(atom, "K102", f"{atom.name} takes {len(predicate.arguments)} arguments")
         else:

@@ -6,23 +6,25 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from fractions import Fraction
 
-from kb.commands.clauses import Clause, NotUnderstood, read_clauses
+from kb.commands.clauses import LINKED, Clause, NotUnderstood, read_clauses
 from kb.commands.exclusion import Exclusion
 from kb.commands.explain import explain
 from kb.commands.matching import Book
 from kb.commands.mentions import Words
-from kb.commands.order import Act, NoOrder, arrange
+from kb.commands.order import NoOrder, arrange
 from kb.commands.patterns import PREPOSITIONS, Slot, Word
 from kb.commands.phrasebook import PARTICLES, tree
-from kb.commands.phrases import Meaning, condition, meanings
+from kb.commands.phrases import Meaning, alone, condition, meanings
 from kb.commands.references import References, Unclear
+from kb.commands.times import in_order_of_time
+from kb.commands.undoing import Act
 from kb.commands.vocabulary import Vocabulary
 from kb.diagnostics import Diagnostic, InvalidInput, Source
 from kb.model.conditions import And, Condition, Literal
 from kb.model.domain import NUMERIC_TYPES, Domain, Kind
 from kb.model.problem import Chain, Problem
 from kb.syntax import LARGEST, unit_seconds
-from kb.terms import Function, Number, Term, Variable, substitute_atom
+from kb.terms import Atom, Function, Number, Term, Variable, substitute_atom, together
 
 MAX_LENGTH = 5_000
 MAX_ACTS = 5_000
@@ -71,18 +73,16 @@ class _Sentence:
 
     def arranged(self, clauses: Sequence[Clause]) -> tuple[Condition, tuple[Chain, ...]]:
         """The goal and the chains."""
-        in_time = _in_order_of_time(clauses)
         values, found = self._resolved(clauses)
+        in_time = in_order_of_time(clauses, {})
         if found and in_time != list(clauses):  # "before storing it, heat probe 1"
             values, later = self._resolved(in_time)
             found = found if later else []
         if found:
             raise InvalidInput(found)
-        acts = [
-            act
-            for number, clause in enumerate(in_time)
-            for act in self._acts(number, clause, values[clause.offset])
-        ]
+        asked = {each.offset: [*self._acts(each, values[each.offset])] for each in clauses}
+        in_time = in_order_of_time(clauses, _referred(clauses, asked))
+        acts = [act for number, clause in enumerate(in_time) for act in _placed(number, clause, asked)]
         exclusion = Exclusion(self.domain, self.vocabulary.objects, self.facts)
         try:
             return arrange(acts, exclusion.apart, exclusion.interrupted)
@@ -143,7 +143,7 @@ class _Sentence:
             raise Unclear(piece.offset, f"'{shown}' is too large", f"the largest number is {LARGEST}")
         return (Number(int(value)),)
 
-    def _acts(self, number: int, clause: Clause, values: Mapping[str, Sequence[Term]]) -> Iterator[Act]:
+    def _acts(self, clause: Clause, values: Mapping[str, Sequence[Term]]) -> Iterator[Act]:
         """One act for each combination of the objects that fill the slots."""
         meaning = self.known[clause.form.phrase]
         own = [slot.variable for slot in meaning.slots if slot.type not in NUMERIC_TYPES]
@@ -154,35 +154,49 @@ class _Sentence:
         for combination in itertools.product(*(values[slot.variable] for slot in meaning.slots)):
             bindings = dict(zip((slot.variable for slot in meaning.slots), combination, strict=True))
             named = [bindings[variable] for variable in own]
-            yield self._act(number, clause, meaning, bindings, named)
+            yield self._act(clause, meaning, bindings, named)
 
     def _act(
         self,
-        number: int,
         clause: Clause,
         meaning: Meaning,
         bindings: Mapping[str, Term],
         named: Sequence[Term],
     ) -> Act:
         bound = {Variable(variable): value for variable, value in bindings.items()}
-        literals = tuple(
-            Literal(substitute_atom(each.atom, bound), each.positive) for each in meaning.conditions
-        )
-        stages = tuple(each.atom for each in literals) if all(map(self._can_be_stage, literals)) else None
+        asked = [Literal(substitute_atom(each.atom, bound), each.positive) for each in meaning.conditions]
+        literals = tuple(part for each in asked for part in alone(each))
+        stages = self._stages(asked, meaning.is_stage)
         goal = [condition(each, self.domain) for each in literals]
         whole = goal[0] if len(goal) == 1 else And(tuple(goal))
         said = [Function(each.object) for each in self.vocabulary.named(clause.form.parts)]
         in_atoms = [] if named else [each for literal in literals for each in self._objects(literal.atom)]
         about = [*named, *said, *in_atoms]
-        subject = (named or said or _common_noun(clause) or in_atoms or [Function(literals[0].atom.name)])[0]
+        chosen = [bound[Variable(meaning.subject)]] if meaning.subject else []
+        subject = (
+            chosen or named or said or _common_noun(clause) or in_atoms or [Function(literals[0].atom.name)]
+        )[0]
         things = frozenset(about) - {subject}
-        return Act(number, subject, things, literals, whole, stages, meaning.is_stage, not named, clause.then)
-
-    def _can_be_stage(self, literal: Literal) -> bool:
-        return literal.positive and self.domain.predicates[literal.atom.name].kind in (
-            Kind.FLUENT,
-            Kind.EVENT,
+        return Act(
+            0,
+            subject,
+            things,
+            literals,
+            whole,
+            stages,
+            must=meaning.is_stage,
+            lasts=not any(self.domain.predicates[each.atom.name].kind is Kind.EVENT for each in literals),
+            alone=not named,
+            then=clause.then,
         )
+
+    def _stages(self, asked: Sequence[Literal], in_order: bool) -> tuple[Atom, ...] | None:
+        """The stages of an act: those of its phrase, or what its goals are together. None if it cannot be a stage."""
+        kinds = {self.domain.predicates[part.atom.name].kind for each in asked for part in alone(each)}
+        if not kinds <= {Kind.FLUENT, Kind.EVENT} or not all(each.positive for each in asked):
+            return None
+        atoms = tuple(each.atom for each in asked)
+        return atoms if in_order or len(atoms) == 1 else (together(atoms),)
 
     def _objects(self, term: Term) -> Iterator[Function]:
         """The objects in an atom, in order."""
@@ -203,23 +217,35 @@ def _common_noun(clause: Clause) -> list[Function]:
     )
 
 
-def _in_order_of_time(clauses: Sequence[Clause]) -> list[Clause]:
-    """The clauses in the order in which they are to be done. "store it after heating it" is: heat it, then store it."""
-    found: list[Clause] = []
-    number = 0
-    while number < len(clauses):
-        end = number
-        while end < len(clauses) and clauses[end].link:
-            end += 1
-        group, link = list(clauses[number:end]), clauses[number].link
-        if not group:
-            found.append(clauses[number])
-            number += 1
+def _referred(clauses: Sequence[Clause], asked: dict[int, list[Act]]) -> dict[int, frozenset[int]]:
+    """The clauses such as "once probe 1 is heated" that mean acts said before, and where those were said.
+
+    What is only said in short gets the acts that it means.
+    """
+    found: dict[int, frozenset[int]] = {}
+    for number, clause in enumerate(clauses):
+        if clause.link not in LINKED:
             continue
-        forward = end < len(clauses) and (not found or group[0].marked)
-        main = clauses[end] if forward else found.pop()
-        number = end + 1 if forward else end
-        first = group[0].then if forward else main.then
-        one, other = (group, [main]) if link == "after" else ([main], group)
-        found += [replace(one[0], then=first), *one[1:], replace(other[0], then=True), *other[1:]]
+        known = {
+            _key(act, clause.again): (act, each.offset)
+            for each in clauses[:number]
+            if each.offset not in found
+            for act in asked[each.offset]
+        }
+        keys = [_key(act, clause.again) for act in asked[clause.offset]]
+        if all(key in known for key in keys):
+            asked[clause.offset] = [known[key][0] for key in keys]
+            found[clause.offset] = frozenset(known[key][1] for key in keys)
     return found
+
+
+def _key(act: Act, again: bool) -> object:
+    """What two acts have in common if they are the same, or if one is said in short."""
+    return (act.subject, *(each.atom.name for each in act.literals)) if again else act.literals
+
+
+def _placed(number: int, clause: Clause, asked: Mapping[int, Sequence[Act]]) -> Iterator[Act]:
+    """The acts of a clause with their place in the order of time."""
+    waits = frozenset(act.literals for offset in clause.waits for act in asked[offset])
+    for act in asked[clause.offset]:
+        yield replace(act, clause=number, then=clause.then, waits=waits)

@@ -88,7 +88,7 @@ LANGUAGES = {
     " calienta mide la",
     "Italian": "il lo la gli e poi quindi un una per con nel nella tutti tutte minuti apri chiudi metti riscalda misura di",
     "Dutch": "de het en dan daarna niet een voor met op alle minuten open sluit zet verwarm meet",
-    "Portuguese": "o a os as e depois então um uma para com no na todos todas minutos abra feche coloque aqueça meça",
+    "Portuguese": "o os e depois então um uma para com no na todos todas minutos abra feche coloque aqueça meça",
 }
 FOREIGN = {language: frozenset(words.split()) for language, words in LANGUAGES.items()}
 
@@ -110,16 +110,30 @@ def _reasons(said: Sequence[Piece], index: int, strange: Sequence[Piece], exampl
             yield Refusal(piece.offset, f"'{piece.text}' {NO_NEGATION}", INSTEAD)
     here = said[index] if index < len(said) else None
     before = said[index - 1] if 0 < index <= len(said) else None
-    if before is not None and before.lower in ("after", "before"):
-        message = f"'{before.text}' needs an act behind it, said with a verb in -ing"
-        yield Refusal(
-            before.offset, message, f"such as '{before.lower} heating probe 1, store it'; or use 'then'"
-        )
+    yield from _no_act(said, index)
     near = [piece for piece in (here, before, *said[index + 1 : index + 3]) if piece is not None]
     for piece in near:
         if piece in strange and piece.lower in REASONS:
             reason, hint = REASONS[piece.lower]
             yield Refusal(piece.offset, f"'{piece.text}' {reason}", hint)
+
+
+def _no_act(said: Sequence[Piece], index: int) -> Iterator[Refusal]:
+    """What is no act behind "after" and its kin, if it fails there: "after 5 min", "once probe 1 is warm"."""
+    words = [piece.lower for piece in said[: index + 1]]
+    begin = max((n + 1 for n, word in enumerate(words) if word in MARKS), default=0)
+    place = max((n for n in range(begin, len(words)) if words[n] in LINKS and n < index), default=None)
+    if place is None or not (index - place <= 2 or BE & {*words[place:]}) or words[-1] in {*REASONS} - BE:
+        return
+    word = "as soon as" if words[place] == "soon" else words[place]
+    message = f"'{word}' needs an act behind it that the phrases of the domain know"
+    hint = f"such as '{word} probe 1 is heated for 5 min, store it'; or use 'then'"
+    yield Refusal(said[place].offset, message, hint)
+
+
+BE = frozenset(("is", "are", "was", "were", "has", "have"))
+LINKS = ("after", "before", "once", "when", "soon")
+MARKS = (",", ";", ".", "!")
 
 
 def _language(said: Sequence[Piece], strange: Sequence[Piece], example: str) -> Refusal | None:

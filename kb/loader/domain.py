@@ -16,7 +16,7 @@ from kb.loader.reader import Findings, Reader, require, validate_shape
 from kb.loader.rules import read_rules
 from kb.loader.tree import read_file
 from kb.model.computed import with_named_values
-from kb.model.domain import Domain, Phrase
+from kb.model.domain import TOOLS, Domain, Phrase
 
 Rewrite = Callable[[Path], File | None]
 
@@ -55,6 +55,7 @@ def read_domain(path: Path, findings: Findings, rewrite: Rewrite = as_written) -
         phrases=tuple(_phrases(reader)),
         path=str(path),
         renamed=read_conventions(reader, names),
+        tools=tuple(dict.fromkeys(str(node.value) for node in reader.items("tools"))) or TOOLS,
     )
     for found in check_phrases(domain, reader.place_under("commands")):
         if not names.missing & {*re.findall(r"\w+", found.message)}:  # what follows from a missing type
@@ -76,5 +77,6 @@ def _phrases(reader: Reader) -> list[Phrase]:
                 node.where, "K005", "a phrase needs either a goal or a stage", "give exactly one of them"
             )
         where = node.value["say"][1].where
-        found.append(Phrase(value["say"], value.get("goal", ""), value.get("stage", ""), where))
+        goal, stage, subject = (value.get(key, "") for key in ("goal", "stage", "subject"))
+        found.append(Phrase(value["say"], goal, stage, subject, where))
     return found

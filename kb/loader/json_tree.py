@@ -45,9 +45,9 @@ def _tree(file: File, most: int) -> Node | None:
     """
     items: list[Node] = []
     opened: list[tuple[int, list[Node]]] = []
-    left, end = most, 0
+    left, end, whole = most, 0, len(file.text.rstrip(" \n"))
     # Each part begins where the last one ends: a search from any other place would go through long blanks again and again.
-    for found in iter(_PART.scanner(file.text).match, None):  # type: ignore[attr-defined]
+    for found in iter(_PART.scanner(file.text, 0, whole).match, None):  # type: ignore[attr-defined]
         kind, end = found.lastindex or 0, found.end()
         first, last = found.span(kind)
         if kind == OPENING:
@@ -64,7 +64,7 @@ def _tree(file: File, most: int) -> Node | None:
         left -= 1
         if left < 0:
             raise too_many(file, first, most)
-    return items[0] if end == len(file.text.rstrip(" \n")) else None
+    return items[0] if end == whole else None
 
 
 def _value(written: str) -> str:

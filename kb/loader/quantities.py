@@ -29,7 +29,7 @@ from kb.model.shapes import (
     Tube,
     Vector,
 )
-from kb.schema.cell import QUANTITY
+from kb.schema.solids import QUANTITY
 
 LENGTHS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": 0.0254}
 ANGLES = {"rad": 1.0, "deg": math.pi / 180}

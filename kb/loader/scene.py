@@ -1,12 +1,13 @@
 """Scene files: the cell is read, then what is said of parts, camera, hand and table. All names are checked."""
 
+import math
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, TypeVar
 
-from kb.diagnostics import unknown_name
+from kb.diagnostics import Source, unknown_name
 from kb.loader.arm import quantities_of
 from kb.loader.cell import read_cell
 from kb.loader.quantities import ANGLE, FACTOR, LENGTH, Quantities, child, required
@@ -32,6 +33,23 @@ def load_scene(path: Path) -> Scene:
     scene = _SceneReader(reader, quantities_of(reader, path.parent), cell).scene()
     require(findings)
     return scene
+
+
+def relation_of(cell: Cell, first: str, kind: str, second: str, value: float = 0.0) -> SaidRelation:
+    """A relation as a command line says it, its value in millimetres or degrees. Raises `InvalidInput`."""
+    findings, where = Findings(), Source(f"{first} {kind} {second}")
+    if kind not in KINDS:
+        findings.note(unknown_name("relation", kind, KINDS, where))
+    for name in (first, second):
+        body, dot, feature = name.partition(".")
+        if not dot or not feature:
+            findings.add(where, "K005", f"'{name[:60]}' is no feature", "write its body first: angle.heel")
+        elif body not in cell.bodies:
+            findings.note(unknown_name("body", body, cell.bodies, where))
+    require(findings)
+    ends = [(body, feature) for body, _, feature in (first.partition("."), second.partition("."))]
+    scaled = math.radians(value) if kind == "angle" else value / 1000
+    return SaidRelation(kind, ends[0], ends[1], scaled, where=where)
 
 
 @dataclass(frozen=True)

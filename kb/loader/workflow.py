@@ -13,7 +13,7 @@ from kb.loader.reader import Expression, Reader
 from kb.loader.tree import Node
 from kb.model.domain import Kind
 from kb.model.problem import Chain
-from kb.terms import ANYTHING, Function, Term, Variable, substitute_atom, variables
+from kb.terms import ANYTHING, Function, Term, Variable, parts_of, substitute_atom, variables
 
 STAGES = (Kind.EVENT, Kind.FLUENT)
 MAX_CHAINS = 10_000
@@ -45,7 +45,7 @@ def _after(reader: Reader, names: Names, index: int, groups: dict[str, list[str]
 
 
 def _entry_chains(reader: Reader, names: Names, index: int, title: str) -> Iterator[Chain]:
-    stages = reader.expression("atoms", "workflow", index, "stages")
+    stages = reader.expression("stages", "workflow", index, "stages")
     if stages is None:
         return
     choices = _choices(reader, names, index)
@@ -58,7 +58,7 @@ def _entry_chains(reader: Reader, names: Names, index: int, title: str) -> Itera
         bindings: dict[Variable, Term] = dict(zip(choices, map(Function, combination), strict=True))
         subject = Function(combination[0]) if combination else _subject(reader, names, index)
         bound = tuple(substitute_atom(atom, bindings) for atom in stages.value)
-        for atom in bound:
+        for atom in (part for stage in bound for part in parts_of(stage)):
             Typing(names).atom(atom, stages, STAGES)
         name = f"{title}:{','.join(combination)}" if combination else title
         yield Chain(name, bound, (), subject, stages.node.where)
@@ -88,7 +88,7 @@ def _is_object(name: str, node: Node, names: Names) -> bool:
 def _check(stages: Expression, names: Names, bound: set[Variable]) -> None:
     typing = Typing(names)
     standing = {variable for atom in stages.value for variable in variables(atom)}
-    for atom in stages.value:
+    for atom, alone in ((part, part is stage) for stage in stages.value for part in parts_of(stage)):
         typing.atom(atom, stages, STAGES)
         for variable in variables(atom):
             if variable != ANYTHING and variable not in bound:
@@ -96,6 +96,10 @@ def _check(stages: Expression, names: Names, bound: set[Variable]) -> None:
                 message = f"the variable {variable} is not under `for:`"
                 names.findings.add(stages.place(variable), "K105", message, hint)
         predicate = names.predicates.get(atom.name)
+        if predicate and predicate.kind is Kind.EVENT and not alone:
+            hint = "make the event a stage of its own, before or behind what is to hold"
+            message = "an event is no state, so nothing can be reached together with it"
+            names.findings.add(stages.place(atom), "K108", message, hint)
         if predicate and predicate.kind is Kind.EVENT and ANYTHING in variables(atom):
             hint = "write every argument of the event"
             names.findings.add(

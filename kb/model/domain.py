@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from kb.model.conventions import Conventions
     from kb.model.motion import Motion
 
+TOOLS = ("sequencer", "library", "planner", "scheduler", "diagnosis")  # of the top level of a run
 OBJECT = "object"
 NUMERIC_TYPES = ("int", "time")
 BUILT_IN_TYPES = (OBJECT, *NUMERIC_TYPES, "text")
@@ -175,11 +176,15 @@ class Rule:
 
 @dataclass(frozen=True, slots=True)
 class Phrase:
-    """A sentence pattern and the stage or goal that it stands for. The command grammar reads patterns."""
+    """A sentence pattern and the stage or goal that it stands for. The command grammar reads patterns.
+
+    `subject` is the slot whose object the act is about; empty: the first in the pattern.
+    """
 
     say: str
     goal: str = ""
     stage: str = ""
+    subject: str = ""
     where: Source = field(default=NOWHERE, compare=False)
 
 
@@ -205,6 +210,7 @@ class Domain:
     renamed: Mapping[str, str] = field(
         default_factory=dict
     )  # roles of conventions: their names in this domain
+    tools: tuple[str, ...] = TOOLS  # what a run plans with, the preferred ones first
 
     @property
     def conventions(self) -> "Conventions":

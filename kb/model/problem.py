@@ -16,7 +16,8 @@ class Chain:
 
     `after` names chains that must be finished first. The last stage must still hold at the end, unless a
     chain of the same subject comes after this one. Any atom that fits reaches a fluent stage with `_`. Such a
-    stage need not last, unless a goal says so.
+    stage need not last, unless a goal says so. A stage of several fluents that are reached together is one term, `&` of
+    them (`kb.terms.together`).
     """
 
     name: str

@@ -1,7 +1,8 @@
 """The meaning of a workflow: when a chain may advance, what reaches a stage, what must hold at the end.
 
 A stage that is an event is reached by a step with that event. A stage that is a fluent is reached as soon as the fluent
-holds, by whatever step, or from the start on: what holds already costs nothing.
+holds, by whatever step, or from the start on: what holds already costs nothing. A stage of several fluents
+(`stored(tube) & capped(tube)`) is reached as soon as all of them hold.
 
 Grounding, MACROPs, revision and the checker share these definitions. They differ in how they follow a plan:
 the checker considers every chain that an event can serve, the others take only the first.
@@ -12,7 +13,7 @@ from typing import Protocol
 
 from kb.model.domain import Domain, Kind
 from kb.model.problem import Chain
-from kb.terms import Atom, is_ground, match
+from kb.terms import Atom, is_ground, match, parts_of, together
 
 Reached = Mapping[str, int]  # for each chain, how many of its stages are reached
 Holds = Callable[[Atom], bool]  # whether a fluent stage holds in a state; `_` in it stands for anything
@@ -21,6 +22,12 @@ Holds = Callable[[Atom], bool]  # whether a fluent stage holds in a state; `_` i
 def reaches(atom: Atom, stage: Atom) -> bool:
     """Whether an added atom, or an event, reaches a stage. `_` in a stage stands for anything."""
     return match(stage, atom, {}) is not None
+
+
+def reached_as(stage: Atom, true: Sequence[Atom]) -> Atom:
+    """What reached a stage, among events and facts; of a stage of several fluents, all that did, together."""
+    found = [next(each for each in true if reaches(each, part)) for part in parts_of(stage)]
+    return found[0] if len(found) == 1 else together(found)
 
 
 def finished(chains: Iterable[Chain], reached: Reached) -> frozenset[str]:
@@ -104,10 +111,15 @@ def holding(state: State) -> Holds:
 
 
 def those_reaching(stage: Atom, state: State) -> Iterator[Atom]:
-    """The atoms of a state that reach a stage."""
-    if is_ground(stage):
-        return (atom for atom in (stage,) if atom in state)
-    return (atom for atom in state.named(stage.name) if reaches(atom, stage))
+    """The atoms of a state that reach a stage; nothing unless every part of the stage holds."""
+    found = [list(_those_like(part, state)) for part in parts_of(stage)]
+    return (atom for each in found for atom in each) if all(found) else iter(())
+
+
+def _those_like(atom: Atom, state: State) -> Iterator[Atom]:
+    if is_ground(atom):
+        return (each for each in (atom,) if each in state)
+    return (each for each in state.named(atom.name) if reaches(each, atom))
 
 
 def superseded(chains: Sequence[Chain]) -> frozenset[str]:
@@ -122,19 +134,19 @@ def superseded(chains: Sequence[Chain]) -> frozenset[str]:
     return frozenset(found)
 
 
-def lasting(chains: Sequence[Chain], domain: Domain) -> dict[str, Atom]:
-    """For each chain, what must still hold at the end: its last stage, if that is a fluent without `_`.
+def lasting(chains: Sequence[Chain], domain: Domain) -> dict[str, tuple[Atom, ...]]:
+    """For each chain, what must still hold at the end: the fluents of its last stage, if they are without `_`.
 
     Chains that another chain of the same subject follows are left out.
     """
     passing = superseded(chains)
     return {
-        chain.name: chain.stages[-1]
+        chain.name: parts_of(chain.stages[-1])
         for chain in chains
-        if chain.name not in passing and is_ground(chain.stages[-1]) and _is_fluent(chain.stages[-1], domain)
+        if chain.name not in passing and is_ground(chain.stages[-1]) and _lasts(chain.stages[-1], domain)
     }
 
 
-def _is_fluent(atom: Atom, domain: Domain) -> bool:
-    declared = domain.predicates.get(atom.name)
-    return declared is not None and declared.kind is Kind.FLUENT
+def _lasts(stage: Atom, domain: Domain) -> bool:
+    declared = [domain.predicates.get(atom.name) for atom in parts_of(stage)]
+    return all(each is not None and each.kind is Kind.FLUENT for each in declared)

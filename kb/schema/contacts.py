@@ -4,8 +4,8 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from kb.schema.cell import PoseEntry, UnitsEntry
 from kb.schema.shapes import Expression, Names, Strict, Truth
+from kb.schema.solids import PoseEntry, UnitsEntry
 
 Template = Annotated[
     str,

@@ -1,6 +1,6 @@
 """The form of `domain.yaml`."""
 
-from typing import Literal
+from typing import Literal, get_args
 
 from pydantic import Field
 from pydantic.config import JsonDict
@@ -136,7 +136,12 @@ class PhraseEntry(Strict):
 
     say: str = Field(description="words, {Variable:type}, (either|or), [optional]")
     goal: Expression | None = Field(None, description="the goal, if the order does not matter")
-    stage: Expression | None = Field(None, description="a stage of a workflow")
+    stage: Expression | None = Field(
+        None, description="a stage of a workflow, or several; `&` between what is reached together"
+    )
+    subject: str | None = Field(
+        None, description="the slot whose object the act is about; without it, the first slot in the pattern"
+    )
 
 
 class CommandsEntry(Strict):
@@ -155,6 +160,9 @@ _ROLES: JsonDict = {
     role: {"type": "string", "description": f"what this domain calls {each.written()}: {each.meaning}"}
     for role, each in CONVENTIONS.items()
 }
+
+
+ToolName = Literal["sequencer", "library", "planner", "scheduler", "diagnosis"]
 
 
 class DomainFile(Strict):
@@ -202,6 +210,10 @@ class DomainFile(Strict):
         default_factory=dict,
         description="names that the engine knows: what this domain calls them, where it is another name",
         json_schema_extra={"properties": _ROLES, "additionalProperties": False},
+    )
+    tools: list[ToolName] = Field(
+        default_factory=lambda: list(get_args(ToolName)),
+        description="what a run plans with: of those that give the same, the first that serves; all of them if left out",
     )
     motion: MotionEntry | None = Field(
         None, description="how an arm moves between places: what durations call travel(From, To)"

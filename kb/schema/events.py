@@ -181,6 +181,8 @@ class OrderEvent(_Event):
     order: str = Field(description="stop, interrupt, continue, ...")
     given: str = Field("", description="what it said besides")
     origin: str = Field(description="terminal or socket")
+    who: str = Field("", description="who gave it, if that is known")
+    when: str = Field("", description="date and time (UTC) when it came, if that is known")
 
 
 class DecisionEvent(_Event):

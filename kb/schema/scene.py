@@ -4,8 +4,8 @@ from typing import Annotated
 
 from pydantic import Field
 
-from kb.schema.cell import PlacedEntry, Quantity, Triple, UnitsEntry
 from kb.schema.shapes import Strict, WholeNumber
+from kb.schema.solids import PlacedEntry, Quantity, Triple, UnitsEntry
 
 
 class CameraFileEntry(PlacedEntry):

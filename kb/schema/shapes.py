@@ -12,7 +12,7 @@ LARGEST = 2**31 - 1  # clingo counts in 32 bits
 class Strict(BaseModel):
     """A mapping that allows only known keys."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, defer_build=True)
 
 
 def _whole(value: Any) -> Any:

@@ -37,7 +37,7 @@ MODELS = {
     "problem": ("problem", "ProblemFile"),
     "plan": ("plan", "PlanFile"),
     "cell": ("cell", "CellFile"),
-    "arm": ("cell", "ArmFile"),
+    "arm": ("arm", "ArmFile"),
     "faults": ("faults", "FaultsFile"),
     "contacts": ("contacts", "ContactsFile"),
     "scene": ("scene", "SceneFile"),

@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from kb.store.documents import document, dumps, loads, macrop_of
-    from kb.store.library import Figures, Library, Record, Stored, Use
+    from kb.store.library import Library
     from kb.store.notation import NotationError, Requirement
     from kb.store.outlines import Outline
+    from kb.store.records import Figures, Record, Stored, Use
 
 __all__ = [
     "Figures",
@@ -29,7 +30,8 @@ __all__ = [
 
 _WHERE = {
     **dict.fromkeys(("document", "dumps", "loads", "macrop_of"), "documents"),
-    **dict.fromkeys(("Figures", "Library", "Record", "Stored", "Use"), "library"),
+    "Library": "library",
+    **dict.fromkeys(("Figures", "Record", "Stored", "Use"), "records"),
     **dict.fromkeys(("NotationError", "Requirement"), "notation"),
     "Outline": "outlines",
 }

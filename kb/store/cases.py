@@ -56,7 +56,7 @@ class Cases:
 
     def __init__(self, target: str) -> None:
         self.target = target
-        self._engine: Engine = opened(target)
+        self._engine: Engine = opened(target, durable=True)
         with transaction(self._engine, target, writes=True) as connection:
             metadata.create_all(connection)
 

@@ -66,7 +66,9 @@ def macrop_of(found: Mapping[str, Any]) -> Macrop:
     """The MACROP that a document describes. Raises `NotationError` if the document is not a MACROP."""
     try:
         return _read(found)
-    except (KeyError, TypeError, AttributeError, ValueError) as error:
+    except RecursionError:
+        raise NotationError("not a MACROP: nested too deeply") from None
+    except (KeyError, TypeError, AttributeError, ValueError, OverflowError) as error:
         if isinstance(error, NotationError):
             raise
         raise NotationError(f"not a MACROP: {type(error).__name__}: {error}") from None
@@ -130,7 +132,7 @@ def loads(text: str) -> Macrop:
     """The MACROP in a JSON text. Raises `NotationError`."""
     try:
         found = json.loads(text)
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         raise NotationError(f"not JSON: {error}") from None
     if not isinstance(found, dict):
         raise NotationError("not a MACROP: no JSON object")

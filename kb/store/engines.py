@@ -66,11 +66,11 @@ def _postgres(url: URL) -> URL:
 _WAYS = "give a file, or postgresql://USER@HOST/DATABASE"
 
 
-def connected(target: str) -> Engine:
-    """The engine of a library. Raises `InvalidInput` if the driver or the folder is missing."""
+def connected(target: str, reads: bool = False) -> Engine:
+    """The engine of a library, or one that only `reads`. Raises `InvalidInput` if the driver or the folder is missing."""
     url = address(target)
     if url.drivername == "sqlite":
-        return _sqlite(url)
+        return _sqlite(url, reads)
     try:
         return create_engine(url, pool_pre_ping=True)
     except ModuleNotFoundError:
@@ -78,12 +78,12 @@ def connected(target: str) -> Engine:
         raise refusal("--store", "the driver for PostgreSQL is not installed", hint, "K414") from None
 
 
-def _sqlite(url: URL) -> Engine:
+def _sqlite(url: URL, reads: bool) -> Engine:
     file = Path(url.database or "")
     if not file.parent.is_dir():
         raise refusal(str(url.database), "the folder of this file does not exist", "make the folder first")
     engine = create_engine(
-        _reading(file) if _is_kept_from_writing(file) else url, connect_args={"timeout": BUSY_S}
+        _reading(file) if reads or _is_kept_from_writing(file) else url, connect_args={"timeout": BUSY_S}
     )
     event.listen(engine, "connect", _prepare)
     event.listen(engine, "begin", _begin)
@@ -144,13 +144,13 @@ def transaction(engine: Engine, where: str, writes: bool = False) -> Iterator[Co
     try:
         with engine.connect().execution_options(writes=writes) as connection, connection.begin():
             yield connection
-    except SQLAlchemyError as error:
+    except (SQLAlchemyError, UnicodeDecodeError) as error:
         cause = getattr(error, "orig", None) or error
         said = " ".join(str(cause).split())[:200]
         raise refusal(
             where,
             f"the library cannot be used: {said}",
-            "check that it is a library and that you may write it",
+            "check that it is a library and that you may write it; `cellwright store check` looks for damage",
         ) from error
 
 

@@ -18,7 +18,6 @@ from sqlalchemy import (
     String,
     Table,
     Text,
-    func,
     select,
 )
 
@@ -74,7 +73,7 @@ class Journal:
 
     def __init__(self, target: str) -> None:
         self.target = target
-        self._engine: Engine = opened(target)
+        self._engine: Engine = opened(target, durable=True)
         self._held: PoolProxiedConnection | None = None
         with transaction(self._engine, target, writes=True) as connection:
             metadata.create_all(connection)
@@ -122,11 +121,9 @@ class Journal:
             raise JournalFailure(" ".join(str(error).split())[:200]) from error
 
     def _writing(self) -> PoolProxiedConnection:
-        """The connection that appends. SQLite waits for the disk at each commit, as other databases do anyway."""
+        """The connection that appends."""
         if self._held is None:
             self._held = self._engine.raw_connection()
-            if self._engine.dialect.name == "sqlite":
-                self._held.cursor().execute("PRAGMA synchronous = FULL")
         return self._held
 
     def _forget(self) -> None:
@@ -147,10 +144,19 @@ class Journal:
 
     def last(self, run: str, kind: str = "") -> int:
         """The number of the last line, or of the last one of a kind; 0 if there is none."""
-        asked = select(func.max(lines.c.number)).where(lines.c.run == run)
+        asked = select(lines.c.number).where(lines.c.run == run)
         asked = asked.where(lines.c.kind == kind) if kind else asked
+        asked = asked.order_by(lines.c.number.desc()).limit(1)  # read from the end: a maximum would read all
         with transaction(self._engine, self.target) as connection:
             return int(connection.execute(asked).scalar() or 0)
+
+    def line(self, run: str, number: int) -> Line | None:
+        """One line of a run; None if there is none of this number."""
+        asked = select(lines.c.at_ms, lines.c.kind, lines.c.content)
+        asked = asked.where((lines.c.run == run) & (lines.c.number == number))
+        with transaction(self._engine, self.target) as connection:
+            found = connection.execute(asked).first()
+        return None if found is None else Line(number, found[0], found[1], _content(self.target, found[2]))
 
     def lines(self, run: str, after: int = 0, kinds: Sequence[str] = ()) -> Iterator[Line]:
         """The lines of a run behind a number, in order; only those of some kinds, if they are named."""

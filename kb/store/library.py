@@ -2,81 +2,34 @@
 
 from collections.abc import Callable, Collection, Iterable, Mapping
 from contextlib import AbstractContextManager
-from dataclasses import dataclass
 from types import TracebackType
+from typing import Any
 
-from sqlalchemy import Connection, bindparam, delete, func, select
+from sqlalchemy import Connection, Engine, bindparam, delete, func, select
 from sqlalchemy.dialects import postgresql, sqlite
 
+from kb.diagnostics import InvalidInput
 from kb.model.macro import Macrop
 from kb.store.documents import dumps, loads
 from kb.store.engines import is_writable, refusal, transaction
 from kb.store.notation import NotationError, Requirement
-from kb.store.opening import opened
+from kb.store.opening import opened, reading
 from kb.store.outlines import Outline, SharedTexts, chunks, words_of
+from kb.store.records import Figures, Record, Stored, Use
 from kb.store.schema import depends_text, fingerprint, macrops, outlines, trials, usage, version_of
-
-
-@dataclass(frozen=True, slots=True)
-class Record:
-    """A MACROP to be stored under the signature of its goals. `planning_s` is the planning time when it was learned.
-
-    `requirements` are the conditions of the index on a query; if missing, they are computed at the first lookup.
-    """
-
-    macrop: Macrop
-    signature: str
-    planning_s: float = 0.0
-    requirements: tuple[Requirement, ...] | None = None
-
-
-@dataclass(frozen=True, slots=True)
-class Stored:
-    """A MACROP of a library with its number and its uses."""
-
-    id: int
-    macrop: Macrop
-    signature: str
-    uses: int = 0
-    planning_s: float = 0.0
-    lookup_s: float = 0.0
-
-    @property
-    def saved_s(self) -> float:
-        """The planning time that it has saved in seconds, minus the time for looking it up."""
-        return self.uses * self.planning_s - self.lookup_s
-
-
-@dataclass(frozen=True, slots=True)
-class Use:
-    """How often a MACROP was used, and the total time for looking it up in seconds."""
-
-    times: int
-    lookup_s: float
-
-
-@dataclass(frozen=True, slots=True)
-class Figures:
-    """The figures of a library. `domains` counts MACROPs by domain."""
-
-    macrops: int
-    shapes: int
-    uses: int
-    saved_s: float
-    domains: Mapping[str, int]
-    schema: int
 
 
 class Library:
     """A library in a database. Every method is one transaction, and raises `InvalidInput` if the database reports an error.
 
-    A library that is not `writable` can still be read; then uses are not counted.
+    A library that is not `writable` can still be read; then uses are not counted. Beside an answer that matters more
+    (`beside`), what cannot be written is not raised: `loss` says why, and nothing more is written.
     """
 
-    def __init__(self, target: str) -> None:
+    def __init__(self, target: str, beside: bool = False) -> None:
         """Open a library. It is made if it does not exist, and updated to the current schema. `target` is a file or a URL."""
-        self.target = target
-        self._engine = opened(target)
+        self.target, self.beside, self.loss = target, beside, ""
+        self._engine = self._opened()
         self.writable = is_writable(self._engine)
         self._shared = SharedTexts()
 
@@ -92,12 +45,44 @@ class Library:
         """Close all connections."""
         self._engine.dispose()
 
+    def _opened(self) -> Engine:
+        try:
+            return opened(self.target)
+        except InvalidInput as error:
+            if not self.beside:
+                raise
+            try:
+                engine = reading(self.target)
+            except InvalidInput:
+                raise error from None
+            self._lose(error)
+            return engine
+
+    def _lose(self, error: InvalidInput) -> None:
+        if not self.beside:
+            raise error
+        self.loss, self.writable = error.diagnostics[0].message, False
+
+    def kept(self, write: Callable[[], None]) -> None:
+        """Call a function that writes, unless something is lost already. Raises `InvalidInput`, if not `beside` an answer."""
+        try:
+            if not self.loss:
+                write()
+        except InvalidInput as error:
+            self._lose(error)
+
     def transaction(self, writes: bool = False) -> AbstractContextManager[Connection]:
         """One transaction, for other data about MACROPs. Raises `InvalidInput` if the database reports an error."""
         return transaction(self._engine, self.target, writes)
 
     def add(self, records: Iterable[Record]) -> list[int | None]:
-        """Store MACROPs. Returns the number of each, None for those that were stored before."""
+        """Store MACROPs. Returns the number of each, None for those that were stored before, or are lost."""
+        made = list(records)
+        numbers: list[int | None] = []
+        self.kept(lambda: numbers.extend(self._add(made)))
+        return numbers or [None] * len(made)
+
+    def _add(self, records: Iterable[Record]) -> list[int | None]:
         texts = [(each, dumps(each.macrop)) for each in records]
         try:
             with transaction(self._engine, self.target, writes=True) as connection:
@@ -139,8 +124,10 @@ class Library:
     def note_outlines(self, found: Iterable[tuple[Macrop, int, tuple[Requirement, ...]]]) -> None:
         """Store requirements that were computed for MACROPs of older versions, by number."""
         new = list(found) if self.writable else []
-        if not new:
-            return
+        if new:
+            self.kept(lambda: self._note_outlines(new))
+
+    def _note_outlines(self, new: list[tuple[Macrop, int, tuple[Requirement, ...]]]) -> None:
         try:
             with transaction(self._engine, self.target, writes=True) as connection:
                 shared = self._shared.numbers(connection, {text for _, _, own in new for text, _ in own})
@@ -178,11 +165,12 @@ class Library:
     def macrop(self, number: int) -> Macrop | None:
         """One MACROP by its number, without its uses."""
         with transaction(self._engine, self.target) as connection:
-            text = connection.scalar(select(macrops.c.document).where(macrops.c.id == number))
-        return self._parsed(number, text) if text is not None else None
+            own = select(macrops.c.document, macrops.c.fingerprint).where(macrops.c.id == number)
+            row = connection.execute(own).first()
+        return self._parsed(number, *row) if row is not None else None
 
     def _read(self, where: object) -> list[Stored]:
-        columns = (macrops.c.id, macrops.c.document, macrops.c.signature)
+        columns = (macrops.c.id, macrops.c.document, macrops.c.fingerprint, macrops.c.signature)
         figures = (usage.c.uses, usage.c.planning_s, usage.c.lookup_s)
         asked = select(*columns, *figures).outerjoin_from(macrops, usage).order_by(macrops.c.id)
         if where is not None:
@@ -195,16 +183,19 @@ class Library:
         self,
         number: int,
         text: str,
+        digest: str,
         signature: str,
         uses: int | None,
         planning_s: float | None,
         lookup_s: float | None,
     ) -> Stored:
-        macrop = self._parsed(number, text)
+        macrop = self._parsed(number, text, digest)
         return Stored(number, macrop, signature, uses or 0, planning_s or 0.0, lookup_s or 0.0)
 
-    def _parsed(self, number: int, text: str) -> Macrop:
+    def _parsed(self, number: int, text: str, digest: str) -> Macrop:
         try:
+            if fingerprint(text) != digest:
+                raise NotationError("it does not fit its fingerprint")
             return loads(text)
         except NotationError as error:
             hint = f"`cellwright macros forget {number}` removes it"
@@ -224,6 +215,11 @@ class Library:
 
     def forget(self, numbers: Collection[int]) -> int:
         """Remove MACROPs; returns how many were found."""
+        counts = [0]
+        self.kept(lambda: counts.append(self._forget(numbers)))
+        return counts[-1]
+
+    def _forget(self, numbers: Collection[int]) -> int:
         with transaction(self._engine, self.target, writes=True) as connection:
             return sum(
                 connection.execute(delete(macrops).where(macrops.c.id.in_(chunk))).rowcount
@@ -240,10 +236,13 @@ class Library:
             {"number": number, "times": use.times, "seconds": use.lookup_s}
             for number, use in sorted(uses.items())
         ]
-        if not rows or not self.writable:
-            return
+        change = usage.update().where(usage.c.macrop == bindparam("number")).values(more)
+        if rows and self.writable:
+            self.kept(lambda: self._execute(change, rows))
+
+    def _execute(self, change: Any, rows: list[dict[str, Any]]) -> None:
         with transaction(self._engine, self.target, writes=True) as connection:
-            connection.execute(usage.update().where(usage.c.macrop == bindparam("number")).values(more), rows)
+            connection.execute(change, rows)
 
     def trials(self, domain: str, signature: str) -> tuple[int, int]:
         """How often plans for goals of one signature could be composed of MACROPs, and how often not."""
@@ -254,8 +253,10 @@ class Library:
 
     def note_trial(self, domain: str, signature: str, success: bool) -> None:
         """Count one more attempt to compose a plan."""
-        if not self.writable:
-            return
+        if self.writable:
+            self.kept(lambda: self._note_trial(domain, signature, success))
+
+    def _note_trial(self, domain: str, signature: str, success: bool) -> None:
         one, other = int(success), int(not success)
         with transaction(self._engine, self.target, writes=True) as connection:
             insert = sqlite.insert if connection.dialect.name == "sqlite" else postgresql.insert

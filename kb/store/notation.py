@@ -8,6 +8,7 @@ import functools
 import re
 
 from kb.model.conditions import BodyPart, Comparison, Literal
+from kb.numbers import NumberError, whole
 from kb.terms import Atom, Function, Number, Operation, Term, Text, Variable
 
 _TOKEN = re.compile(
@@ -103,12 +104,19 @@ def _term(tokens: _Tokens) -> Term:
     if kind == "text":
         return Text(re.sub(r"\\(.)", lambda found: "\n" if found[1] == "n" else found[1], token[1:-1]))
     if kind == "number":
-        return Number(int(token))
+        return Number(_number(tokens, token))
     if kind != "name":
         raise NotationError(f"'{tokens.text}': '{token}' begins no term")
     if _is_variable(token):
         return Variable(token)
     return Function(token, _arguments(tokens) if tokens.look() == "(" else ())
+
+
+def _number(tokens: _Tokens, token: str) -> int:
+    try:
+        return whole(token)
+    except NumberError as error:
+        raise NotationError(f"'{tokens.text[:60]}': a number {error}") from None
 
 
 def _is_variable(name: str) -> bool:

@@ -1,20 +1,48 @@
 """Opens a database of Cellwright. It is made if there is none, and updated if its schema is older."""
 
+import contextlib
 import sqlite3
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
 
-from sqlalchemy import Engine
+from sqlalchemy import Engine, event
 from sqlalchemy.exc import SQLAlchemyError
 
+from kb.files import is_file
 from kb.store.engines import connected, is_writable, lock_schema, refusal, transaction, write_ahead
 from kb.store.schema import CURRENT, NewerSchema, migrate, version_of
 
+_opened: dict[str, None] = {}
 
-def opened(target: str) -> Engine:
+
+def opened_so_far() -> tuple[str, ...]:
+    """The libraries that this process has opened."""
+    return tuple(_opened)
+
+
+def reading(target: str) -> Engine:
+    """The engine of a library that cannot be opened for writing, because the disk is full say. Raises `InvalidInput`."""
+    engine = connected(target, reads=True)
+    try:
+        _require_current(engine, target)
+    except BaseException:
+        engine.dispose()
+        raise
+    return engine
+
+
+def opened(target: str, durable: bool = False) -> Engine:
     """The engine of a database, given by a file or a URL, with all tables. A file that cannot be written is only read.
+
+    What is committed survives a loss of power if it is `durable`; if not, SQLite may lose the last commits, and nothing else.
 
     Raises `InvalidInput`.
     """
     engine = connected(target)
+    _opened[target] = None
+    if durable and engine.dialect.name == "sqlite":
+        event.listen(engine, "connect", _sync_commits)
     try:
         if is_writable(engine):
             _prepared(engine, target)
@@ -24,6 +52,26 @@ def opened(target: str) -> Engine:
         engine.dispose()
         raise
     return engine
+
+
+@contextlib.contextmanager
+def existing(store: str) -> Iterator[Engine]:
+    """The engine of a library that is there, as it is: nothing is made or brought up to date. Raises `InvalidInput`."""
+    engine = connected(store)
+    try:
+        if (
+            engine.dialect.name == "sqlite"
+            and is_writable(engine)
+            and not is_file(Path(engine.url.database or ""))
+        ):
+            raise refusal(store, "there is no library here", "`cellwright prepare` makes one")
+        yield engine
+    finally:
+        engine.dispose()
+
+
+def _sync_commits(raw: Any, _record: object) -> None:
+    raw.execute("PRAGMA synchronous = FULL")
 
 
 def _require_current(engine: Engine, target: str) -> None:

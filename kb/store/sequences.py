@@ -52,7 +52,7 @@ class Sequences:
 
     def __init__(self, target: str) -> None:
         self.target = target
-        self._engine = opened(target)
+        self._engine = opened(target, durable=True)
 
     def __enter__(self) -> "Sequences":
         return self

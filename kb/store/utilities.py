@@ -68,8 +68,10 @@ class Utilities:
 
     def note(self, more: Figures) -> None:
         """Add to the figures. Figures of removed MACROPs are dropped."""
-        if not more:
-            return
+        if more:
+            self._library.kept(lambda: self._note(more))
+
+    def _note(self, more: Figures) -> None:
         with self._library.transaction(writes=True) as connection:
             insert = sqlite.insert if connection.dialect.name == "sqlite" else postgresql.insert
             numbers = {number for number, _ in more}

@@ -8,16 +8,7 @@ from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
-from lark import (
-    Lark,
-    Token,
-    Transformer,
-    UnexpectedCharacters,
-    UnexpectedEOF,
-    UnexpectedInput,
-    UnexpectedToken,
-    v_args,
-)
+from lark import Lark, Token, Transformer, UnexpectedInput, v_args
 from lark.exceptions import VisitError
 
 from kb.model.conditions import (
@@ -34,12 +25,14 @@ from kb.model.conditions import (
 from kb.model.statement import Statement
 from kb.plain_terms import plain_terms
 from kb.syntax.checks import ExpressionError, check_brackets, check_size
-from kb.terms import Function, Number, Operation, Term, Text, Variable, variables
+from kb.syntax.explanations import explained
+from kb.terms import Function, Number, Operation, Term, Text, Variable, together, variables
 
 __all__ = ["SECONDS", "STARTS", "ExpressionError", "Parsed", "ReadAggregate", "parse", "unit_seconds"]
 
 GRAMMAR = Path(__file__).with_name("expressions.lark")
-STARTS = ["header", "trigger", "conditions", "body", "clauses", "atoms", "atom", "term", "terms", "signature"]
+STARTS = ["header", "trigger", "conditions", "body", "clauses", "atoms", "stages", "atom", "term", "terms"]
+STARTS += ["signature"]
 SHORT = 1000  # characters
 LARGEST = 2**31 - 1  # clingo counts in 32 bits, and overflows silently
 SECONDS = {"ms": Fraction(1, 1000), "s": Fraction(1), "min": Fraction(60), "h": Fraction(3600)}
@@ -172,6 +165,12 @@ class _Reader(Transformer[Token, Any]):
     def atoms(self, *parts: Function) -> tuple[Function, ...]:
         return parts
 
+    def stage(self, *parts: Function) -> Function:
+        return parts[0] if len(parts) == 1 else together(parts)
+
+    def stages(self, *parts: Function) -> tuple[Function, ...]:
+        return parts
+
     def terms(self, *parts: Term) -> tuple[Term, ...]:
         return parts
 
@@ -228,7 +227,7 @@ def _literals(read: tuple[Any, ...]) -> tuple[Literal, ...]:
 
 
 _OF_TERMS: Mapping[str, Callable[[tuple[Any, ...]], Any]] = {
-    "atoms": tuple, "terms": tuple, "atom": _only, "term": _only, "conditions": _literals, "body": _literals,
+    "atoms": tuple, "stages": tuple, "terms": tuple, "atom": _only, "term": _only, "conditions": _literals, "body": _literals,
 }  # fmt: skip
 
 
@@ -264,67 +263,8 @@ def _parsed(start: str, text: str, time_unit: str, read_aggregate: ReadAggregate
             raise error.orig_exc from None
         raise
     except UnexpectedInput as error:
-        raise _explained(error, text, start) from None
+        raise explained(error, text, start) from None
     return Parsed(value, reader.places)
 
 
 _remembered = functools.lru_cache(4096)(_read)
-
-
-_READABLE = {
-    "RPAR": "')'", "LPAR": "'('", "COMMA": "','", "NAME": "a name", "VARIABLE": "a variable", "SEMICOLON": "';'",
-    "RELATION": "a comparison", "VBAR": "'|'", "SIGNED_INT": "a number", "STRING": "a string",
-}  # fmt: skip
-
-
-def _explained(error: UnexpectedInput, text: str, start: str) -> ExpressionError:
-    match error:
-        case UnexpectedCharacters(pos_in_stream=position):
-            found = text[position or 0]
-            hint = _CHARACTER_HINTS.get(found, _SHAPES[start])
-            return ExpressionError(position or 0, f"unexpected '{found}'", hint)
-        case UnexpectedToken(token=token) if token.type != "$END":
-            said, offset = f"unexpected '{token}'", token.start_pos or 0
-        case UnexpectedToken() | UnexpectedEOF() | _:
-            said, offset = "the expression ends too early", len(text.rstrip())
-    expected = getattr(error, "accepts", None) or getattr(error, "expected", None) or ()
-    readable = sorted(_READABLE[name] for name in expected if name in _READABLE)
-    hint = _TOKEN_HINTS.get(":" if text[:offset].rstrip().endswith(":") else text[offset : offset + 1], "")
-    if start in ("atoms", "clauses") and re.search(r"\bnot\s+$", text[:offset]):
-        hint = _NOT_HINT
-    hint = hint or (f"expected {' or '.join(readable)}" if readable else _SHAPES[start])
-    return ExpressionError(offset, said, hint)
-
-
-_NOT_HINT = "`not` is only allowed in conditions; facts that are not listed are false, and `deletes` and `denies` make facts false"
-_ATOMS, _CONDITIONS = (
-    "atoms, such as at(Item, To), with commas between",
-    "atoms and comparisons, such as not heavy(Item), X != Y",
-)
-_SHAPES = {
-    "header": "write name(Variable, ...)",
-    "signature": "write name(type, ...)",
-    "trigger": "one atom, or `not` and an atom",
-    "atom": "one name or atom, such as at(bolt, table)",
-    "term": "one name, number, variable, or a time such as 15 min (ms, s, min, h)",
-    "terms": "names, variables and terms, with commas between",
-    "clauses": "an atom and its constraints, such as at(Item, Other), Other != To",
-    "atoms": _ATOMS,
-    "conditions": _CONDITIONS,
-    "body": _CONDITIONS,
-}  # what each kind of expression looks like
-_CHARACTER_HINTS = {
-    ".": "an expression does not end with a full stop; ranges such as p_1..4 are only allowed in lists of objects",
-    "&": "write ',' for and, '|' for or",
-    "!": "write `not` before the atom",
-    "-": "write `not` before the atom",
-    "'": "write texts in double quotes",
-    "@": "there are no external functions",
-    "#": "only #count, #sum, #min and #max are known, each with { }",
-    "{": "write #count, #sum, #min or #max before a set",
-}
-_TOKEN_HINTS = {
-    ";": "';' separates alternatives of `implies` and `denies`; elsewhere ',' means and",
-    ":": "write rules in .lp files; `p(X) : q(X)` is a condition",
-    "|": "write `a(X) | b(X)` between atoms of a condition",
-}

@@ -85,6 +85,7 @@ def furnished(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (folder / "part.qif").write_text(PART)
     (folder / "set.json").write_text('{"problems": [{"from": "home", "to": "meas(m2)"}]}')
     with contextlib.chdir(folder):
+        run("cellwright macros list --store STORE")
         run("cellwright import qif part.qif --output inspection.yaml")
         run(f"cellwright export pddl {PLACEHOLDERS['TARGET']} --output exported")
         planned = run("cellwright plan --pddl exported/domain.pddl exported/problem.pddl --format ipc")
@@ -113,8 +114,9 @@ def filled(line: str) -> str:
 
 
 def timed(line: str) -> object:
-    """A command line to run; preparing a whole cell, or folding a long plan, takes too long for every run."""
-    return pytest.param(line, marks=pytest.mark.slow) if " prepare " in line or "--folded" in line else line
+    """A command line to run; it is slow if it prepares a whole cell, folds a long plan or moves the arm in every step."""
+    slow = any(part in line for part in (" prepare ", " --folded", " --motion"))
+    return pytest.param(line, marks=pytest.mark.slow) if slow else line
 
 
 EXAMPLES = re.findall(r'^    (cellwright (?:[^"\n]|"[^"]*")*)\n+```\n(.*?)^```', README, re.M | re.S)

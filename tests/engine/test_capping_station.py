@@ -17,6 +17,7 @@ from tests.engine.pipelines.execution.cells import executed
 
 CELL = Path(__file__).parents[1] / "domains" / "capping"
 PROBLEMS = sorted(path.stem for path in (CELL / "problems").glob("*.yaml"))
+THREE = str(CELL / "problems" / "three.yaml")
 MODEL, _ = load_faults(CELL / "domain.yaml")
 CASES = [(name, cause) for name, each in MODEL.exceptions.items() for cause in each.counts]
 STEPS = {
@@ -26,6 +27,14 @@ STEPS = {
     "cap_loose": "cap(b1)",
     "scales_silent": "weigh(b1)",
 }
+
+
+@pytest.fixture(scope="module")
+def plan(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A file with a plan for three bottles, made by the command that people type."""
+    file = tmp_path_factory.mktemp("plans") / "plan.json"
+    file.write_text(CliRunner().invoke(app, ["plan", THREE, "--format", "json"]).stdout, "utf-8")
+    return file
 
 
 def test_it_has_no_findings() -> None:
@@ -43,24 +52,20 @@ def test_its_problems_have_plans(name: str) -> None:
 
 def test_it_understands_commands() -> None:
     command = "fill b1 and b2, cap them, weigh them and pack them"
-    target = str(CELL / "problems" / "three.yaml")
-    answer = CliRunner().invoke(app, ["plan", target, "--command", command, "--format", "json"])
+    answer = CliRunner().invoke(app, ["plan", THREE, "--command", command, "--objective", "cost"])
     assert answer.exit_code == 0, answer.output
 
 
 @pytest.mark.parametrize(("exception", "cause"), CASES)
-def test_every_cause_is_found_and_recovered_from(exception: str, cause: str, tmp_path: Path) -> None:
-    target = str(CELL / "problems" / "three.yaml")
-    plan = tmp_path / "plan.json"
-    plan.write_text(CliRunner().invoke(app, ["plan", target, "--format", "json"]).stdout, "utf-8")
-    line = ["diagnose", target, "--exception", exception, "--step", STEPS[exception], "--hidden", cause]
+def test_every_cause_is_found_and_recovered_from(exception: str, cause: str, plan: Path) -> None:
+    line = ["diagnose", THREE, "--exception", exception, "--step", STEPS[exception], "--hidden", cause]
     answer = CliRunner().invoke(app, [*line, "--recover", "--plan", str(plan), "--format", "json"])
     assert answer.exit_code == 0, answer.output
     assert json.loads(answer.stdout)["data"]
 
 
 def test_it_runs_to_the_end_and_what_it_measures_is_in_the_journal() -> None:
-    ending, records, _ = executed(str(CELL / "problems" / "three.yaml"))
+    ending, records, _ = executed(THREE)
     assert ending.outcome == "reached"
     assert ending.makespan_ms == ending.forecast_ms
     replies = [each.content["text"] for each in records if each.kind is RecordKind.REPLY]
@@ -74,9 +79,7 @@ def test_it_runs_to_the_end_and_what_it_measures_is_in_the_journal() -> None:
 @pytest.mark.parametrize(("exception", "cause"), CASES)
 def test_a_run_with_any_cause_recovers_or_gives_up_what_is_lost(exception: str, cause: str) -> None:
     step = STEPS[exception]
-    ending, records, _ = executed(
-        str(CELL / "problems" / "three.yaml"), [Injection(step, cause, exception=exception)]
-    )
+    ending, records, _ = executed(THREE, [Injection(step, cause, exception=exception)])
     told = [each.content["exception"] for each in records if each.kind is RecordKind.EXCEPTION]
     assert exception in told
     lost = cause == "bottle_fallen" or MODEL.causes[cause].stops

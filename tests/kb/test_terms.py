@@ -54,3 +54,11 @@ def test_a_term_that_was_hashed_is_still_the_same_value(term: Term) -> None:
     assert hash(again) == hash(term)
     if isinstance(term, Function):
         assert [each.name for each in dataclasses.fields(term)] == ["name", "arguments"]
+
+
+@given(terms, st.dictionaries(st.sampled_from([Variable(name) for name in "XYZ"]), ground_terms))
+def test_a_term_in_which_nothing_is_replaced_stays_the_same_one(
+    term: Term, bindings: dict[Variable, Term]
+) -> None:
+    replaced = substitute(term, bindings)
+    assert (replaced is term) == (replaced == term)

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any, NoReturn
 import typer
 
 from engine.faces.cli.exits import BAD_INPUT, INTERNAL, INTERRUPTED, LIMIT
-from engine.faces.cli.watch import current
+from engine.faces.cli.watch import Watch, current
 from kb.stopping import Stopped
 
 if TYPE_CHECKING:
@@ -58,9 +58,7 @@ def give(make: Callable[[], Answer], form: Form) -> NoReturn:
     if watch := current():
         watch.tell = lambda code: _print_stopped(code, form)
     with _hearing():
-        answer = _made(make)
-    if watch:
-        watch.answered = True
+        answer = _answered(make)
     with suppress(OSError):  # even if the reason cannot be printed, the exit code is right
         if form is Form.TEXT or answer.raw is not None:
             _report(answer)
@@ -113,7 +111,10 @@ def open_streams() -> None:
 
 @contextmanager
 def _hearing() -> Iterator[None]:
-    """A context in which Ctrl-C raises an exception, so that an answer can still be given."""
+    """A context in which Ctrl-C raises an exception, so that an answer can still be given.
+
+    Who was impatient and pressed it twice gets the answer all the same: see `Watch.be_patient`.
+    """
     if threading.current_thread() is not threading.main_thread():
         yield
         return
@@ -121,7 +122,25 @@ def _hearing() -> Iterator[None]:
     try:
         yield
     finally:
-        signal.signal(signal.SIGINT, before)
+        if signal.getsignal(signal.SIGINT) is not signal.SIG_IGN:
+            signal.signal(signal.SIGINT, before)
+
+
+def _answered(make: Callable[[], Answer]) -> Answer:
+    """The answer, also if it is interrupted while it is refused."""
+    watch = current() or Watch()
+    try:
+        watch.asked = True
+        answer = _made(make)
+        watch.answered = True
+    except Stopped:
+        answer = _stopped(LIMIT if watch.is_time_up() else INTERRUPTED)
+    except KeyboardInterrupt:
+        answer = _stopped(INTERRUPTED)
+    watch.answered = True
+    if answer.code == INTERRUPTED:
+        watch.be_patient()
+    return answer
 
 
 def _made(make: Callable[[], Answer]) -> Answer:
@@ -132,16 +151,11 @@ def _made(make: Callable[[], Answer]) -> Answer:
     except InvalidInput as error:
         code = LIMIT if any(each.code == "K307" for each in error.diagnostics) else BAD_INPUT
         return Answer("bad input", code=code, diagnostics=error.diagnostics)
-    except KeyboardInterrupt:
-        return Answer("interrupted", code=INTERRUPTED)
     except MemoryError:
         found = Diagnostic(
             Source("memory"), "K419", "out of memory", "raise --memory-limit, or make the problem smaller"
         )
         return Answer("stopped", code=LIMIT, diagnostics=(found,))
-    except Stopped:
-        watch = current()
-        return _stopped(LIMIT if watch is not None and watch.is_time_up() else INTERRUPTED)
     except OSError as error:
         message, hint = (
             f"the operating system reports: {error.strerror or error}",
@@ -152,7 +166,19 @@ def _made(make: Callable[[], Answer]) -> Answer:
     except Exception as error:
         if os.environ.get("CELLWRIGHT_TRACEBACK"):
             raise
+        if found_damage := _damage():
+            return Answer("bad input", code=BAD_INPUT, diagnostics=found_damage)
         return Answer("internal error", {"error": f"{type(error).__name__}: {error}"}, code=INTERNAL)
+
+
+def _damage() -> "tuple[Diagnostic, ...]":
+    """What is wrong in the libraries that were opened: damage there explains what no reader could foresee."""
+    if "kb.store.opening" not in sys.modules:
+        return ()
+    from kb.store.checking import damage
+    from kb.store.opening import opened_so_far
+
+    return damage(opened_so_far())
 
 
 def _stopped(code: int) -> Answer:
@@ -184,27 +210,28 @@ def _print(answer: Answer, form: Form) -> None:
 
         _write(json.envelope(answer.status, answer.content, answer.diagnostics) + "\n")
     elif answer.text is not None:
-        from rich.console import Console
+        from engine.faces.cli.terminal import console
 
-        Console().print(answer.text())
+        console().print(answer.text())
 
 
 def _write(text: str) -> None:
     """Write data as UTF-8, whatever the encoding of the terminal is."""
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(encoding="utf-8", errors="replace")
-    sys.stdout.write(text)
+    from kb.diagnostics import escaped
+
+    sys.stdout.write(escaped(text))
 
 
 def _report(answer: Answer) -> None:
     """Print diagnostics and failures on standard error."""
     if not answer.diagnostics and answer.code not in (INTERRUPTED, INTERNAL):
         return
-    from rich.console import Console
-
+    from engine.faces.cli import terminal
     from engine.formats.report.findings import diagnostics
 
-    console = Console(stderr=True, soft_wrap=True)
+    console = terminal.console(stderr=True, soft_wrap=True)
     if answer.diagnostics:
         console.print(diagnostics(answer.diagnostics))
     if answer.code == INTERRUPTED and answer.text is None:

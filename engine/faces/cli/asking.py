@@ -2,6 +2,8 @@
 
 from typing import TYPE_CHECKING
 
+from kb.numbers import is_count
+
 if TYPE_CHECKING:
     from engine.faces.cli.interruption import Interruption
     from engine.model.troubleshooting import Action, Advice
@@ -11,11 +13,10 @@ if TYPE_CHECKING:
 
 def asking(found: "Desk", interrupted: "Interruption") -> "Answerer":
     """A function that asks the person at the terminal. An empty line, Ctrl-C or the end of the input ends the case."""
-    from rich.console import Console
-
+    from engine.faces.cli import terminal
     from engine.formats.report import diagnosis as report
 
-    console = Console(stderr=True)
+    console = terminal.console(stderr=True)
 
     def ask(action: "Action", advice: "Advice") -> str | None:
         session = found.session
@@ -36,7 +37,7 @@ def asking(found: "Desk", interrupted: "Interruption") -> "Answerer":
                 return None
             if said in action.outcomes:
                 return said
-            if said.isdigit() and 1 <= int(said) <= len(action.outcomes):
+            if is_count(said) and 1 <= int(said) <= len(action.outcomes):
                 return action.outcomes[int(said) - 1]
 
     return ask

@@ -105,6 +105,7 @@ def _show(
     from engine.pipelines import planning
     from engine.plugins import geometry_backend
     from engine.stages.geometry.pictures import view
+    from kb.diagnostics import escaped
 
     facts = planning.initial_facts(target)
     shown = view.view_of(view.cell_of(target), geometry_backend(), configurations, place, facts)
@@ -114,7 +115,7 @@ def _show(
         return Answer("ok", content, lambda: Text(said))
     if output is None:
         return Answer("ok", raw=_as_text(drawn))
-    output.write_bytes(drawn if isinstance(drawn, bytes) else drawn.encode("utf-8"))
+    output.write_bytes(drawn if isinstance(drawn, bytes) else escaped(drawn).encode("utf-8"))
     return Answer("ok", content, lambda: Text(f"{said}\n{output}"))
 
 

@@ -21,14 +21,14 @@ def check(target: Target, no_reach: NoReach = False, format: Format = Form.TEXT)
 
 
 def _check(target: str, reach: bool) -> Answer:
-    from rich.console import Console
     from rich.text import Text
 
+    from engine.faces.cli import terminal
     from engine.formats.report.findings import summary
     from engine.pipelines import checking
     from kb.diagnostics import errors
 
-    console = Console(stderr=True)
+    console = terminal.console(stderr=True)
     with console.status(f"checking {target}") if console.is_terminal else nullcontext():
         report = checking.check(target, reach)
     found = report.diagnostics

@@ -7,6 +7,9 @@ from engine.faces.cli.answers import Answer
 from engine.model.wording import counted
 
 if TYPE_CHECKING:
+    from engine.model.cases import Diagnosis
+    from engine.pipelines.troubleshooting import Desk
+    from kb.diagnostics import Diagnostic
     from kb.store.cases import Cases
 
 
@@ -34,6 +37,20 @@ def kept(
             cases.add(added)
             said.append(f"{counted(len(added), 'count')} imported")
         return _history(model.domain, cases, said, history)
+
+
+def lost_case(found: "Desk", made: "Diagnosis", store: str) -> "tuple[Diagnostic, ...]":
+    """Keep a closed case, if there is a store; warnings if that fails, because the answer matters more."""
+    from dataclasses import replace
+
+    from kb.diagnostics import InvalidInput
+
+    try:
+        if store:
+            found.keep(made, store)
+    except InvalidInput as error:
+        return tuple(replace(each, warning=True) for each in error.diagnostics)
+    return ()
 
 
 def _history(domain: str, cases: "Cases", said: list[str], listed: bool) -> Answer:

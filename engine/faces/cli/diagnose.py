@@ -274,13 +274,13 @@ def _answerer(found: "Desk", manner: Manner, interrupted: "Interruption") -> "An
 def _case(found: "Desk", answer: "Answerer", recover: bool, store: str) -> Answer:
     from rich.console import Group
 
+    from engine.faces.cli.closed_cases import lost_case
     from engine.formats.report import diagnosis as report
     from engine.formats.report import recovery
     from engine.stages.diagnosis.session import run
 
     made = run(found.session, answer)
-    if store:
-        found.keep(made, store)
+    lost = lost_case(found, made, store)
     certain, change = found.certainties(made), found.revision(made)
     content: dict[str, Any] = report.case_entry(made, certain, change)
     shown = [report.case(found.model, made, certain, change)]
@@ -288,7 +288,7 @@ def _case(found: "Desk", answer: "Answerer", recover: bool, store: str) -> Answe
         went_on = found.recover(made, store)
         content["recovery"] = recovery.entry(went_on)
         shown.append(recovery.text(went_on))
-    return Answer(_status(made), content, lambda: Group(*shown), 0 if made.finished else GAVE_UP)
+    return Answer(_status(made), content, lambda: Group(*shown), 0 if made.finished else GAVE_UP, lost)
 
 
 def _status(made: "Diagnosis") -> str:

@@ -7,6 +7,7 @@ import typer
 from engine.faces.cli.answers import Answer, Form, give
 from engine.faces.cli.options import Format, Seed, Target
 from engine.faces.cli.run import Factor, Faults, Options, options_of
+from kb.numbers import is_count
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -108,7 +109,7 @@ def serve(
     from engine.ports import DriverSetup
 
     host, _, port = listen.rpartition(":")
-    if listen and not (host and port.isdecimal()):
+    if listen and not (host and is_count(port) and int(port) < 65_536):
         raise typer.BadParameter("--listen: write HOST:PORT, such as 127.0.0.1:7000")
     given = options_of(option or []) | ({"fault": "; ".join(fault)} if fault else {})
 

@@ -54,6 +54,7 @@ def _behaviour_tree(file: Path, output: Path | None) -> Answer:
     from engine.faces.cli.exits import FINDINGS
     from engine.formats.interop import behaviour_trees
     from engine.pipelines import planning
+    from kb.diagnostics import escaped
 
     problem, plan = planning.plan_in(file)
     if found := planning.check_plan(problem, plan, str(file)):
@@ -61,7 +62,7 @@ def _behaviour_tree(file: Path, output: Path | None) -> Answer:
     tree = behaviour_trees.written(problem.domain, plan)
     if output is None:
         return Answer("ok", raw=tree)
-    output.write_text(tree, "utf-8")
+    output.write_text(escaped(tree), "utf-8")
     return Answer("ok", {"file": str(output), "steps": len(plan.steps)}, lambda: Text(str(output)))
 
 

@@ -16,68 +16,69 @@ Step = Annotated[
 Facts = Annotated[
     str, typer.Argument(metavar="FACTS", help="facts, separated by ;, with a - before those that do not hold")
 ]
+Where = Annotated[str, typer.Option("--store", help="the journal of RUN, if runs in several have its name")]
 Words = Annotated[
     str, typer.Argument(metavar="COMMAND", help="a further command, in the words of the domain")
 ]
 
 
-def stop(run: RunName, format: Format = Form.TEXT) -> None:
+def stop(run: RunName, store: Where = "", format: Format = Form.TEXT) -> None:
     """Stop RUN at once: nothing moves any more. It can be resumed."""
-    _tell(run, "stop", "", "stops", format)
+    _tell(run, "stop", "", "stops", store, format)
 
 
-def interrupt(run: RunName, format: Format = Form.TEXT) -> None:
+def interrupt(run: RunName, store: Where = "", format: Format = Form.TEXT) -> None:
     """Have RUN pause at the end of its current goal, with empty hands."""
-    _tell(run, "interrupt", "", "pauses at the end of the current goal", format)
+    _tell(run, "interrupt", "", "pauses at the end of the current goal", store, format)
 
 
-def go_on(run: RunName, format: Format = Form.TEXT) -> None:
+def go_on(run: RunName, store: Where = "", format: Format = Form.TEXT) -> None:
     """Have RUN go on after a pause."""
-    _tell(run, "continue", "", "goes on", format)
+    _tell(run, "continue", "", "goes on", store, format)
 
 
-def approve(run: RunName, format: Format = Form.TEXT) -> None:
+def approve(run: RunName, store: Where = "", format: Format = Form.TEXT) -> None:
     """Approve the plan that RUN waits with."""
-    _tell(run, "approve", "", "is approved", format)
+    _tell(run, "approve", "", "is approved", store, format)
 
 
-def abort(run: RunName, format: Format = Form.TEXT) -> None:
+def abort(run: RunName, store: Where = "", format: Format = Form.TEXT) -> None:
     """End RUN for good."""
-    _tell(run, "abort", "", "is ended", format)
+    _tell(run, "abort", "", "is ended", store, format)
 
 
-def skip(run: RunName, step: Step, format: Format = Form.TEXT) -> None:
+def skip(run: RunName, step: Step, store: Where = "", format: Format = Form.TEXT) -> None:
     """At a pause of RUN, take STEP for done: somebody has done it by hand."""
-    _tell(run, "skip", step, f"takes {step} for done", format)
+    _tell(run, "skip", step, f"takes {step} for done", store, format)
 
 
-def retry(run: RunName, format: Format = Form.TEXT) -> None:
+def retry(run: RunName, store: Where = "", format: Format = Form.TEXT) -> None:
     """At a pause of RUN, try what is left once more, from the world as it is."""
-    _tell(run, "retry", "", "tries again", format)
+    _tell(run, "retry", "", "tries again", store, format)
 
 
-def back(run: RunName, step: Step, format: Format = Form.TEXT) -> None:
+def back(run: RunName, step: Step, store: Where = "", format: Format = Form.TEXT) -> None:
     """At a pause of RUN, go back to STEP and do it, and what comes behind it, again."""
-    _tell(run, "back", step, f"goes back to {step}", format)
+    _tell(run, "back", step, f"goes back to {step}", store, format)
 
 
-def correct(run: RunName, facts: Facts, format: Format = Form.TEXT) -> None:
+def correct(run: RunName, facts: Facts, store: Where = "", format: Format = Form.TEXT) -> None:
     """At a pause of RUN, correct what it holds for true, and have it plan on from there."""
-    _tell(run, "correct", facts, "takes note", format)
+    _tell(run, "correct", facts, "takes note", store, format)
 
 
-def add(run: RunName, command: Words, format: Format = Form.TEXT) -> None:
+def add(run: RunName, command: Words, store: Where = "", format: Format = Form.TEXT) -> None:
     """Give RUN a further command; it joins what is pursued."""
-    _tell(run, "add", command, "takes the command up", format)
+    _tell(run, "add", command, "takes the command up", store, format)
 
 
-def _tell(run: str, order: str, text: str, said: str, form: Form) -> None:
+def _tell(run: str, order: str, text: str, said: str, store: str, form: Form) -> None:
     def make() -> Answer:
         from rich.text import Text
 
         from engine.pipelines.execution.channel import tell
 
-        state = tell(run, order, text)
+        state = tell(run, order, text, store)
         return Answer("ok", {"told": order, **state}, lambda: Text(f"{run} {said}."))
 
     give(make, form)

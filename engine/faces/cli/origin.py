@@ -9,6 +9,7 @@ if TYPE_CHECKING:
 
     from engine.pipelines.objective import Objective, Order, Run
     from engine.stages.planning import Limits
+    from kb.diagnostics import Diagnostic
     from kb.model.problem import Problem
 
 
@@ -29,7 +30,7 @@ def planned(
     from engine.pipelines.reuse import Practice
     from kb.store import Library
 
-    with Library(store) as library, Practice(library, limits) as practice:
+    with Library(store, beside=True) as library, Practice(library, limits) as practice:
         if order is objective.Order.SEQUENCE:
             memory = practice.repertoire(problem.domain) if practice.learns else None
             followed = objective.sequenced(problem, limits, memory, store)
@@ -38,12 +39,22 @@ def planned(
         found = practice.plan(problem)
         found = practice.folded(problem, found) if folded else found
     entry = {"origin": found.origin, "macrop": found.macrop, "name": found.name, "reason": found.reason}
+    entry |= {"lost": library.loss} if library.loss else {}
     parts = [
         {"macrop": part.macrop, "name": part.name, "purpose": part.purpose, "steps": list(part.steps)}
         for part in found.parts
     ]
     run = objective.scheduled(problem, found.outcome, limits, objective.Objective.COST if parts else wanted)
     return run, {"source": {**entry, "parts": parts} if parts else entry}
+
+
+def losses(content: "Mapping[str, Any]", store: str) -> "tuple[Diagnostic, ...]":
+    """A warning if the library could not keep what was learned. The plan is no worse for it."""
+    from kb.diagnostics import Diagnostic, Source
+
+    said = content.get("source", {}).get("lost")
+    message, hint = f"nothing was kept: {said}", "make room on the disk, or name another library"
+    return (Diagnostic(Source(store), "K416", message, hint, warning=True),) if said else ()
 
 
 def origin_text(content: "Mapping[str, Any]") -> "list[RenderableType]":

@@ -8,6 +8,7 @@ import typer
 from engine.faces.cli.answers import Answer, Form, give
 from engine.faces.cli.exits import GAVE_UP, INFEASIBLE
 from engine.faces.cli.options import Format, Seed
+from engine.faces.cli.scene_files import Image, SceneName, scene_file
 
 if TYPE_CHECKING:
     from engine.model.vision import DepthImage
@@ -15,23 +16,14 @@ if TYPE_CHECKING:
     from kb.model.scene import Scene
 
 CODES = {"found": 0, "infeasible": INFEASIBLE, "gave up": GAVE_UP}
-SCENE_FILE = "scene.yaml"
 
 
 def place(
     part: Annotated[str, typer.Argument(metavar="PART", help="the part that is placed")],
     on: Annotated[str, typer.Argument(metavar="ON", help="the word `on`")],
     base: Annotated[str, typer.Argument(metavar="PART", help="the body that it is placed on")],
-    scene: Annotated[
-        str, typer.Option("--scene", help="a scene file, or the name of a bundled one, such as handey")
-    ],
-    image: Annotated[
-        Path | None,
-        typer.Option(
-            "--image",
-            help="the depth image: .npy, 16-bit .png in mm, .pcd or .ply; else it is made from the scene",
-        ),
-    ] = None,
+    scene: SceneName,
+    image: Image = None,
     seed: Seed = 0,
     format: Format = Form.TEXT,
     output: Annotated[
@@ -53,7 +45,7 @@ def _placed(part: str, base: str, scene: str, image: Path | None, seed: int, out
     from engine.pipelines.placing import looking, placing
     from kb.loader.scene import load_scene
 
-    read = load_scene(_file(scene))
+    read = load_scene(scene_file(scene))
     given = read_depth(image, looking.camera_of(read)) if image else None
     found, looked = placing.place(read, part, base, seed, given)
     status, said = report.status(found), report.text(found, part, base)
@@ -65,25 +57,10 @@ def _placed(part: str, base: str, scene: str, image: Path | None, seed: int, out
     return Answer(status, report.content(found), lambda: Text(said), CODES[status])
 
 
-def _file(scene: str) -> Path:
-    """The file that is meant. Raises `InvalidInput`."""
-    from kb.diagnostics import Diagnostic, InvalidInput, Source, nearest
-    from kb.files import is_file
-    from kb.targets import BUNDLED
-
-    bundled = {path.parent.name: path for path in sorted(BUNDLED.glob(f"*/{SCENE_FILE}"))}
-    if is_file(Path(scene)):
-        return Path(scene)
-    if scene in bundled:
-        return bundled[scene]
-    hint = nearest(scene, list(bundled)) or f"bundled: {', '.join(bundled)}"
-    raise InvalidInput([Diagnostic(Source(scene), "K401", "no file and no bundled scene of this name", hint)])
-
-
 def _picture(scene: "Scene", part: str, looked: "Looked") -> bytes:
     from engine.formats.report.depth_picture import picture
     from engine.stages.geometry.shapes.solids import solid_of
 
-    best = looked.sighting.best
+    best = looked.sightings[part].best
     image: DepthImage = looked.image
     return picture(image, solid_of(scene.cell.bodies[part]), best.T_camera_part if best else None)

@@ -3,10 +3,11 @@
 from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from engine.faces.cli import plan_forms
 from engine.faces.cli.answers import Answer, Form, give
 from engine.faces.cli.exits import INTERRUPTED, exit_code
 from engine.faces.cli.options import (
@@ -24,16 +25,16 @@ from engine.faces.cli.options import (
     TimeLimit,
     refuse_idle,
 )
+from engine.faces.cli.plan_forms import Made, PlanForm
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
-    from rich.console import RenderableType
-
+    from engine.faces.cli.interruption import Interruption
     from engine.formats.interop.pddl import PddlProblem
-    from engine.model.outcome import Outcome
     from engine.pipelines.moves.planning import Moving
     from engine.pipelines.objective import Run
+    from engine.stages.planning import Limits
     from kb.model.problem import Problem
 
 
@@ -78,16 +79,6 @@ Order = Annotated[
 ]
 
 
-class PlanForm(StrEnum):
-    """How a plan is written: as a table, as data, as a picture of its partial order, or in the format of PDDL planners."""
-
-    TEXT = "text"
-    JSON = "json"
-    DOT = "dot"
-    SVG = "svg"
-    IPC = "ipc"
-
-
 def plan(
     target: Target,
     task: Annotated[Path | None, typer.Argument(help="with --pddl: the PDDL problem")] = None,
@@ -114,8 +105,6 @@ def plan(
     _refuse_unseen(format, stats, folded, store)
     searching = {"--objective": objective, "--race": race, "--anytime": anytime, "--pddl": pddl}
     searching["--strategy"] = strategy != "auto"
-    if order is Ordering.SEQUENCE:
-        refuse_idle(searching, "with --order sequence: the planner seeks no order then")
     work = SearchOptions(
         time_limit,
         expansions,
@@ -125,10 +114,17 @@ def plan(
         store,
         folded,
         objective or (Wish.COST if strategy == "shortest" else None),
-        order or (Ordering.FREE if any(searching.values()) else Ordering.SEQUENCE),
+        _order(order, searching),
         motion,
     )
     give(lambda: _plan(wanted, format, stats, work), Form.JSON if format is PlanForm.JSON else Form.TEXT)
+
+
+def _order(given: Ordering | None, searching: "Mapping[str, object]") -> Ordering:
+    """Who orders measurements. Options that ask the planner to search leave the order to it."""
+    if given is Ordering.SEQUENCE:
+        refuse_idle(searching, "with --order sequence: the planner seeks no order then")
+    return given or (Ordering.FREE if any(searching.values()) else Ordering.SEQUENCE)
 
 
 def _refuse_misfits(wanted: "PlanRequest", pddl: bool, raced: str, motion: bool) -> None:
@@ -190,44 +186,56 @@ def _read_task(wanted: "PlanRequest") -> "PddlProblem | None":
 
 def _plan(wanted: PlanRequest, form: PlanForm, stats: bool, work: SearchOptions) -> Answer:
     from engine.faces.cli.interruption import Interruption
-    from engine.faces.cli.origin import planned
+    from engine.faces.cli.origin import losses
     from engine.formats.report import json
-    from engine.pipelines import objective as objectives
-    from engine.pipelines import planning
-    from engine.stages.planning import LITTLE, RESTARTS, ROOM, Limits
 
     _require_strategy(work.strategy)
     with Interruption(work.seconds) as interrupted:
-        task = _read_task(wanted)
-        problem = task.problem if task else planning.problem_of(wanted.target, wanted.goals, wanted.command)
-        limits = Limits(
-            work.expansions,
-            room=LITTLE if wanted.pddl else ROOM,
-            restarts=0 if wanted.pddl else RESTARTS,
-            interrupted=interrupted,
-            thorough=work.anytime,
-            strategy=work.strategy,
-            seed=work.seed,
-            improved=interrupted.tell if work.anytime else lambda _: None,
-        )
-        wish = objectives.Objective(work.objective.value) if work.objective else None
-        order = objectives.Order(work.order.value)
-        moving: Moving | None = None
-        origin: dict[str, Any] = {}
-        if work.motion:
-            moving = _moving(
-                wanted.target, problem, work, lambda each: objectives.plan(each, limits, wish, order)
-            )
-            run, problem = moving.run, moving.problem
-        else:
-            run, origin = planned(problem, limits, wish, order, work.store, work.folded)
-    outcome = run.outcome
+        made = _made(wanted, work, interrupted)
+    outcome = made.run.outcome
     return Answer(
         json.status(outcome),
-        {**_document(run, problem, origin, stats), **_motions(moving)} if form is PlanForm.JSON else {},
-        text=lambda: _text(run, problem, stats, origin, work.folded, moving),
+        plan_forms.document(made, stats) if form is PlanForm.JSON else {},
+        text=lambda: plan_forms.text(made, stats, work.folded),
         code=INTERRUPTED if interrupted.heard else exit_code(outcome),
-        raw=_ipc(outcome, task) if form is PlanForm.IPC else _picture(outcome, problem, form),
+        diagnostics=losses(made.origin, work.store),
+        raw=plan_forms.raw(made, form),
+    )
+
+
+def _made(wanted: PlanRequest, work: SearchOptions, interrupted: "Interruption") -> Made:
+    """The plan, with the motions of its steps if they are asked for."""
+    from engine.faces.cli.origin import planned
+    from engine.pipelines import objective as objectives
+    from engine.pipelines import planning
+
+    task = _read_task(wanted)
+    problem = task.problem if task else planning.problem_of(wanted.target, wanted.goals, wanted.command)
+    limits = _limits(work, interrupted, task is not None)
+    wish = objectives.Objective(work.objective.value) if work.objective else None
+    order = objectives.Order(work.order.value)
+    if work.motion:
+        moving = _moving(
+            wanted.target, problem, work, lambda each: objectives.plan(each, limits, wish, order)
+        )
+        return Made(moving.run, moving.problem, moving=moving, task=task)
+    run, origin = planned(problem, limits, wish, order, work.store, work.folded)
+    return Made(run, problem, origin, task=task)
+
+
+def _limits(work: SearchOptions, interrupted: "Interruption", pddl: bool) -> "Limits":
+    """When the search ends. A PDDL problem gets little room for exact search, and no restarts."""
+    from engine.stages.planning import LITTLE, RESTARTS, ROOM, Limits
+
+    return Limits(
+        work.expansions,
+        room=LITTLE if pddl else ROOM,
+        restarts=0 if pddl else RESTARTS,
+        interrupted=interrupted,
+        thorough=work.anytime,
+        strategy=work.strategy,
+        seed=work.seed,
+        improved=interrupted.tell if work.anytime else lambda _: None,
     )
 
 
@@ -243,30 +251,6 @@ def _moving(
     return found.moving
 
 
-def _motions(moving: "Moving | None") -> dict[str, Any]:
-    """The motions as data."""
-    if moving is None:
-        return {}
-    from engine.formats.report import moves
-
-    return moves.entry(moving)
-
-
-def _document(run: "Run", problem: "Problem", origin: "Mapping[str, Any]", stats: bool) -> dict[str, Any]:
-    """The outcome as data, with its statistics if they were asked for."""
-    from engine.formats.report import json
-    from engine.formats.report.gantt import proof_entry
-
-    content = {**json.outcome(run.outcome, problem, starts=run.starts), **origin}
-    if run.itinerary:
-        from engine.formats.report import itinerary
-
-        content |= itinerary.entry(run)
-    if run.timetable:
-        content["makespan"] = proof_entry(run.timetable.schedule, run.timetable.scope)
-    return {**content, "statistics": json.statistics(run.outcome.statistics)} if stats else content
-
-
 def _require_strategy(name: str) -> None:
     from engine.stages.planning import RACE, STRATEGIES
     from kb.diagnostics import Diagnostic, InvalidInput, Source, nearest
@@ -274,60 +258,3 @@ def _require_strategy(name: str) -> None:
     if name not in (*STRATEGIES, RACE):
         hint = nearest(name, list(STRATEGIES)) or f"one of {', '.join(STRATEGIES)}"
         raise InvalidInput([Diagnostic(Source("--strategy"), "K406", f"no strategy '{name}'", hint)])
-
-
-def _ipc(outcome: "Outcome", task: "PddlProblem | None") -> str | None:
-    """The plan in the format of the planning competitions."""
-    from engine.formats.interop.pddl.plans import write_plan
-    from engine.model.outcome import Found
-    from kb.diagnostics import Diagnostic, InvalidInput, Source
-
-    if task is None:
-        raise InvalidInput(
-            [Diagnostic(Source("--format"), "K409", "ipc is a format for PDDL tasks", "give --pddl")]
-        )
-    return write_plan(task, outcome.plan) if isinstance(outcome, Found) else None
-
-
-def _text(
-    run: "Run",
-    problem: "Problem",
-    stats: bool,
-    origin: "Mapping[str, Any]",
-    folded: bool,
-    moving: "Moving | None" = None,
-) -> "RenderableType":
-    from rich.console import Group
-
-    from engine.faces.cli.origin import origin_text
-    from engine.formats.report import text
-
-    parts = [text.outcome(run.outcome, problem, run.timetable), *origin_text(origin)]
-    if folded and origin.get("source", {}).get("parts"):
-        parts = parts[1:]
-    if run.itinerary:
-        from engine.formats.report import itinerary
-
-        parts.append(itinerary.text(run, problem.domain.time_unit))
-    if moving is not None:
-        from engine.formats.report import moves
-
-        parts += moves.text(moving)
-    return Group(*parts, *([text.statistics(run.outcome.statistics)] if stats else []))
-
-
-def _picture(outcome: "Outcome", problem: "Problem", form: PlanForm) -> str | None:
-    """The plan as DOT or SVG, if there is a plan and this form was asked for."""
-    from engine.model.outcome import Found
-
-    if not isinstance(outcome, Found):
-        return None
-    if form is PlanForm.DOT:
-        from engine.formats.report import dot
-
-        return dot.plan(outcome.plan, problem)
-    if form is PlanForm.SVG:
-        from engine.formats.report import svg
-
-        return svg.plan(outcome.plan, problem)
-    return None

@@ -86,11 +86,12 @@ def _progress() -> "Iterator[Callable[[int, int], None]]":
 
         yield silent
         return
-    from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
+    from engine.faces.cli.terminal import console
+
     columns = (TextColumn("planning"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+    with Progress(*columns, console=console(stderr=True), transient=True) as bar:
         shown = bar.add_task("", total=None)
         yield lambda done, of: bar.update(shown, completed=done, total=of)
 

@@ -29,7 +29,7 @@ def resume(
         from engine.stages.planning import Limits
 
         where = store or default_store()
-        with Watching(run, events, approve=False) as watch:
+        with Watching(run, where, events, approve=False) as watch:
             ending = go_on(where, run, watch.channel, watch.watchers, Limits(expansions, seed=seed))
         return answer_of(ending, where, events == "-")
 

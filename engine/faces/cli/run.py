@@ -127,10 +127,11 @@ def _run(asked: Asked, faults: Sequence[str], options: Sequence[str], events: st
     )  # fmt: skip
     wanted = named(wanted, problem)
     if shown:
+        from engine.faces.cli.terminal import say
         from engine.formats.report.narration import understood
 
-        sys.stderr.write("\n".join(understood(problem)) + "\n")
-    with Watching(wanted.run, events, asked.approve, shown, asked.factor) as watch:
+        say("\n".join(understood(problem)) + "\n")
+    with Watching(wanted.run, wanted.store, events, asked.approve, shown, asked.factor) as watch:
         ending = begin(
             wanted, problem, watch.channel, watch.watchers, Limits(asked.expansions, seed=asked.seed)
         )
@@ -152,11 +153,11 @@ class Watching:
     """What watches a run from this process: its events, and the orders of the terminal (Ctrl-C) and of the socket."""
 
     def __init__(
-        self, run: str, events: str, approve: bool, shown: bool = False, factor: float = 0.0
+        self, run: str, store: str, events: str, approve: bool, shown: bool = False, factor: float = 0.0
     ) -> None:
         from engine.pipelines.execution.channel import Channel
 
-        self.channel: Channel = Channel(run)
+        self.channel: Channel = Channel(run, store)
         self._events, self._approve, self._run = events, approve, run
         self._state: dict[str, Any] = {"run": run, "phase": "ready", "at_ms": 0}
         self._out: Any = None
@@ -235,17 +236,20 @@ class Watching:
         if self._out is not None:
             import json
 
-            self._out.write(json.dumps(record.entry(self._run), ensure_ascii=False) + "\n")
+            from kb.diagnostics import escaped
+
+            self._out.write(escaped(json.dumps(record.entry(self._run), ensure_ascii=False)) + "\n")
             self._out.flush()
 
     def _ask(self, record: "Record") -> None:
         """Show the plan, and ask the person at the terminal; without one, somebody else has to approve it."""
+        from engine.faces.cli.terminal import say
         from engine.model.execution import Order
         from engine.pipelines.execution import Given
 
         for step in record.content["steps"]:
             start, lasts = step.get("start_ms", 0) / 1000, step.get("lasts_ms", 0) / 1000
-            sys.stderr.write(f"{start:>10.1f} s {lasts:>8.1f} s  {step['stream']:<16} {step['step']}\n")
+            say(f"{start:>10.1f} s {lasts:>8.1f} s  {step['stream']:<16} {step['step']}\n")
         if not sys.stdin.isatty():
             sys.stderr.write(f"waits for: cellwright approve {self._run}\n")
             return

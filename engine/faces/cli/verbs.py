@@ -2,6 +2,7 @@
 
 import sys
 from collections.abc import Iterator, MutableMapping
+from contextlib import contextmanager
 from importlib import import_module
 from itertools import pairwise
 from typing import Any
@@ -28,6 +29,7 @@ VERBS = {
     "driver": "driver:app",
     "explain": "explain:explain",
     "export": "export:export",
+    "handey": "handey:app",
     "import": "import_:app",
     "init": "init:init",
     "interrupt": "monitor:interrupt",
@@ -48,6 +50,7 @@ VERBS = {
     "skip": "monitor:skip",
     "states": "states:states",
     "stop": "monitor:stop",
+    "store": "store:app",
     "test": "golden:golden_plans",
     "validate": "validate:validate",
 }
@@ -74,17 +77,31 @@ class Verbs(TyperGroup):
         ctx.meta["json"] = (
             any(two == ("--format", "json") for two in pairwise(args)) or "--format=json" in args
         )
-        return super().parse_args(ctx, args)
+        with _escaping():
+            return super().parse_args(ctx, args)
 
     def invoke(self, ctx: Any) -> Any:
         """Run the verb. If JSON was asked for, a wrong command line is reported as JSON, too."""
         try:
-            return super().invoke(ctx)
+            with _escaping():
+                return super().invoke(ctx)
         except USAGE as wrong:
             if not ctx.meta["json"]:
                 raise
             code = "K408" if isinstance(wrong, IdleOption) else "K407"
             refuse(wrong.format_message(), wrong.ctx.command_path if wrong.ctx else "cellwright", code)
+
+
+@contextmanager
+def _escaping() -> Iterator[None]:
+    """A context in which no message about the command line repeats what would command the terminal."""
+    try:
+        yield
+    except USAGE as wrong:
+        from kb.diagnostics import escaped
+
+        wrong.message = escaped(wrong.message)
+        raise
 
 
 class _LazyCommands(MutableMapping[str, Any]):

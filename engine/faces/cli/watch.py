@@ -1,7 +1,8 @@
 """The limits of a whole command, and Ctrl-C where nobody hears it.
 
 A search stops by itself when it is asked to. Whatever does not (reading, grounding, a solver that is busy) is watched from a
-thread: it ends the process with the proper exit code when the time is over or Ctrl-C was pressed, and no answer comes soon.
+thread. When the time is over or Ctrl-C was pressed, and nobody has heard it, `Stopped` is raised in the main thread, so that the
+command can still tell what it has found. If that does not help either, the process is ended with the proper exit code.
 """
 
 import os
@@ -12,10 +13,13 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+from types import FrameType
 
 from engine.faces.cli.exits import INTERRUPTED, LIMIT
+from kb.stopping import Stopped
 
-HEARING = 0.8  # seconds from Ctrl-C until a search has to have heard it
+HEARING = 0.5  # seconds from Ctrl-C until a search has to have heard it
+TELLING = 0.5  # seconds that a command which was interrupted where it heard nothing may take for its answer
 ANSWERING = 10.0  # seconds that a search which has heard it may take for its best answer
 NAME = "watch"  # of the thread
 
@@ -27,7 +31,8 @@ class Watch:
         self.seconds = seconds
         self.deadline = None if seconds is None else time.monotonic() + seconds
         self.tell: Callable[[int], None] = lambda _: None
-        self.heard = self.answered = False
+        self.heard = self.answered = self.roused = False
+        self.asked = False  # whether the command is at work on its answer, and may be interrupted
         self.waiting = (
             False  # for a person, or for a cell: then Ctrl-C is heard there, and `time_is_up` ends it
         )
@@ -42,6 +47,7 @@ class Watch:
         self._alarm, woken = socket.socketpair()
         self._alarm.setblocking(False)
         signal.set_wakeup_fd(self._alarm.fileno(), warn_on_full_buffer=False)
+        signal.signal(signal.SIGALRM, self._rouse)
         threading.Thread(target=self._run, args=(woken,), name=NAME, daemon=True).start()
 
     def _run(self, woken: socket.socket) -> None:
@@ -50,24 +56,38 @@ class Watch:
         try:
             while not set(woken.recv(64)) & {signal.SIGINT, signal.SIGTERM} or self.waiting:
                 pass
-            grace = HEARING
+            hearing = HEARING
         except TimeoutError:
             if self.waiting and self.time_is_up is not None:
                 self.time_is_up()
             while self.waiting:
                 time.sleep(0.1)
-            code, grace = LIMIT, max(0.05 * (self.seconds or 0), 0.3)
+            code, hearing = LIMIT, max(0.05 * (self.seconds or 0), 0.2)
         except OSError:
             return
-        self._await(time.monotonic() + grace)
+        self._await(hearing)
+        if not (self.answered or self.heard):
+            signal.pthread_kill(threading.main_thread().ident or 0, signal.SIGALRM)
+            self._await(TELLING if code == INTERRUPTED else 0.2)
         if not self.answered:
             self._end(code)
 
-    def _await(self, until: float) -> None:
-        """Wait for the answer until then, and longer if the command has heard that it shall stop."""
-        last = until + ANSWERING
-        while not self.answered and time.monotonic() < (last if self.heard else until):
+    def _await(self, seconds: float) -> None:
+        """Wait so long for the answer, and longer if the command has heard that it shall stop."""
+        until = time.monotonic() + seconds
+        while not self.answered and time.monotonic() < (until + ANSWERING if self.heard else until):
             time.sleep(0.02)
+
+    def be_patient(self) -> None:
+        """Pass over Ctrl-C while an answer is printed that Ctrl-C asked for. A process that does more must hear it again."""
+        if _alone:
+            signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+    def _rouse(self, _signal: int, _frame: FrameType | None) -> None:
+        """In the main thread: end what it does there, if it is between question and answer."""
+        if self.asked and not (self.heard or self.answered or self.roused):
+            self.roused = True
+            raise Stopped
 
     def _end(self, code: int) -> None:
         with suppress(Exception):

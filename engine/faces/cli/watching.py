@@ -16,11 +16,11 @@ Give = Callable[[str], None]  # gives an order by its name
 
 def plain(record: "Record") -> None:
     """Print what a record tells, on standard error."""
+    from engine.faces.cli.terminal import say
     from engine.formats.report.narration import narrated
 
     for line in narrated(record):
-        sys.stderr.write(f"{line}\n")
-    sys.stderr.flush()
+        say(f"{line}\n")
 
 
 @contextlib.contextmanager
@@ -32,14 +32,14 @@ def watched(run: str, give: Give, factor: float) -> "Iterator[Callable[[Record],
     if not (factor and sys.stderr.isatty() and sys.stdin.isatty()):
         yield plain
         return
-    from rich.console import Console
     from rich.live import Live
 
+    from engine.faces.cli.terminal import console
     from engine.formats.report.live import Display
 
     came = [time.monotonic()]
     display = Display(run, lambda: (time.monotonic() - came[0]) * 1000 / factor)
-    live = Live(display, console=Console(stderr=True), refresh_per_second=FRAMES)
+    live = Live(display, console=console(stderr=True), refresh_per_second=FRAMES)
     keys = Keys(lambda key: _pressed(key, display, live, give))
 
     def follow(record: "Record") -> None:

@@ -12,6 +12,7 @@ import numpy as np
 from engine.model.geometry import Floats
 from engine.model.vision import Camera
 from kb.diagnostics import Diagnostic, InvalidInput, Source
+from kb.files import read_bytes
 
 MAX_BYTES = 256 * 2**20
 PNG_UNIT_M = 0.001  # what one count of a PNG stands for, as depth cameras write it
@@ -42,14 +43,9 @@ def read_depth(path: Path, camera: Camera) -> Floats:
     reader = readers.get(path.suffix.lower())
     if reader is None:
         raise _refused(path, f"'{path.suffix}' is not a kind of depth image", f"one of: {', '.join(readers)}")
+    data = _bytes(path)
     try:
-        if path.stat().st_size > MAX_BYTES:
-            raise ValueError(f"larger than {MAX_BYTES // 2**20} MiB")
-        found = reader(path.read_bytes())
-    except OSError as error:
-        raise _refused(
-            path, f"it cannot be read: {error.strerror}", "is it a file that can be read?"
-        ) from None
+        found = reader(data)
     except Exception as error:  # what a garbled file makes the readers raise is not laid down
         said = str(error).splitlines()[0][:80] if str(error) else type(error).__name__
         raise _refused(path, f"it cannot be read: {said}", "write it again as .npy or 16-bit PNG") from None
@@ -61,6 +57,14 @@ def read_depth(path: Path, camera: Camera) -> Floats:
             path, f"it has {shape} pixels, the camera {size}", "give the camera its `width` and `height`"
         )
     return np.where(np.isfinite(depth) & (depth > 0), depth, 0.0)
+
+
+def _bytes(path: Path) -> bytes:
+    try:
+        return read_bytes(path, str(path), MAX_BYTES)
+    except InvalidInput as error:
+        said = error.diagnostics[0].message.removeprefix("cannot be read: ")
+        raise _refused(path, f"it cannot be read: {said}", "is it a file that can be read?") from None
 
 
 def _refused(path: Path, message: str, hint: str) -> InvalidInput:

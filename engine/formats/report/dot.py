@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterator
 
 from engine.model.purposes import wording
+from kb.diagnostics import escaped
 from kb.model.plan import GOAL, START, Plan, StepId
 from kb.model.problem import Problem
 from kb.terms import Atom
@@ -47,4 +48,4 @@ def _name(step: StepId) -> str:
 
 def _escaped(text: str) -> str:
     """Text for a quoted string. A backslash is escaped, because Graphviz gives it a meaning."""
-    return text.replace("\\", "\\\\").replace('"', '\\"')
+    return escaped(text).replace("\\", "\\\\").replace('"', '\\"')

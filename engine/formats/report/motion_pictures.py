@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from engine.formats.report import motion_svg
-from engine.model.geometry import Floats
+from engine.model.geometry import Contact, Floats
 from engine.model.motion import Blocked, Moved
 from engine.pipelines.motion.moving import Motion
 from engine.stages.geometry.kinematics.arms import carrier_poses
@@ -43,13 +43,11 @@ def as_gltf(motion: Motion) -> str:
 def as_png(motion: Motion, azimuth_rad: float, elevation_rad: float) -> bytes:
     """The cell with the arm at both ends of the path, the start paler, and marks where the hand passes.
 
-    Without a path: the arm where it starts, or where the way is blocked worst, with what touches there.
+    Without a path: the arm where it starts, or where the way is blocked worst, with what touches there. If it is proved that
+    there is none: the arm, beside its start, at what cuts the goal off.
     """
     scene, answer = motion.ground.scene, motion.answer
-    ends = motion.whole()[[0, -1]] if isinstance(answer, Moved) else np.array([motion.start])
-    if isinstance(answer, Blocked):
-        ends = answer.at[None]
-    contacts = () if isinstance(answer, Moved) else motion.ground.contacts(ends[-1])
+    ends, contacts = _shown(motion)
     shown = surfaces(motion.world, scene, contacts)
     carriers = carrier_poses(scene.joints, ends)
     marks = _marks(motion) if isinstance(answer, Moved) else []
@@ -59,6 +57,17 @@ def as_png(motion: Motion, azimuth_rad: float, elevation_rad: float) -> bytes:
     camera = looking_at(triangles.reshape(-1, 3), SIZE, azimuth_rad, elevation_rad)
     colours = colours_of([*shown, *marks, *pale])
     return png.draw(camera, triangles, colours, notes_of(camera, shown, carriers[-1], contacts))
+
+
+def _shown(motion: Motion) -> tuple[Floats, tuple[Contact, ...]]:
+    """The configurations (n, k) that are drawn, and what touches at the last one."""
+    answer = motion.answer
+    if isinstance(answer, Moved):
+        return motion.whole()[[0, -1]], ()
+    if isinstance(answer, Blocked) and answer.severed is not None:
+        return np.stack([motion.start, answer.severed.at]), answer.severed.contacts
+    ends = answer.at[None] if isinstance(answer, Blocked) else np.array([motion.start])
+    return ends, motion.ground.contacts(ends[-1])
 
 
 def _paler(surface: Surface) -> tuple[float, float, float]:

@@ -8,7 +8,7 @@ import numpy as np
 from engine.model.assembly import Assembled, Freedom
 from engine.model.geometry import Floats
 from engine.model.vision import Hypothesis
-from engine.pipelines.placing.answers import Carry, NotPlaced, PlaceAnswer, Placed
+from engine.pipelines.placing.answers import Carry, Leg, NotPlaced, PlaceAnswer, Placed
 from engine.stages.geometry import transforms
 
 STATUS = {"relations": "infeasible", "regrasp": "infeasible"}
@@ -37,7 +37,7 @@ def content(answer: PlaceAnswer) -> dict[str, Any]:
             "equivalent": len(answer.sighting.equivalent),
         },
         "holds": dict(zip(("all", "at_start", "at_goal"), answer.holds, strict=True)),
-        "carries": [_carry(each) for each in answer.carries],
+        "carries": [carry(each) for each in answer.carries],
     }
 
 
@@ -45,7 +45,8 @@ def _hypothesis(one: Hypothesis) -> dict[str, float]:
     return {"agreeing": one.agreeing, "seen": one.seen, "edged": one.edged, "pixels": one.pixels}
 
 
-def _carry(one: Carry) -> dict[str, Any]:
+def carry(one: Carry) -> dict[str, Any]:
+    """One taking and letting go."""
     return {
         "facets": list(one.grasp.facets),
         "width_m": one.grasp.width_m,
@@ -53,11 +54,13 @@ def _carry(one: Carry) -> dict[str, Any]:
         "T_part_hand": one.T_part_hand.tolist(),
         "T_world_to": one.T_world_to.tolist(),
         "rest": one.rest,
-        "legs": [
-            {"what": leg.what, "path": leg.path.tolist(), "carries": leg.carries, "proved": leg.proved}
-            for leg in one.legs
-        ],
+        "legs": [leg(each) for each in one.legs],
     }
+
+
+def leg(one: Leg) -> dict[str, Any]:
+    """A stretch of motion."""
+    return {"what": one.what, "path": one.path.tolist(), "carries": one.carries, "proved": one.proved}
 
 
 def text(answer: PlaceAnswer, part: str, base: str) -> str:
@@ -66,19 +69,20 @@ def text(answer: PlaceAnswer, part: str, base: str) -> str:
         return f"{part} is not placed on {base}: {answer.reason}\n  try: {answer.hint}"
     every, start, goal = answer.holds
     lines = [
-        f"{part} lies at {_pose(answer.T_world_part)}, {_sureness(answer)}",
-        f"{part} belongs at {_pose(answer.T_world_goal)}, {_free(answer.goal)}",
+        f"{part} lies at {pose(answer.T_world_part)}, {_sureness(answer)}",
+        f"{part} belongs at {pose(answer.T_world_goal)}, {free(answer.goal)}",
         f"{every} ways to hold it: {start} are possible where it lies, {goal} at its goal",
     ]
-    for n, carry in enumerate(answer.carries, 1):
-        lines += _told(n, carry)
+    for n, each in enumerate(answer.carries, 1):
+        lines += _told(n, each)
     return "\n".join(lines)
 
 
-def _pose(T: Floats) -> str:
-    pose = transforms.to_pose(T)
-    at = ", ".join(f"{_rounded(1000 * x):.1f}" for x in pose.position_m)
-    return f"{at} mm, turned {', '.join(f'{_rounded(np.degrees(x)):.1f}' for x in pose.rpy_rad)} degrees"
+def pose(T: Floats) -> str:
+    """A pose for people."""
+    found = transforms.to_pose(T)
+    at = ", ".join(f"{_rounded(1000 * x):.1f}" for x in found.position_m)
+    return f"{at} mm, turned {', '.join(f'{_rounded(np.degrees(x)):.1f}' for x in found.rpy_rad)} degrees"
 
 
 def _rounded(value: float) -> float:
@@ -93,7 +97,8 @@ def _sureness(answer: Placed) -> str:
     return f"standard deviations {1000 * sigma[:3].max():.2f} mm and {np.degrees(sigma[3:].max()):.2f} degrees{alike}"
 
 
-def _free(goal: Assembled) -> str:
+def free(goal: Assembled) -> str:
+    """What relations leave free, and which follow from others."""
     said = [_freedom(each) for each in goal.freedoms]
     free = f"where it may still {', '.join(said)}" if said else "where nothing is free"
     redundant = [f"'{each}' follows from the other relations" for each in goal.redundant]
@@ -109,6 +114,10 @@ def _told(n: int, carry: Carry) -> Iterator[str]:
     one, other = carry.grasp.facets
     to = "to its goal" if carry.rest == "goal" else f"to the free place, to lie {carry.rest}"
     yield f"{n}. taken at {one} and {other}, {1000 * carry.grasp.width_m:.1f} mm apart, and carried {to}"
-    for leg in carry.legs:
-        proved = "proved free everywhere" if leg.proved else "a straight line, free where it was looked at"
-        yield f"   {leg.what:<12} {len(leg.path)} configurations, {proved}"
+    yield from map(told, carry.legs)
+
+
+def told(leg: Leg) -> str:
+    """A stretch of motion as a line."""
+    proved = "proved free everywhere" if leg.proved else "a straight line, free where it was looked at"
+    return f"   {leg.what:<12} {len(leg.path)} configurations, {proved}"

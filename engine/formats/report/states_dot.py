@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Sequence
 
 from engine.model.task_space import Net, Transfer
+from kb.diagnostics import escaped
 
 
 def net(made: Net) -> str:
@@ -42,4 +43,4 @@ def _number(least: int, most: int) -> str:
 
 
 def _escaped(text: str) -> str:
-    return text.replace("\\", "\\\\").replace('"', '\\"')
+    return escaped(text).replace("\\", "\\\\").replace('"', '\\"')

@@ -1,7 +1,7 @@
 # Types with which Cython compiles inverse.py. Its meaning is written there.
 import cython
 from libc cimport math
-from engine.kernels.geometry cimport subproblems, vectors
+from engine.kernels.geometry cimport angles, subproblems, vectors
 from engine.kernels.geometry.vectors cimport Triple
 
 cdef double INFINITE

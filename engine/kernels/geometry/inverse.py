@@ -13,7 +13,7 @@ import math
 import cython
 
 from engine.kernels.arrays import Floats
-from engine.kernels.geometry import subproblems, vectors
+from engine.kernels.geometry import angles, subproblems, vectors
 from engine.kernels.geometry.vectors import V
 
 INFINITE = math.inf
@@ -268,7 +268,7 @@ def _residual(e: Batch, n: int, b: int) -> float:
     end_x, end_y, end_z, end_origin = moved(e, n, x), moved(e, n, y), moved(e, n, z), moved(e, n, origin)
     for joint in range(6, 0, -1):
         h, o, angle = axis(e, joint), point(e, joint), e.q[n, b, joint - 1]
-        s, c = math.sin(angle), math.cos(angle)
+        s, c = angles.sine_cosine(angle)
         x = vectors.plus(o, vectors.turn_by(h, s, c, vectors.minus(x, o)))
         y = vectors.plus(o, vectors.turn_by(h, s, c, vectors.minus(y, o)))
         z = vectors.plus(o, vectors.turn_by(h, s, c, vectors.minus(z, o)))

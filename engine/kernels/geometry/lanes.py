@@ -15,6 +15,7 @@ from engine.kernels.arrays import Floats, Singles
 from engine.kernels.geometry import layout
 from engine.kernels.geometry.layout import Pairs, Pieces
 from engine.kernels.geometry.mechanism import Mechanism
+from engine.kernels.linear import matmul, norm
 
 # Of all lengths that a position is made of, this share is more than rounding takes, for each joint on the way: an angle within
 # half a turn is rounded by 2e-7 rad, its sine by 2e-7, and each of the some twenty products and sums of a joint by 6e-8.
@@ -57,7 +58,7 @@ def _frames(axes: Floats) -> Floats:
             np.argmin(np.abs(axis))
         )  # of two that are alike, as the zeros of an axis along x, y or z, the first
         beside = np.eye(3)[least] - axis[least] * axis
-        frame[:, 0] = beside / np.linalg.norm(beside)
+        frame[:, 0] = beside / norm(beside)
         frame[:, 1], frame[:, 2] = np.cross(axis, frame[:, 0]), axis
     return found
 
@@ -65,7 +66,7 @@ def _frames(axes: Floats) -> Floats:
 def _origins(m: Mechanism, frames: Floats) -> Singles:
     """Of each joint the rotation, then the origin, on its parent (k, 12), in the frames of the carriers."""
     up = np.swapaxes(frames, 1, 2)[m.parents]
-    rotations = up @ m.origins[:, :3, :3] @ frames[1:]
+    rotations = matmul(up, m.origins[:, :3, :3], frames[1:])
     rotations[np.abs(rotations) < ZERO] = 0.0
     moved = np.einsum("kij,kj->ki", up, m.origins[:, :3, 3])
     found: Singles = np.hstack([rotations.reshape(-1, 9), moved]).astype(np.float32)
@@ -86,7 +87,7 @@ def _slack(m: Mechanism, pieces: Pieces) -> Singles:
     lengths, joints = np.zeros(m.count + 1), np.ones(m.count + 1)
     for j in range(m.count):
         travel = m.travels[j] if m.sliding[j] else 0.0
-        lengths[j + 1] = lengths[m.parents[j]] + np.linalg.norm(m.origins[j, :3, 3]) + travel
+        lengths[j + 1] = lengths[m.parents[j]] + norm(m.origins[j, :3, 3]) + travel
         joints[j + 1] = joints[m.parents[j]] + 1.0
     own = np.linalg.norm(pieces.bounds[:, :3], axis=1) + pieces.bounds[:, layout.BALL]
     slack = ROUNDING * joints[pieces.carrier] * (lengths[pieces.carrier] + own)

@@ -1,7 +1,7 @@
 # Types with which Cython compiles subproblems.py. Its meaning is written there.
 import cython
 from libc cimport math
-from engine.kernels.geometry cimport vectors
+from engine.kernels.geometry cimport angles, vectors
 from engine.kernels.geometry.vectors cimport Triple
 
 cdef double SLACK, ALONG

@@ -8,7 +8,7 @@ Elias & Wen (2022), and the distance problem, 3, is the same equation.
 
 import math
 
-from engine.kernels.geometry import vectors
+from engine.kernels.geometry import angles, vectors
 from engine.kernels.geometry.vectors import V
 
 ALONG = 1e-26  # of a vector along an axis, the part across it, squared: less is rounding
@@ -23,7 +23,7 @@ def angle_onto(axis: V, start: V, end: V) -> float:
         end, end
     ):
         return 0.0
-    return math.atan2(vectors.dot(axis, vectors.cross(p, q)), vectors.dot(p, q))
+    return angles.angle_of(vectors.dot(axis, vectors.cross(p, q)), vectors.dot(p, q))
 
 
 def angles_to_plane(normal: V, axis: V, start: V, offset: float) -> V:
@@ -31,14 +31,14 @@ def angles_to_plane(normal: V, axis: V, start: V, offset: float) -> V:
     along = vectors.dot(normal, axis) * vectors.dot(axis, start)
     a = vectors.dot(normal, start) - along
     b = vectors.dot(normal, vectors.cross(axis, start))
-    amplitude = math.hypot(a, b)
+    amplitude = math.sqrt(a * a + b * b)
     if amplitude < 1e-14:
         return (0.0, 0.0, 1.0 if abs(offset - along) < 1e-9 else 0.0)
     cosine = (offset - along) / amplitude
     if abs(cosine) > 1.0 + SLACK:
         return (0.0, 0.0, 0.0)
-    spread = math.acos(min(1.0, max(-1.0, cosine)))
-    middle = math.atan2(b, a)
+    spread = angles.arc_cosine(min(1.0, max(-1.0, cosine)))
+    middle = angles.angle_of(b, a)
     return (middle + spread, middle - spread, 1.0)
 
 
@@ -48,20 +48,20 @@ def angles_to_angle(normal: V, axis: V, start: V, target: V) -> V:
     The angles are found from sines, so that those near 0 are exact, too: there a cosine tells nothing.
     """
     a, b, c = _between(normal, axis), _between(axis, start), _between(normal, target)
-    square = 4.0 * math.sin((c + a - b) / 2.0) * math.sin((c - a + b) / 2.0)
-    square *= math.sin((a + b + c) / 2.0) * math.sin((a + b - c) / 2.0)
-    amplitude = math.sin(a) * math.sin(b)
+    square = 4.0 * angles.sine_cosine((c + a - b) / 2.0)[0] * angles.sine_cosine((c - a + b) / 2.0)[0]
+    square *= angles.sine_cosine((a + b + c) / 2.0)[0] * angles.sine_cosine((a + b - c) / 2.0)[0]
+    amplitude = angles.sine_cosine(a)[0] * angles.sine_cosine(b)[0]
     if amplitude < 1e-14:
         return (0.0, 0.0, 1.0 if abs(square) < 1e-18 else 0.0)
     if square < -2.0 * SLACK * amplitude * amplitude:
         return (0.0, 0.0, 0.0)
     along = vectors.dot(normal, axis) * vectors.dot(axis, start)
-    spread = math.atan2(math.sqrt(max(0.0, square)), vectors.dot(normal, target) - along)
-    middle = math.atan2(vectors.dot(normal, vectors.cross(axis, start)), vectors.dot(normal, start) - along)
+    spread = angles.angle_of(math.sqrt(max(0.0, square)), vectors.dot(normal, target) - along)
+    middle = angles.angle_of(vectors.dot(normal, vectors.cross(axis, start)), vectors.dot(normal, start) - along)
     return (middle + spread, middle - spread, 1.0)
 
 
 def _between(a: V, b: V) -> float:
     """The angle between two vectors."""
     across = vectors.cross(a, b)
-    return math.atan2(math.sqrt(vectors.dot(across, across)), vectors.dot(a, b))
+    return angles.angle_of(math.sqrt(vectors.dot(across, across)), vectors.dot(a, b))

@@ -1,5 +1,6 @@
 # What vectors.py says, for Cython to copy into the modules that cimport it. Its meaning is written there.
-from libc cimport math
+from engine.kernels.geometry cimport angles
+from engine.kernels.geometry.angles cimport Pair
 
 ctypedef (double, double, double) Triple
 
@@ -31,4 +32,5 @@ cdef inline Triple turn_by(Triple axis, double s, double c, Triple v) noexcept n
     )
 
 cdef inline Triple turn(Triple axis, double angle, Triple v) noexcept nogil:
-    return turn_by(axis, math.sin(angle), math.cos(angle), v)
+    cdef Pair pair = angles.sine_cosine(angle)
+    return turn_by(axis, pair[0], pair[1], v)

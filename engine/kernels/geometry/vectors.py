@@ -5,9 +5,9 @@
 them are tested compiled and as they stand, to the last bit, which holds both together.
 """
 
-import math
-
 import cython
+
+from engine.kernels.geometry import angles
 
 V = tuple[float, float, float]
 
@@ -39,7 +39,8 @@ if not cython.compiled:
 
     def turn(axis: V, angle: float, v: V) -> V:
         """`v` turned about the unit vector `axis` (Rodrigues)."""
-        return turn_by(axis, math.sin(angle), math.cos(angle), v)
+        s, c = angles.sine_cosine(angle)
+        return turn_by(axis, s, c, v)
 
     def turn_by(axis: V, s: float, c: float, v: V) -> V:
         """The same by the sine and the cosine of the angle."""

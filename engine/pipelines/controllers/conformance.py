@@ -10,9 +10,10 @@ from functools import partial
 from typing import Any
 
 from engine.model.execution import Command, Fate, Reply
-from engine.pipelines.controllers.driver import ControllerDriver, patience_of, place_of
+from engine.pipelines.controllers.driver import ControllerDriver
 from engine.pipelines.controllers.link import Connected, Link, NoAnswer, Patience, Place
 from engine.pipelines.controllers.protocol import ANSWERS, Garbage, command_entry, hello, read_ready
+from engine.pipelines.controllers.settings import patience_of, place_of
 from engine.ports import DriverSetup
 from kb.diagnostics import InvalidInput
 

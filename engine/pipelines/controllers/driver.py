@@ -9,16 +9,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-from engine.model.execution import (
-    Command,
-    CommandKind,
-    Fate,
-    Message,
-    Reply,
-    Report,
-    Trouble,
-    TroubleKind,
-)
+from engine.model.execution import Command, Fate, Message, Report, Trouble, TroubleKind
 from engine.pipelines.controllers.link import (
     Broken,
     Came,
@@ -31,6 +22,7 @@ from engine.pipelines.controllers.link import (
     Place,
     Silence,
 )
+from engine.pipelines.controllers.pending import Pending
 from engine.pipelines.controllers.protocol import (
     Garbage,
     Ready,
@@ -40,12 +32,9 @@ from engine.pipelines.controllers.protocol import (
     read_reply,
     read_reports,
 )
+from engine.pipelines.controllers.settings import HINT, patience_of, place_of
 from engine.ports import DriverSetup
 from kb.diagnostics import Diagnostic, InvalidInput, Source
-
-HINT = "give --option command='PROGRAM ...' or --option address=HOST:PORT"
-SETTINGS = ("command", "address", "begin", "answer", "heartbeat", "reconnect")
-
 
 ATTEMPTS = 3  # for one question, each over another connection
 
@@ -60,12 +49,7 @@ class ControllerDriver:
     def __init__(self, place: Place, patience: Patience, run: str) -> None:
         self._run, self._patience = run, patience
         self.link = Link(place, patience)
-        self._open: dict[int, Command] = {}
-        self._sent: dict[int, int] = {}  # when each open command was sent
-        self._ended: set[int] = set()
-        self._parts: dict[tuple[int, str], list[str]] = {}
-        self._held: dict[int, Reply] = {}  # replies that came before those of commands ahead in the queue
-        self._out: list[Message] = []
+        self._pending = Pending(self.lookahead)
         self._lost = ""
         self._now, self._since = 0, time.monotonic()
         self._ready = Ready("", 0, False, 100, {})
@@ -87,6 +71,7 @@ class ControllerDriver:
         if answer["type"] == "refused":
             raise Garbage(f"it refuses: {answer.get('why', '')}")
         self._ready = read_ready(answer)
+        self._pending.virtual = self._ready.virtual
         self._set_clock(self._ready.now_ms)
 
     def _await_connection(self, end: float) -> None:
@@ -126,21 +111,14 @@ class ControllerDriver:
 
     def send(self, commands: Sequence[Command]) -> None:
         """Send commands. Those that have ended or are open are known already."""
-        fresh = [
-            each for each in commands if each.number not in self._open and each.number not in self._ended
-        ]
-        now = self.now_ms()
-        for each in fresh:
-            if each.kind is not CommandKind.CONTINUE:
-                self._open[each.number] = each
-                self._sent[each.number] = now
+        fresh = self._pending.fresh(commands, self.now_ms())
         if fresh:
             self._ask("send", commands=[command_entry(each) for each in fresh])
 
     def receive(self, until_ms: int | None) -> Sequence[Message]:
         """What has come until a time, or within a tick."""
         self._take_in()
-        if not self._out and not self._lost:
+        if not self._pending.out and not self._lost:
             if self._ready.virtual:
                 answer = self._ask("advance", until_ms=until_ms)
                 if answer is not None:
@@ -148,11 +126,7 @@ class ControllerDriver:
                 self._take_in()
             else:
                 self._listen(until_ms)
-        return self._given()
-
-    def _given(self) -> list[Message]:
-        found, self._out = self._out, []
-        return found
+        return self._pending.given()
 
     def _listen(self, until_ms: int | None) -> None:
         """Wait for the next line, at most a tick or until a time."""
@@ -193,80 +167,14 @@ class ControllerDriver:
     def _message(self, content: Mapping[str, Any]) -> None:
         match content["type"]:
             case "reply":
-                reply = read_reply(content, self.now_ms())
-                self._replied(
-                    Reply(reply.number, reply.text, reply.at_ms, {**reply.data, **self._joined(reply.number)})
-                )
+                self._pending.replied(read_reply(content, self.now_ms()), self.now_ms())
             case "part":
-                self._part(content)
+                self._pending.part(content)
             case _:
                 raise Garbage(f"nobody asked for `{content['type']}`")
 
-    def _part(self, content: Mapping[str, Any]) -> None:
-        number, name, text = content.get("number"), content.get("name"), content.get("text")
-        if not (isinstance(number, int) and isinstance(name, str) and isinstance(text, str)):
-            raise Garbage("a part without number, name or text")
-        if number in self._open:
-            self._parts.setdefault((number, name), []).append(text)
-
-    def _joined(self, number: int) -> dict[str, str]:
-        """The data that came in parts before a reply."""
-        keys = [key for key in self._parts if key[0] == number]
-        return {name: "".join(self._parts.pop((number, name))) for _, name in keys}
-
-    def _replied(self, reply: Reply) -> None:
-        command = self._open.get(reply.number)
-        if reply.number in self._ended:
-            said = f"a second reply to command {reply.number}: {reply.text}"
-            self._trouble(TroubleKind.REPEATED, said, reply.number)
-        elif command is None:
-            said = f"a reply to command {reply.number}, which was never sent: {reply.text}"
-            self._trouble(TroubleKind.STRANGE, said, reply.number)
-        elif (ahead := self._ahead(command)) is not None:
-            self._held[reply.number] = reply
-            said = f"a reply to command {reply.number} before that of command {ahead}, which is ahead of it"
-            self._trouble(TroubleKind.STRANGE, said, reply.number)
-        elif self._is_late(command, reply):
-            self._close(reply.number)
-            said = f"the reply came after the command was given up: {reply.text}"
-            self._trouble(TroubleKind.LATE, said, reply.number)
-        else:
-            self._close(reply.number)
-            self._out.append(reply)
-            self._release(command.stream)
-
-    def _ahead(self, command: Command) -> int | None:
-        """The first open command ahead in the same queue; a device without a queue has none."""
-        if self.lookahead(command.stream) < 2 or command.kind is not CommandKind.STEP:
-            return None
-        numbers = (
-            n for n, each in sorted(self._open.items())
-            if each.stream == command.stream and each.kind is CommandKind.STEP
-        )  # fmt: skip
-        first = next((n for n in numbers if n not in self._held), None)
-        return first if first is not None and first < command.number else None
-
-    def _release(self, stream: str) -> None:
-        """Give the replies that waited for those ahead of them."""
-        for number in sorted(self._held):
-            command = self._open.get(number)
-            if command is not None and command.stream == stream and self._ahead(command) is None:
-                reply = self._held.pop(number)
-                self._close(number)
-                self._out.append(reply)
-
-    def _is_late(self, command: Command, reply: Reply) -> bool:
-        if command.timeout_ms is None or self.lookahead(command.stream) > 1:
-            return False
-        when = reply.at_ms if self._ready.virtual else self.now_ms()
-        return when > self._sent[command.number] + command.timeout_ms
-
-    def _close(self, number: int) -> None:
-        self._open.pop(number, None)
-        self._ended.add(number)
-
-    def _trouble(self, kind: TroubleKind, said: str, number: int | None = None) -> None:
-        self._out.append(Trouble(kind, said, self.now_ms(), number))
+    def _trouble(self, kind: TroubleKind, said: str) -> None:
+        self._pending.out.append(Trouble(kind, said, self.now_ms()))
 
     def _lose(self, why: str) -> None:
         if not self._lost:
@@ -320,18 +228,18 @@ class ControllerDriver:
     def _take_up(self) -> None:
         try:
             self._introduce()
-            numbers = sorted(self._open)
+            numbers = sorted(self._pending.open)
             found = read_reports(self.link.ask("report", numbers=numbers), self.now_ms()) if numbers else []
         except Garbage as error:
             raise Silence(str(error)) from None
         again = [
-            self._open[each.number]
+            self._pending.open[each.number]
             for each in found
-            if each.fate is Fate.UNKNOWN and each.number in self._open
+            if each.fate is Fate.UNKNOWN and each.number in self._pending.open
         ]
         for each in found:
-            if each.reply is not None and each.number in self._open:
-                self._replied(each.reply)
+            if each.reply is not None and each.number in self._pending.open:
+                self._pending.replied(each.reply, self.now_ms())
         if again:
             self.link.ask("send", commands=[command_entry(each) for each in again])
 
@@ -339,7 +247,7 @@ class ControllerDriver:
         """Have the controller drop what is queued and bring what moves to its end."""
         self._ask("quiesce", within_ms=within_ms)
         self._take_in()
-        return self._given()
+        return self._pending.given()
 
     def halt(self) -> None:
         """Stop everything."""
@@ -355,14 +263,7 @@ class ControllerDriver:
             self._trouble(TroubleKind.GARBAGE, str(error))
             found = []
         known = {each.number: each for each in found}
-        for each in found:
-            if each.fate is Fate.ENDED:
-                self._close(each.number)
-            elif each.fate in (Fate.RUNNING, Fate.QUEUED) and each.number not in self._open:
-                self._open[each.number] = Command(each.number, CommandKind.STEP, "", "")
-                self._sent[each.number] = self.now_ms()
-            elif each.fate is Fate.DROPPED:
-                self._open.pop(each.number, None)
+        self._pending.told(found, self.now_ms())
         return [known.get(number, Report(number, Fate.UNKNOWN)) for number in numbers]
 
     def close(self) -> None:
@@ -380,35 +281,3 @@ def _now(answer: Mapping[str, Any]) -> int:
 def external(setup: DriverSetup) -> ControllerDriver:
     """The driver for the controller that the options name. Raises `InvalidInput`."""
     return ControllerDriver(place_of(setup.options), patience_of(setup.options), setup.run)
-
-
-def place_of(options: Mapping[str, str]) -> Place:
-    """Where the controller is. Raises `InvalidInput`."""
-    strange = next((each for each in options if each not in SETTINGS), None)
-    if strange is not None:
-        said = f"the driver `external` has no option '{strange}'"
-        raise InvalidInput([Diagnostic(Source("--option"), "K406", said, f"one of {', '.join(SETTINGS)}")])
-    command, address = options.get("command", ""), options.get("address", "")
-    host, _, port = address.rpartition(":")
-    if bool(command) == bool(address) or (address and not (host and port.isdecimal() and int(port) < 65536)):
-        raise InvalidInput([Diagnostic(Source("--option"), "K409", "where is the controller?", HINT)])
-    return Place(command, host, int(port or 0))
-
-
-def patience_of(options: Mapping[str, str]) -> Patience:
-    """How long the controller may take. Raises `InvalidInput`."""
-    usual = Patience()
-    try:
-        begin = float(options.get("begin", usual.begin_s))
-        answer = float(options.get("answer", usual.answer_s))
-        beat = float(options.get("heartbeat", usual.heartbeat_s))
-        again = float(options.get("reconnect", usual.reconnect_s))
-    except ValueError as error:
-        raise InvalidInput(
-            [Diagnostic(Source("--option"), "K406", f"no number of seconds: {error}", "5")]
-        ) from None
-    if not (0 < begin < 1e6 and 0 < answer < 1e6 and 0 < beat < 1e6 and 0 <= again < 1e6):
-        raise InvalidInput(
-            [Diagnostic(Source("--option"), "K406", "a time must be more than 0 s", "give seconds")]
-        )
-    return Patience(begin, answer, beat, again)

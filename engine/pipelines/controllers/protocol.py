@@ -147,11 +147,11 @@ def read_command(found: Mapping[str, Any]) -> Command:
             str(found.get("expects", "done")),
             tuple(map(str, found.get("choices", ()))),
             _whole(found, "lasts_ms", 0),
-            found.get("timeout_ms"),
-            found.get("about"),
+            _whole(found, "timeout_ms") if found.get("timeout_ms") is not None else None,
+            _whole(found, "about") if found.get("about") is not None else None,
             bool(found.get("asks", False)),
         )
-    except (KeyError, ValueError) as error:
+    except (KeyError, ValueError, TypeError) as error:
         raise Garbage(f"no command: {error}") from error
 
 

@@ -69,7 +69,7 @@ def begin(
 
     Raises `InvalidInput`.
     """
-    found = first(problem, limits, outcome)
+    found = first(problem, limits, outcome, wanted.store)
     if not isinstance(found, Ready):
         return found
     with Journal(wanted.store) as journal:
@@ -115,7 +115,8 @@ def resume(
         made = driver(str(about["driver"]), setup_of({**about, **past.run}, problem, run))
         try:
             recorder = Recorder(Ledger(journal, run), made.now_ms, watchers, past.last)
-            ending = Execution(run, problem, made, recorder, orders, base, limits).resume(past)
+            whole = past.whole or problem
+            ending = Execution(run, whole, made, recorder, orders, base, limits).resume(past)
             return _cleared(Wanted("", store=store, run=run, options=about["options"]), ending)
         finally:
             made.close()

@@ -1,6 +1,8 @@
 """A local socket on which other processes of the same user tell a run what to do. Nobody else can open it."""
 
 import contextlib
+import getpass
+import hashlib
 import json
 import os
 import queue
@@ -9,6 +11,8 @@ import stat
 import tempfile
 import threading
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from datetime import UTC, datetime
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -35,24 +39,31 @@ def folder() -> Path:
     return place
 
 
-def address(run: str) -> Path:
-    """The socket of a run."""
-    plain = "".join(each if each.isalnum() or each in "-_." else "_" for each in run)
-    return folder() / f"{plain[:80]}.sock"
+def address(run: str, store: str = "") -> Path:
+    """The socket of a run whose journal is in a store: runs of one name in other stores have others.
+
+    The name is short, because the path of a socket may have about 100 characters.
+    """
+    where = store if "://" in store or not store else str(Path(store).resolve())
+    return folder() / f"{_plain(run)}-{hashlib.sha256(f'{where} {run}'.encode()).hexdigest()[:12]}.sock"
+
+
+def _plain(run: str) -> str:
+    return "".join(each if (each.isalnum() and each.isascii()) or each in "-_." else "_" for each in run)[:32]
 
 
 class Channel:
     """Orders for one run that come over its socket, and those that this process gives itself."""
 
-    def __init__(self, run: str) -> None:
-        self.run = run
+    def __init__(self, run: str, store: str = "") -> None:
+        self.run, self.store = run, store
         self._orders: queue.Queue[Given] = queue.Queue()
         self._told: Callable[[], Mapping[str, Any]] = dict
         self._server: socket.socket | None = None
 
     def __enter__(self) -> "Channel":
-        place = address(self.run)
-        if answers(self.run):
+        place = address(self.run, self.store)
+        if _asked(place, "state") is not None:
             said = f"the run {self.run} goes on in another process"
             raise InvalidInput([Diagnostic(Source(self.run), "K421", said, "stop it there first")])
         place.unlink(missing_ok=True)
@@ -73,15 +84,16 @@ class Channel:
             with contextlib.suppress(OSError):
                 self._server.shutdown(socket.SHUT_RDWR)
             self._server.close()
-            address(self.run).unlink(missing_ok=True)
+            address(self.run, self.store).unlink(missing_ok=True)
 
     def tells(self, state: Callable[[], Mapping[str, Any]]) -> None:
         """What callers are told of the run beside that their order has come."""
         self._told = state
 
     def give(self, given: Given) -> None:
-        """Give an order from this process."""
-        self._orders.put(given)
+        """Give an order; from this process, it may be called in any thread. When it came is noted, if it does not say so."""
+        when = given.when or datetime.now(UTC).isoformat(timespec="milliseconds")
+        self._orders.put(replace(given, when=when, who=given.who or user()))
 
     def due(self, now_ms: int) -> Sequence[Given]:  # noqa: ARG002 - orders come in real time
         """The orders that came since the last call."""
@@ -111,35 +123,68 @@ class Channel:
                 caller.settimeout(PATIENCE_S)
                 asked = json.loads(_line(caller))
                 if asked["order"] != "state":
-                    given = Given(Order(asked["order"]), str(asked.get("text", "")), "socket")
-                    self._orders.put(given)
-                caller.sendall((json.dumps(dict(self._told())) + "\n").encode())
+                    text, who = str(asked.get("text", "")), str(asked.get("who", ""))
+                    self.give(Given(Order(asked["order"]), text, "socket", who))
+                state = {**self._told(), "run": self.run, "store": self.store}
+                caller.sendall((json.dumps(state) + "\n").encode())
 
 
-def answers(run: str) -> bool:
-    """Whether a process runs this run."""
+def going_on() -> tuple[Mapping[str, Any], ...]:
+    """How each run stands that goes on in a process of this user, with its `run` and `store`."""
+    states = (_asked(each, "state") for each in sorted(folder().glob("*.sock")))
+    return tuple(each for each in states if each is not None)
+
+
+def tell(run: str, order: str, text: str = "", store: str = "", who: str = "") -> Mapping[str, Any]:
+    """Give an order to a run; how it stands. `who` gives it is noted: this user, if nobody is named.
+
+    Raises `InvalidInput` if no process runs it, or if several runs have this name and no store is given.
+    """
+    place = address(run, store) if store else _only(run)
+    found = _asked(place, order, text, who or user())
+    if found is None:
+        raise _silent(run)
+    return found
+
+
+def user() -> str:
+    """The name of who runs this process, for the journal."""
     try:
-        tell(run, "state")
-    except (InvalidInput, OSError):
-        return False
-    return True
+        return getpass.getuser()
+    except (KeyError, OSError):
+        return str(os.getuid())
 
 
-def tell(run: str, order: str, text: str = "") -> Mapping[str, Any]:
-    """Give an order to a run; how it stands. Raises `InvalidInput` if no process runs it."""
-    place = address(run)
+def _only(run: str) -> Path:
+    """The socket of the only run of a name that goes on. Raises `InvalidInput` if there is none, or more than one."""
+    found = [each for each in going_on() if each["run"] == run]
+    if not found:
+        raise _silent(run)
+    if len(found) > 1:
+        stores = " or ".join(f"--store {each['store']}" for each in found)
+        said = f"{len(found)} runs with the name {run} go on"
+        raise InvalidInput([Diagnostic(Source(run), "K421", said, f"say which one: {stores}")])
+    return address(run, found[0]["store"])
+
+
+def _silent(run: str) -> InvalidInput:
+    known = sorted({str(each["run"]) for each in going_on()})
+    hint = f"these go on: {', '.join(known)}" if known else "no run goes on"
+    said = f"the run {run} does not go on in any process of yours"
+    return InvalidInput([Diagnostic(Source(run), "K421", said, hint)])
+
+
+def _asked(place: Path, order: str, text: str = "", who: str = "") -> Mapping[str, Any] | None:
+    """What the process behind a socket answers to an order; None if nobody is there."""
     with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as line:
         line.settimeout(PATIENCE_S)
         try:
             line.connect(str(place))
-            line.sendall((json.dumps({"order": order, "text": text}) + "\n").encode())
+            line.sendall((json.dumps({"order": order, "text": text, "who": who}) + "\n").encode())
             found = json.loads(_line(line))
         except (OSError, ValueError):
-            known = sorted(each.stem for each in folder().glob("*.sock"))
-            hint = f"these go on: {', '.join(known)}" if known else "no run goes on"
-            said = f"the run {run} does not go on in any process of yours"
-            raise InvalidInput([Diagnostic(Source(run), "K421", said, hint)]) from None
-    return found if isinstance(found, dict) else {}
+            return None
+    return found if isinstance(found, dict) and "run" in found and "store" in found else None
 
 
 def _line(line: socket.socket) -> str:

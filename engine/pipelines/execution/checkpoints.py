@@ -4,14 +4,14 @@ from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
 from engine.model.execution import Record, RecordKind
-from engine.pipelines.execution.course import Course
+from engine.pipelines.execution.progress import Progress
 from engine.pipelines.execution.records import read_atom
 from engine.pipelines.execution.resuming import Past
 from engine.pipelines.simulation import World
 from kb.store.journal import Journal, Line
 
 
-def state_of(course: Course) -> dict[str, Any]:
+def state_of(course: Progress) -> dict[str, Any]:
     """What a checkpoint holds of a program on its way. The plan stays in its own record."""
     return {
         "facts": sorted(map(str, course.world.facts)),
@@ -20,6 +20,7 @@ def state_of(course: Course) -> dict[str, Any]:
         "done": [list(each) for each in ranges(course.done)],
         "sent": [[entry, at_ms] for entry, at_ms in course.sent.values()],
         "number": course.standing.number,
+        "since": [[str(atom), at_ms] for atom, at_ms in course.since.items() if atom in course.world.facts],
     }
 
 
@@ -40,10 +41,10 @@ def ranges(numbers: Iterable[int]) -> Iterator[tuple[int, int]]:
 def past_of(journal: Journal, run: str, past: Past, keeps_history: bool) -> Past:
     """What the journal says of a run, from its last checkpoint on if it has one."""
     number = journal.last(run, RecordKind.CHECKPOINT.value)
-    added = any(line.content["order"] == "add" for line in journal.lines(run, kinds=["order"]))
-    number = 0 if added else number  # a further command changes what the plans before it are for
+    state = _line(journal, run, number).content["state"] if number else {}
+    if state.get("added"):
+        number = 0  # a further command changes what the plans before it are for: all is read
     if number:
-        state = _line(journal, run, number).content["state"]
         for each in (1, state["plan"]):
             past.take(_record(_line(journal, run, each)))
         if keeps_history:
@@ -61,13 +62,16 @@ def _restore(past: Past, state: Mapping[str, Any]) -> None:
     past.world = World(past.scope.problem.chains, facts, dict(state["reached"]))
     past.done = {step: 0 for first, last in state["done"] for step in range(first, last + 1)}
     past.sent = {entry["command"]: (entry, at_ms) for entry, at_ms in state["sent"]}
+    past.since = {read_atom(atom): at_ms for atom, at_ms in state.get("since", ())}
     past.cases = {(exception, step): count for exception, step, count in state["cases"]}
     past.number, past.forecast_ms = state["number"], state["forecast_ms"]
     past.exceptions, past.steps = state["exceptions"], state["steps"]
 
 
 def _line(journal: Journal, run: str, number: int) -> Line:
-    return next(iter(journal.lines(run, number - 1)))
+    found = journal.line(run, number)
+    assert found is not None  # lines count from 1 without gaps
+    return found
 
 
 def _record(line: Line) -> Record:

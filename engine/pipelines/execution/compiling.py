@@ -15,7 +15,7 @@ from kb.model.plan import Plan, Step, StepId
 from kb.model.problem import Problem
 from kb.model.workflow import reaches
 from kb.syntax import SECONDS
-from kb.terms import Atom, Function, Term, substitute
+from kb.terms import Atom, Function, Term, parts_of, substitute
 
 PATIENCE = 2  # a reply may take so many times the forecast
 GRACE_MS = 30_000  # and so much longer
@@ -38,11 +38,15 @@ class Compiled:
 
 @dataclass(frozen=True, slots=True)
 class Stay:
-    """What one step brings may stay for so many units of time until another takes it."""
+    """What one step brings may stay for so many units of time until another takes it.
+
+    What is there when the plan begins has the source 0, and `since_ms` on the run's clock.
+    """
 
     source: StepId
     target: StepId
     most: int
+    since_ms: int | None = None
 
 
 def unit_ms(domain: Domain) -> Fraction:
@@ -91,7 +95,9 @@ def compiled(
             rests=number in rests,
             process=bool(hands) and not hands.intersection(map(str, step.resources)),
         )
-    dwells = tuple(Dwell(int(s.source), int(s.target), int(s.most * unit)) for s in stays)
+    dwells = tuple(
+        dict.fromkeys(Dwell(int(s.source), int(s.target), int(s.most * unit), s.since_ms) for s in stays)
+    )
     return Compiled(Program(activities, dwells, timed), plan, changes, expects, results)
 
 
@@ -125,7 +131,7 @@ def resting(
         return any(mentions(atom, hand) for hand in hands) and any(mentions(atom, each) for each in things)
 
     goals = [part.atom for part in goal_parts(problem.goal) if isinstance(part, Literal) and part.positive]
-    goals += [stage for chain in problem.chains for stage in chain.stages]
+    goals += [part for chain in problem.chains for stage in chain.stages for part in parts_of(stage)]
     holding = {atom for atom in here.state if held(atom)}
     found = set()
     for step in steps:

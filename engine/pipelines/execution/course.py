@@ -1,11 +1,11 @@
 """A program on its way: the loop that waits for replies, and takes each through the table of the executive.
 
 Everything is noted before it takes effect: commands are sent only after the group of records that holds them is on the disk.
+What the table wants done, `Progress` does.
 """
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
-from typing import Any
+from collections.abc import Mapping
+from dataclasses import dataclass
 
 from engine.model.execution import (
     Command,
@@ -14,85 +14,36 @@ from engine.model.execution import (
     Order,
     Phase,
     RecordKind,
-    Reply,
     RunState,
     Trouble,
     TroubleKind,
     Underway,
 )
-from engine.pipelines.execution.compiling import Compiled
-from engine.pipelines.execution.orders import Given, Orders
-from engine.pipelines.execution.recorder import Recorder
-from engine.pipelines.execution.replies import Replies
-from engine.pipelines.measuring import Measuring
-from engine.pipelines.simulation import Achievement, World
-from engine.pipelines.simulation.world import achievement
-from engine.ports import Driver
+from engine.pipelines.execution.orders import Given
+from engine.pipelines.execution.progress import Progress, Turn
 from engine.stages import execution as executive
-from engine.stages.execution import Failure, Standing
 
-EVERY = 5_000  # records from one checkpoint to the next
 QUIET_MS = 1_000  # a driver may take so long to drop what is queued
 LOST = "the controller does not answer any more"
-VERDICT = ("of", "quantity", "value", "unit", "nominal", "lower", "upper", "passed", "tool")
+STAYS = "something will stay too long"
 STUCK = "nothing is under way and nothing can begin"
 
 
-@dataclass(frozen=True, slots=True)
-class Turn:
-    """Why the loop came back: every step is done, something failed, an order needs more than the table, or the run is over."""
-
-    phase: Phase
-    failures: tuple[Failure, ...] = ()
-    given: Given | None = None
-    why: str = ""
-
-
 @dataclass
-class Course:
-    """The execution of programs, one after another, in one world."""
-
-    run: str
-    driver: Driver
-    recorder: Recorder
-    orders: Orders
-    world: World
-    compiled: Compiled
-    standing: Standing
-    history: list[Achievement] = field(default_factory=list)
-    keeps_history: bool = True
-    measuring: Measuring | None = None
-    done: set[int] = field(default_factory=set)
-    outbox: list[Command] = field(default_factory=list)
-    pending: list[Given] = field(default_factory=list)  # orders that came while an exception was handled
-    sent: dict[int, tuple[dict[str, Any], int]] = field(
-        default_factory=dict
-    )  # under way, as noted, since when
-    plan_number: int = 0  # of the record of the program
-    noted: int = 0  # the last checkpoint
-    every: int = EVERY
-    checkpoint: Callable[[], dict[str, Any]] | None = None
-    turn: Turn | None = None
-    look: Callable[[RunState], None] | None = None
-
-    def __post_init__(self) -> None:
-        self.replies = Replies(self.compiled)
-
-    def follow(self, compiled: Compiled, standing: Standing) -> None:
-        """Go on with another program."""
-        self.compiled, self.standing = compiled, standing
-        self.replies = Replies(compiled)
-        self.done, self.sent = set(), {}
-        self.plan_number = self.recorder.last
+class Course(Progress):
+    """The execution of programs, one after another: the loop that waits for what comes next."""
 
     def go(self) -> Turn:
         """Execute until something needs more than the table, or the program is done."""
         if self.turn is None:
-            self._take(executive.Began() if self.standing.phase is Phase.READY else executive.Passed())
+            self.take(executive.Began() if self.standing.phase is Phase.READY else executive.Passed())
         self.flush()
         while self.turn is None:
             self.wait()
             self.flush()
+            if self.turn is None and self.review and self.standing.phase is Phase.RUNNING:
+                self.turn = Turn(Phase.RUNNING, why=self.review, review=True)
+                self.review = ""
         turn, self.turn = self.turn, None
         return turn
 
@@ -109,7 +60,7 @@ class Course:
         for message in messages:
             self.hear(message)
         if not messages:
-            self._take(executive.Passed())
+            self.take(executive.Passed())
             self._stuck()
 
     def _until(self) -> int | None:
@@ -142,95 +93,73 @@ class Course:
         if running is None:
             return
         if self.replies.is_normal(running.activity, message.text):
-            self._result(running.activity, message)
-            self._take(executive.Replied(message.number))
+            self.result(running.activity, message)
+            self.take(executive.Replied(message.number))
         else:
-            self._take(executive.Failed(message.number, message.text))
+            self.take(executive.Failed(message.number, message.text))
 
     def order(self, given: Given, noted: bool = False) -> None:
         """Take in an order. Those that the table does not know are for whoever called `go`."""
         if not noted:
-            self.recorder.note(
-                RecordKind.ORDER, order=given.order.value, given=given.text, origin=given.origin
-            )
+            self.recorder.note(RecordKind.ORDER, **given.content())
         event = TABLE.get(given.order)
         if event is not None:
             before = self.standing.phase
-            self._take(event)
+            self.take(event)
             if before is not self.standing.phase:
                 self.recorder.note(RecordKind.PHASE, phase=self.standing.phase.value, why=given.order.value)
+        elif self.standing.phase in (Phase.QUIESCING, Phase.HANDLING):
+            self.pending.append(given)  # first it has to be found out what went wrong
         elif given.order is not Order.APPROVE:
             self.turn = Turn(self.standing.phase, given=given)
 
-    def _take(self, event: executive.Event) -> None:
-        self.standing, effects = executive.advance(
+    def take(self, event: executive.Event) -> None:
+        """Take an event through the table, and do what comes of it."""
+        self.standing, found = executive.advance(
             self.compiled.program, self.standing, event, self.driver.now_ms()
         )
-        for effect in effects:
+        for effect in found:
             self._effect(effect)
 
     def _effect(self, effect: executive.Effect) -> None:
         match effect:
             case executive.Dispatch():
-                self._dispatch(effect)
+                self.dispatch(effect)
             case executive.Done():
-                self._done(effect)
+                self.ended(effect)
             case executive.Quiesce():
                 self._quiesce()
+            case executive.Threatened():
+                self.threatened(effect)
+                self.review = STAYS
+            case _:
+                self._comes_to_rest(effect)
+
+    def _comes_to_rest(self, effect: executive.Effect) -> None:
+        match effect:
             case executive.Handle(failures):
                 self.turn = Turn(Phase.HANDLING, failures)
-            case executive.Threatened():
-                self._threatened(effect)
+            case executive.Halt():
+                self.driver.halt()
+                self.turn = Turn(Phase.STOPPED, why="stopped by order")
+            case executive.Paused():
+                self.recorder.note(RecordKind.PHASE, phase=Phase.PAUSED.value, why="the current goal is done")
+            case executive.Completed():
+                self.turn = Turn(Phase.FINISHED)
             case _:
-                self._came_to_rest(effect)
+                pass
 
-    def _came_to_rest(self, effect: executive.Effect) -> None:
-        if isinstance(effect, executive.Halt):
-            self.driver.halt()
-            self.turn = Turn(Phase.STOPPED, why="stopped by order")
-        elif isinstance(effect, executive.Paused):
-            self.recorder.note(RecordKind.PHASE, phase=Phase.PAUSED.value, why="the current goal is done")
-        elif isinstance(effect, executive.Completed):
-            self.turn = Turn(Phase.FINISHED)
-
-    def _dispatch(self, sent: executive.Dispatch) -> None:
-        if sent.activity is None:
-            kind = CommandKind.WAIT if sent.about is None else CommandKind.CONTINUE
-            self.post(Command(sent.number, kind, sent.stream, kind.value, about=sent.about))
-            return
-        each = self.compiled.program.activities[sent.activity]
-        command = Command(
-            sent.number,
-            CommandKind.STEP,
-            each.stream,
-            each.action,
-            each.says,
-            each.expects,
-            lasts_ms=each.lasts_ms,
-            timeout_ms=each.timeout_ms,
-            asks=each.asks,
-        )
-        self.post(command, each.id)
-
-    def post(self, command: Command, step: int | None = None) -> None:
-        """Note a command, to be sent once the note is on the disk."""
-        record = self.recorder.note(
-            RecordKind.COMMAND,
-            command=command.number,
-            command_kind=command.kind.value,
-            stream=command.stream,
-            action=command.action,
-            says=command.says,
-            expects=command.expects,
-            choices=list(command.choices),
-            lasts_ms=command.lasts_ms,
-            timeout_ms=command.timeout_ms,
-            about=command.about,
-            asks=command.asks,
-            step=step,
-        )
-        self.sent[command.number] = (dict(record.content), record.at_ms)
-        self.outbox.append(command)
+    def _quiesce(self) -> None:
+        """Have the driver begin nothing more, and take in what came meanwhile."""
+        self.recorder.note(RecordKind.PHASE, phase=Phase.QUIESCING.value, why="a step has failed")
+        self.flush()
+        came = self.driver.quiesce(QUIET_MS)
+        reports = self.driver.report(sorted(self.standing.running))
+        dropped = [each.number for each in reports if each.fate.value in ("dropped", "unknown")]
+        if dropped:
+            self.take(executive.Withdrawn(tuple(dropped)))
+        for message in came:
+            self.hear(message)
 
     def flush(self) -> None:
         """Write what was noted, then send what was posted. Raises `JournalFailure`; then nothing was sent."""
@@ -247,66 +176,6 @@ class Course:
         """Whether a checkpoint is due; none is written while a case is open."""
         many = self.recorder.last - self.noted >= self.every
         return many and self.standing.phase is Phase.RUNNING and not self.recorder.known
-
-    def _done(self, done: executive.Done) -> None:
-        change = self.compiled.changes[done.activity]
-        action = self.compiled.program.activities[done.activity].action
-        new = [atom for atom in (*change.adds, *change.events) if atom not in self.world.facts]
-        moved = self.world.apply(change)
-        self.done.add(done.activity)
-        self.sent.pop(done.number, None)
-        if self.keeps_history:
-            step = self.replies.step(done.activity)
-            self.history.append(achievement(len(self.history) + 1, step, new, moved))
-        self.recorder.note(
-            RecordKind.DONE,
-            step=done.activity,
-            command=done.number,
-            action=action,
-            started_ms=done.started_ms,
-            adds=[str(each) for each in change.adds],
-            ends=[str(each) for each in change.ends],
-            events=[str(each) for each in change.events],
-            moved=[[chain, number, str(atom)] for chain, number, atom in moved],
-        )
-        for chain, _, atom in moved:
-            self.recorder.note(RecordKind.GOAL, goal=f"{atom} of {chain}")
-
-    def _result(self, activity: int, reply: Reply) -> None:
-        """Note the fact that a reply gives, and the value that was measured with its verdict."""
-        result, step = self.replies.result(activity, reply.text), self.replies.step(activity)
-        found = self.measuring.heard(step, reply.text, reply.at_ms) if self.measuring is not None else None
-        verdict = {} if found is None else {name: getattr(found, name) for name in VERDICT}
-        if result is not None or found is not None:
-            said = "" if result is None else str(result)
-            action = self.compiled.program.activities[activity].action
-            self.recorder.note(RecordKind.RESULT, command=reply.number, action=action, result=said, **verdict)
-
-    def _quiesce(self) -> None:
-        self.recorder.note(RecordKind.PHASE, phase=Phase.QUIESCING.value, why="a step has failed")
-        self.flush()
-        came = self.driver.quiesce(QUIET_MS)
-        numbers = sorted(self.standing.running)
-        dropped = [
-            each.number for each in self.driver.report(numbers) if each.fate.value in ("dropped", "unknown")
-        ]
-        if dropped:
-            self._take(executive.Withdrawn(tuple(dropped)))
-        for message in came:
-            self.hear(message)
-
-    def _threatened(self, threat: executive.Threatened) -> None:
-        target = self.compiled.program.activities[threat.dwell.target]
-        said = "it stays too long" if threat.over else "as things stand, it will stay too long"
-        self.recorder.note(
-            RecordKind.EXCEPTION,
-            exception="stays_too_long",
-            known=True,
-            step=threat.dwell.target,
-            action=target.action,
-            command=None,
-            reply=f"{said}: by {round(threat.late_ms / 1000, 3)} s at least",
-        )
 
     def state(self) -> RunState:
         """How the run stands."""

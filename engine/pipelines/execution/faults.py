@@ -6,6 +6,7 @@ from engine.pipelines.execution.planned import Ready
 from engine.pipelines.simulator import possible
 from kb.diagnostics import Diagnostic, InvalidInput, Source, unknown_name
 from kb.model.faults import FaultModel
+from kb.numbers import is_count
 from kb.terms import Function
 
 WHERE = Source("--fault")
@@ -35,13 +36,13 @@ def _settled(text: str, ready: Ready, base: FaultModel | None) -> str:
             {str(e.operator) for e in base.exceptions.values() if cause in e.counts and e.operator}
         )
         raise _refused(f"{cause} does not show at {action.strip()}", f"it shows at: {', '.join(where)}")
-    instance = str(found[0]) if action.strip().isdecimal() else action.strip()
+    instance = str(found[0]) if is_count(action.strip()) else action.strip()
     return f"{instance}{'#' + time if time else ''}={cause}{'@' + exception if exception else ''}"
 
 
 def _step(action: str, ready: Ready, steps: list[Function]) -> list[Function]:
     """The steps that a fault names: one by its number or as it is written, or all of an operator."""
-    if action.isdecimal():
+    if is_count(action):
         found = [step.operator for step in ready.plan.steps if int(step.id) == int(action)]
         hint = f"the plan has steps 1 to {len(steps)}"
     else:

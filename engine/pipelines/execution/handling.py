@@ -73,6 +73,8 @@ class ExceptionHandler:
             command=number,
             reply=reply,
         )
+        if "diagnosis" not in self.scope.problem.domain.tools:
+            return GivesUp(f"{step} was answered '{reply}', and the domain's tools are without diagnosis")
         if self.base is None or exception is None:
             return GivesUp(f"{step} was answered '{reply}', and the {BASE} knows no such exception")
         seen = self.cases[exception, str(step)] = self.cases.get((exception, str(step)), 0) + 1
@@ -141,7 +143,8 @@ class ExceptionHandler:
         found = self.scope if recovery.change is None else self.scope.changed(recovery.change)
         self.scope = found.narrowed(recovery.problem, now, recovery.given_up)
         self.course.world.chains = self.scope.problem.chains
-        return again(recovery.problem, outcome.plan, self.course.driver.now_ms(), self.limits)
+        now_ms, since = self.course.driver.now_ms(), self.course.since
+        return again(recovery.problem, outcome.plan, now_ms, self.limits, since)
 
     def _believe(self, state: WorldState, why: str) -> None:
         new, gone = self.course.world.become(state)

@@ -3,7 +3,8 @@
 from dataclasses import dataclass, replace
 
 from engine.model.execution import Command, Fate, Order, Phase, RecordKind, Trouble, TroubleKind
-from engine.pipelines.execution.course import LOST, TABLE, Course, Turn
+from engine.pipelines.execution.course import LOST, Course
+from engine.pipelines.execution.progress import Turn
 from engine.stages.execution.machine import TIMEOUT
 from kb.terms import Function
 
@@ -82,12 +83,11 @@ def _awaited(course: Course, command: Command) -> str:
 
 def _hear_orders(course: Course) -> None:
     for given in course.orders.due(course.driver.now_ms()):
-        course.recorder.note(RecordKind.ORDER, order=given.order.value, given=given.text, origin=given.origin)
+        course.recorder.note(RecordKind.ORDER, **given.content())
         if given.order in (Order.STOP, Order.ABORT):
             course.driver.halt()
             raise Ended(Turn(Phase.STOPPED, why="stopped by order"))
-        if given.order in TABLE:
-            course.pending.append(given)
+        course.pending.append(given)
 
 
 def _trouble(course: Course, trouble: Trouble) -> None:

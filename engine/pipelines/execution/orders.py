@@ -9,11 +9,21 @@ from engine.model.execution import Order
 
 @dataclass(frozen=True, slots=True)
 class Given:
-    """An order, what it says besides (a step, facts, a command), and where it came from."""
+    """An order, what it says besides (a step, facts, a command, an answer), and where it came from.
+
+    `who` gave it and `when` (date and time, UTC) are noted in the journal if they are known.
+    """
 
     order: Order
     text: str = ""
     origin: str = "terminal"
+    who: str = ""
+    when: str = ""
+
+    def content(self) -> dict[str, str]:
+        """The order as a record has it."""
+        said = {"order": self.order.value, "given": self.text, "origin": self.origin}
+        return said | {key: value for key, value in (("who", self.who), ("when", self.when)) if value}
 
 
 class Orders(Protocol):

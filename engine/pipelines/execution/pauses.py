@@ -6,9 +6,10 @@ from dataclasses import dataclass, replace
 from engine.model.cases import Revision
 from engine.model.execution import Order, Phase, RecordKind
 from engine.model.outcome import Found
-from engine.pipelines.execution.course import Course
+from engine.pipelines.execution.joining import Joined, ahead, joined, left_behind
 from engine.pipelines.execution.orders import Given
 from engine.pipelines.execution.planned import Ready, again
+from engine.pipelines.execution.progress import Progress
 from engine.pipelines.execution.scope import Scope
 from engine.pipelines.revision.observing import corrected, read_facts
 from engine.pipelines.revision.remaining import left_over
@@ -26,27 +27,31 @@ class Refused(Exception):
 
 @dataclass(frozen=True, slots=True)
 class _Pause:
-    """Where a run stands when an order comes: what is believed, what is left of the plan."""
+    """Where a run stands when an order comes: the world when what is under way has ended, and what is left of the plan."""
 
-    course: Course
+    course: Progress
     scope: Scope
     state: WorldState
     left: Plan
     limits: Limits
 
 
-def changed(course: Course, scope: Scope, given: Given, limits: Limits) -> tuple[Scope, Ready]:
-    """The scope and the program after an order. Raises `Refused`."""
+def changed(course: Progress, scope: Scope, given: Given, limits: Limits) -> tuple[Scope, Joined]:
+    """The scope, and the program with its standing, after an order. Raises `Refused`.
+
+    Steps that have begun are not touched. After a further command the run does what it did before, else it goes on.
+    """
     if given.order is not Order.ADD and course.standing.phase is not Phase.PAUSED:
         raise Refused("the run is not paused: interrupt it first")
-    if course.standing.running:
-        raise Refused("a process is still under way: wait until it has ended")
-    done = frozenset(StepId(each) for each in course.done)
-    here = _Pause(course, scope, course.world.state, left_over(course.compiled.plan, done), limits)
+    here = _Pause(course, scope, ahead(course), left_behind(course), limits)
     try:
-        return MOVES[given.order](here, given.text)
+        found, made = MOVES[given.order](here, given.text)
     except InvalidInput as error:
         raise Refused("; ".join(each.message for each in error.diagnostics)) from error
+    new = joined(course, found, made)
+    if given.order is Order.ADD:
+        return found, new
+    return found, replace(new, standing=replace(new.standing, phase=Phase.READY, frozen=False))
 
 
 def _step(here: _Pause, text: str) -> StepId:
@@ -64,12 +69,12 @@ def _skip(here: _Pause, text: str) -> tuple[Scope, Ready]:
     wanted = _step(here, text)
     step = next((each for each in here.left.steps if each.id == wanted), None)
     if step is None:
-        raise Refused(f"step {wanted} is done already")
+        raise Refused(f"step {wanted} is done already, or under way")
     change = here.course.compiled.changes[int(wanted)]
     here.course.world.apply(change)
     _note(here, f"{step.operator} was done by hand", change.adds, change.ends)
-    rest = left_over(here.course.compiled.plan, {StepId(n) for n in here.course.done} | {wanted})
-    return _replanned(replace(here, state=here.course.world.state, left=rest))
+    rest = left_over(here.left, {wanted})
+    return _replanned(replace(here, state=ahead(here.course), left=rest))
 
 
 def _retry(here: _Pause, _text: str) -> tuple[Scope, Ready]:
@@ -90,7 +95,9 @@ def _back(here: _Pause, text: str) -> tuple[Scope, Ready]:
         if why := dynamics.refusal(step.operator, state):
             raise Refused(f"step {step.id} {step.operator} cannot be taken again: {why}")
         state = dynamics.after(step.operator, state)
-    return here.scope, again(here.scope.rest(here.state), plan, here.course.driver.now_ms(), here.limits)
+    return here.scope, again(
+        here.scope.rest(here.state), plan, here.course.driver.now_ms(), here.limits, here.course.since
+    )
 
 
 def _correct(here: _Pause, text: str) -> tuple[Scope, Ready]:
@@ -98,11 +105,11 @@ def _correct(here: _Pause, text: str) -> tuple[Scope, Ready]:
     holds, gone = _signed(text)
     domain = here.scope.problem.domain
     known = read_facts(holds, domain, "correct"), read_facts(gone, domain, "correct")
-    facts = frozenset(corrected(Dynamics(here.scope.problem), here.state.facts, *known))
-    state = replace(here.state, facts=facts)
-    new, old = here.course.world.become(state)
+    state = here.course.world.state
+    facts = frozenset(corrected(Dynamics(here.scope.problem), state.facts, *known))
+    new, old = here.course.world.become(replace(state, facts=facts))
     _note(here, "corrected by a person", new, old)
-    return _replanned(replace(here, state=state))
+    return _replanned(replace(here, state=ahead(here.course)))
 
 
 def _signed(text: str) -> tuple[str, str]:
@@ -118,12 +125,8 @@ def _add(here: _Pause, text: str) -> tuple[Scope, Ready]:
     """A further command: its goals and stages join those that are pursued."""
     from kb.commands import understand
 
-    found = understand(here.scope.problem, text)
-    scope = Scope(merged(here.scope.problem, found), here.scope.given_up)
-    here.course.world.chains = scope.problem.chains
-    for chain in scope.problem.chains:
-        here.course.world.reached.setdefault(chain.name, 0)
-    return _replanned(replace(here, scope=scope, state=here.course.world.state))
+    scope = Scope(merged(here.scope.problem, understand(here.scope.problem, text)), here.scope.given_up)
+    return _replanned(replace(here, scope=scope, state=ahead(here.course, scope.problem.chains)))
 
 
 def merged(problem: Problem, further: Problem) -> Problem:
@@ -154,7 +157,9 @@ def _replanned(here: _Pause) -> tuple[Scope, Ready]:
     if not isinstance(found.outcome, Found):
         raise Refused(found.outcome.reason)
     scope = here.scope.narrowed(found.problem, here.state, found.given_up)
-    return scope, again(found.problem, found.outcome.plan, here.course.driver.now_ms(), here.limits)
+    return scope, again(
+        found.problem, found.outcome.plan, here.course.driver.now_ms(), here.limits, here.course.since
+    )
 
 
 def _note(here: _Pause, why: str, adds: Sequence[object], ends: Sequence[object]) -> None:

@@ -1,11 +1,10 @@
 """The program of a run: planned, timed and compiled, from where the run stands."""
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from engine.model.outcome import Found, Outcome
 from engine.model.schedule import Timetable
-from engine.pipelines import objective
 from engine.pipelines.execution.compiling import Compiled, Stay, compiled, situation_of
 from engine.pipelines.gate import PlanGate
 from engine.pipelines.timetable import timed
@@ -24,6 +23,9 @@ from kb.terms import Atom
 WORK = 1.0  # of the scheduler for a recovery, about seconds of one core
 SHORT = 120  # steps of a recovery that are scheduled anew; longer ones keep their order
 
+Since = Mapping[Atom, int]  # when facts became true, in milliseconds of the run's clock
+NOTHING: Since = {}
+
 
 @dataclass(frozen=True)
 class Ready:
@@ -38,27 +40,32 @@ class Ready:
     notes: tuple[str, ...] = field(default=())
 
 
-def first(problem: Problem, limits: Limits = Limits(), outcome: Outcome | None = None) -> Ready | Outcome:
-    """The first program of a run, or why there is none. `outcome` is a plan that is known already. Raises `InvalidInput`."""
-    found = (
-        objective.plan(problem, limits)
-        if outcome is None
-        else objective.scheduled(problem, outcome, limits, None)
-    )
+def first(
+    problem: Problem, limits: Limits = Limits(), outcome: Outcome | None = None, store: str = ""
+) -> Ready | Outcome:
+    """The first program of a run, or why there is none. `outcome` is a plan that is known already. Raises `InvalidInput`.
+
+    What is learned of plans is kept in `store`, if one is given.
+    """
+    from engine.pipelines.execution.toplevel import made
+
+    found = made(problem, limits, store, outcome)
     if not isinstance(found.outcome, Found):
         return found.outcome
-    return ready(problem, found.outcome.plan, found.starts, 0)
+    return replace(ready(problem, found.outcome.plan, found.starts, 0), notes=found.notes)
 
 
-def again(problem: Problem, plan: Plan, begin_ms: int, limits: Limits = Limits()) -> Ready:
-    """The program of a plan that was made while the run goes on."""
+def again(
+    problem: Problem, plan: Plan, begin_ms: int, limits: Limits = Limits(), since: Since = NOTHING
+) -> Ready:
+    """The program of a plan that was made while the run goes on. `since` says when facts became true."""
     starts: Mapping[StepId, int] | None = None
     if any(step.duration for step in plan.steps) and len(plan.steps) <= SHORT:
         work = ScheduleLimits(WORK, limits.seed, interrupted=limits.interrupted)
         made = timed(problem, ground(problem), plan, work)
         if isinstance(made, Timetable):
             plan, starts = made.plan, made.starts
-    return ready(problem, plan, starts, begin_ms)
+    return ready(problem, plan, starts, begin_ms, since=since)
 
 
 def ready(
@@ -67,6 +74,7 @@ def ready(
     starts: Mapping[StepId, int] | None,
     begin_ms: int,
     here: Situation | None = None,
+    since: Since = NOTHING,
 ) -> Ready:
     """The program of a plan with its forecast; without `starts`, every step is as early as the plan's order allows."""
     from engine.model.forecast import earliest_starts
@@ -74,24 +82,34 @@ def ready(
     times = dict(starts) if starts is not None else earliest_starts(plan)
     begin = here or situation_of(problem)
     wishes = wishes_for(PlanGate().semantics(problem), plan)
-    stays = tuple(stays_of(plan, wishes, begin))
+    stays = tuple(stays_of(plan, wishes, begin, since))
     made = compiled(problem, plan, times, begin_ms, stays, wishes.any, begin)
     last = max((times[step.id] + step.duration for step in plan.steps), default=0)
     return Ready(problem, plan, times, made, last)
 
 
-def stays_of(plan: Plan, wishes: Wishes, here: Situation) -> Iterator[Stay]:
-    """Which step brings something to a place where it may not stay for long, and which one takes it away."""
+def stays_of(plan: Plan, wishes: Wishes, here: Situation, since: Since = NOTHING) -> Iterator[Stay]:
+    """Which step brings something to a place where it may not stay for long, and which one takes it away.
+
+    What is there already counts from when it came, as far as that is known.
+    """
     if not wishes.longest_stay:
         return
-    brought: dict[Atom, tuple[StepId, int]] = {}
+    there = {atom: (StepId(0), most) for atom in since for most in _longest(atom, wishes)}
+    brought: dict[Atom, tuple[StepId, int]] = {
+        atom: each for atom, each in there.items() if atom in here.state
+    }
     for step, change in zip(plan.steps, changes_of(here, plan.steps), strict=True):
         for atom in change.ends:
             if atom in brought:
                 source, most = brought.pop(atom)
-                yield Stay(source, step.id, most)
-        for atom in change.adds:
-            for place, most in wishes.longest_stay.items():
-                inside = [mentions(each, place) for each in atom.arguments]
-                if any(inside) and not all(inside):
-                    brought[atom] = (step.id, most)
+                yield Stay(source, step.id, most, None if int(source) else since[atom])
+        brought |= {atom: (step.id, most) for atom in change.adds for most in _longest(atom, wishes)}
+
+
+def _longest(atom: Atom, wishes: Wishes) -> Iterator[int]:
+    """How long a fact may last that says where something is, in a place where nothing may stay for long."""
+    for place, most in wishes.longest_stay.items():
+        inside = [mentions(each, place) for each in atom.arguments]
+        if any(inside) and not all(inside):
+            yield most

@@ -27,7 +27,10 @@ def plan_entry(ready: Ready, why: str, scope: Scope) -> dict[str, Any]:
         "why": why,
         "steps": [_step_entry(a, plan[a.id], ready.compiled) for a in program.activities.values()],
         "order": [int(step.id) for step in ready.plan.steps],
-        "dwells": [[d.source, d.target, d.most_ms] for d in program.dwells],
+        "dwells": [
+            [d.source, d.target, d.most_ms, *([] if d.since_ms is None else [d.since_ms])]
+            for d in program.dwells
+        ],
         "timed": program.timed,
         "forecast_ms": program.forecast_ms,
         "goals": list(map(str, goal_parts(scope.problem.goal))),

@@ -14,6 +14,8 @@ from engine.pipelines.execution.records import read_atom, scope_of
 from engine.pipelines.execution.scope import Scope
 from engine.pipelines.simulation import Achievement, World
 from engine.pipelines.simulation.world import achievement
+from kb.model.problem import Problem
+from kb.terms import Atom
 
 Content = Mapping[str, Any]
 REPEATED = (  # what a case notes in the same order whenever it is taken up again
@@ -55,6 +57,8 @@ class Past:
     plan_number: int = 0  # of the record of the last plan
     replans: bool = False  # the last plan leads nowhere any more
     added: str = ""
+    whole: Problem | None = None  # the problem with what was added, if something was
+    since: dict[Atom, int] = field(default_factory=dict)  # when facts became true, where stays are limited
 
     def take(self, record: Record) -> None:
         """Take in a record."""
@@ -79,13 +83,18 @@ class Past:
         self.forecast_ms = self.forecast_ms or content["forecast_ms"]
         self.steps += len(self.done)
         self.plan, self.plan_number = content, record.number
-        self.done, self.sent, self.case = {}, {}, []
+        self.done, self.case = {}, []
+        self.sent = {
+            number: ({**self.sent[number][0], "step": step}, self.sent[number][1])
+            for number, step in content.get("running", ())
+        }
         self.paused = self.replans = False
         if content["why"] == Order.ADD.value:
             from kb.commands import understand
 
-            joined = merged(self.scope.problem, understand(self.scope.problem, self.added))
-            self.scope = replace(self.scope, problem=joined)
+            found = understand(self.scope.problem, self.added)
+            self.whole = merged(self.whole or self.scope.problem, found)
+            self.scope = replace(self.scope, problem=merged(self.scope.problem, found))
         self.scope = scope_of(self.scope, content)
         self.world.chains = self.scope.problem.chains
         for chain in self.world.chains:
@@ -118,6 +127,8 @@ class Past:
         for chain, number, _ in moved:
             self.world.reached[chain] = number
         self.done[content["step"]] = record.at_ms
+        if self.plan is not None and self.plan["timed"]:
+            self.since.update(dict.fromkeys(fresh, record.at_ms))
         self.sent.pop(content["command"], None)
         self.history.append(achievement(len(self.history) + 1, read_atom(content["action"]), fresh, moved))
 

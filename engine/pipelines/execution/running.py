@@ -6,15 +6,17 @@ from typing import Any
 from engine.model.execution import Finish, Order, Phase, RecordKind
 from engine.pipelines.execution.checkpoints import state_of
 from engine.pipelines.execution.compiling import Compiled
-from engine.pipelines.execution.course import EVERY, Course, Turn
+from engine.pipelines.execution.course import Course
 from engine.pipelines.execution.handling import ExceptionHandler, GivesUp
 from engine.pipelines.execution.hands import Ended
 from engine.pipelines.execution.orders import Given, Orders
-from engine.pipelines.execution.pauses import Refused, changed
+from engine.pipelines.execution.pauses import Refused, changed, merged
 from engine.pipelines.execution.planned import Ready
+from engine.pipelines.execution.progress import EVERY, Turn
 from engine.pipelines.execution.recorder import Recorder
 from engine.pipelines.execution.records import compiled_of, plan_entry, read_atom
 from engine.pipelines.execution.resuming import Past
+from engine.pipelines.execution.reviewing import reviewed
 from engine.pipelines.execution.scope import Scope
 from engine.pipelines.execution.settling import settle
 from engine.pipelines.measuring import Measuring
@@ -23,6 +25,7 @@ from engine.pipelines.simulation import World
 from engine.ports import Driver
 from engine.stages.execution import Program, Running, Standing, standing_of
 from engine.stages.planning import Limits
+from kb.commands import understand
 from kb.model.faults import FaultModel
 from kb.model.plan import StepId
 from kb.model.problem import Problem
@@ -46,6 +49,7 @@ class Execution:
     exceptions: int = 0
     forecast_ms: int = 0
     story: list[str] = field(default_factory=list)
+    added: bool = False  # whether a further command was given
 
     def start(self, ready: Ready, world: World, approve: bool = False) -> Finish:
         """Execute a first plan to the end of the run."""
@@ -53,6 +57,8 @@ class Execution:
         standing = standing_of(compiled.program, self.driver.now_ms(), 1)
         course = self._course(compiled, standing, world)
         self.forecast_ms = ready.compiled.program.forecast_ms
+        if ready.notes:
+            self.recorder.note(RecordKind.DECISION, what="the first plan", why="; ".join(ready.notes))
         course.plan_number = self.recorder.note(
             RecordKind.PLAN, **plan_entry(ready, "first", Scope(self.problem))
         ).number
@@ -60,6 +66,7 @@ class Execution:
 
     def resume(self, past: Past) -> Finish:
         """Go on with a run whose journal was read. What was under way is settled with the driver first."""
+        self.added = past.whole is not None
         self.forecast_ms, self.exceptions, self.steps = past.forecast_ms, past.exceptions, past.steps
         assert past.plan is not None
         compiled = self._queued(compiled_of(past.plan))
@@ -80,7 +87,7 @@ class Execution:
             past.plan_number,
             {n: (dict(e), at) for n, (e, at) in past.sent.items()},
         )
-        course.noted = self.recorder.last
+        course.noted, course.since = self.recorder.last, dict(past.since)
         course.done, course.history = set(past.done), past.history if course.keeps_history else []
         handler = ExceptionHandler(course, past.scope, self.base, self.limits, dict(past.cases))
         return self.guarded(course, past.scope, handler=handler, past=past)
@@ -142,6 +149,7 @@ class Execution:
             "forecast_ms": self.forecast_ms,
             "exceptions": self.exceptions,
             "steps": self.steps,
+            "added": self.added,
         }
 
     def _approved(self, course: Course) -> bool:
@@ -158,9 +166,11 @@ class Execution:
     def _run(self, course: Course, handler: ExceptionHandler) -> Finish:
         while True:
             turn = course.go()
-            self.steps += len(course.done)
             if turn.given is not None:
                 ended = self._changed(course, handler, turn.given)
+            elif turn.review:
+                self._reviewed(course, handler, turn.why)
+                continue
             elif turn.phase is Phase.HANDLING:
                 ended = self._handled(course, handler, turn)
             elif turn.phase is Phase.FINISHED:
@@ -204,12 +214,21 @@ class Execution:
         outcome = REACHED if not open_ else STOPPED if found.stops else PARTLY
         return self._end(course, handler.scope, outcome, found.why)
 
-    def follow(self, course: Course, scope: Scope, found: Ready, why: str) -> None:
-        """Go on with another plan."""
+    def follow(
+        self, course: Course, scope: Scope, found: Ready, why: str, standing: Standing | None = None
+    ) -> None:
+        """Go on with another plan: with nothing done of it, or from a `standing` in which steps of it are under way."""
+        self.steps += len(course.done)
         compiled = self._queued(found.compiled)
-        now = self.driver.now_ms()
-        self.recorder.note(RecordKind.PLAN, **plan_entry(found, why, scope))
-        course.follow(compiled, standing_of(compiled.program, now, course.standing.number))
+        fresh = standing or standing_of(compiled.program, self.driver.now_ms(), course.standing.number)
+        running = [[number, each.activity] for number, each in sorted(fresh.running.items())]
+        self.recorder.note(
+            RecordKind.PLAN, **plan_entry(found, why, scope), **({"running": running} if running else {})
+        )
+        course.world.chains = scope.problem.chains
+        for chain in scope.problem.chains:
+            course.world.reached.setdefault(chain.name, 0)
+        course.follow(compiled, fresh)
 
     def _changed(self, course: Course, handler: ExceptionHandler, given: Given) -> Finish | None:
         """What an order at a pause makes of the plan. An order that cannot be followed is told, and nothing changes."""
@@ -221,9 +240,21 @@ class Execution:
         except Refused as error:
             self.recorder.note(RecordKind.DECISION, what=f"{given.order.value} refused", why=str(error))
             return None
+        if given.order is Order.ADD:
+            self.added = True
+            self.problem = merged(self.problem, understand(handler.scope.problem, given.text))
         handler.scope = scope
-        self.follow(course, scope, found, given.order.value)
+        self.follow(course, scope, found.ready, given.order.value, found.standing)
         return None
+
+    def _reviewed(self, course: Course, handler: ExceptionHandler, why: str) -> None:
+        """Follow a better plan for what is left, if there is one: one that keeps what this one would break, or is sooner done."""
+        found = reviewed(course, handler.scope, self.limits)
+        if found is not None:
+            self.recorder.note(
+                RecordKind.DECISION, what="another order of what is left", why=f"{why}: {found.why}"
+            )
+            self.follow(course, handler.scope, found.joined.ready, "reschedule", found.joined.standing)
 
     def _finished(self, course: Course, handler: ExceptionHandler) -> Finish:
         """The end of the last plan: whether all original goals hold is looked up in the world, not taken from the plan."""
@@ -233,6 +264,7 @@ class Execution:
         return self._end(course, handler.scope, outcome, why)
 
     def _end(self, course: Course, scope: Scope, outcome: str, why: str) -> Finish:
+        self.steps += len(course.done)
         ending = self._ending(course, scope, outcome, why)
         self.recorder.note(
             RecordKind.END,

@@ -29,8 +29,9 @@ class Scope:
     blocked: tuple[Atom, ...] = ()
 
     def rest(self, state: WorldState) -> Problem:
-        """What is left of it in a state."""
-        return remaining(self.problem, state.reached, state.facts)
+        """What is left of it in a state; of a chain that is new nothing is reached."""
+        reached = {chain.name: 0 for chain in self.problem.chains} | dict(state.reached)
+        return remaining(self.problem, reached, state.facts)
 
     def changed(self, found: Revision) -> "Scope":
         """The scope without what a case has found to be lost, or to fail."""

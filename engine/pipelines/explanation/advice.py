@@ -13,7 +13,7 @@ from engine.pipelines.explanation.space import Space
 from kb.asp.statics import evaluated
 from kb.model.conditions import Exists, Literal, goal_parts
 from kb.model.problem import Problem
-from kb.terms import ANYTHING, Atom, Function, Number, Term, match, substitute_atom
+from kb.terms import ANYTHING, Atom, Function, Number, Term, match, parts_of, substitute_atom
 
 MAX_SIZE = 3  # facts in one change
 MAX_TRIALS = 1_000  # single facts planned with
@@ -172,7 +172,7 @@ class Advice:
             return False
         wanted = [
             *goal_atoms(self.problem),
-            *(stage for chain in self.problem.chains for stage in chain.stages),
+            *(part for chain in self.problem.chains for stage in chain.stages for part in parts_of(stage)),
         ]
         return any(match(each, added, {}) is not None for each in wanted)
 

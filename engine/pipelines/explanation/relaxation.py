@@ -24,7 +24,7 @@ from kb.model.conditions import goal_parts
 from kb.model.domain import Domain
 from kb.model.normalise import Normaliser
 from kb.model.problem import Problem
-from kb.terms import Atom, Function
+from kb.terms import Atom, Function, parts_of
 
 MISSED = "_missed"
 LOOSENED = "_loosened"
@@ -101,7 +101,7 @@ def _events(schema: Schema, vocabulary: Vocabulary) -> Iterator[str]:
 
 
 def _stages(problem: Problem, vocabulary: Vocabulary, first: int) -> Iterator[str]:
-    stages = dict.fromkeys(stage for chain in problem.chains for stage in chain.stages)
+    stages = dict.fromkeys(part for c in problem.chains for stage in c.stages for part in parts_of(stage))
     for number, stage in enumerate(stages, first):
         if stage.name in vocabulary.events:
             yield f"_v_{stage}."

@@ -14,6 +14,7 @@ from kb.diagnostics import Diagnostic, InvalidInput, Source, unknown_name
 from kb.model.amounts import Facts
 from kb.model.conventions import Conventions
 from kb.model.problem import Problem
+from kb.numbers import is_count
 from kb.terms import Number, Term
 
 Window = tuple[int, int | None]
@@ -119,7 +120,7 @@ def _spelled_window(text: str) -> tuple[str, Window]:
     name, _, span = text.partition("=")
     first, dots, last = (each.strip() for each in span.partition(".."))
     ends = (first or "0", last or "0")
-    if not dots or not name.strip() or not all(each.isdecimal() for each in ends) or not (first or last):
+    if not dots or not name.strip() or not all(map(is_count, ends)) or not (first or last):
         raise _wrong("--window", text, "m3=10..90, m3=10.. or m3=..90")
     if last and int(last) < int(ends[0]):
         raise _wrong("--window", text, "the earliest time first, as in m3=10..90")
@@ -128,7 +129,7 @@ def _spelled_window(text: str) -> tuple[str, Window]:
 
 def _spelled_time(text: str) -> tuple[str, int]:
     name, _, value = (each.strip() for each in text.partition("="))
-    if not name or not value.isdecimal():
+    if not name or not is_count(value):
         raise _wrong("--lasts", text, "m3=4")
     return name, int(value)
 

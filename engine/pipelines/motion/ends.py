@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from engine.kernels.linear import matmul
 from engine.model.geometry import Floats
 from engine.stages.geometry import transforms
 from engine.stages.geometry.reach.reach import Reachability, Unreached
@@ -88,7 +89,7 @@ def _turned_now(world: World, arm: str, tool: str) -> tuple[float, float, float]
     T = world.pose("world", f"{arm}.tool")
     if tool:
         tip = transforms.of_pose(world.cell.bodies[tool].features["tip"])
-        T = T @ transforms.inverse(world.grip(tool)) @ tip
+        T = matmul(T, transforms.inverse(world.grip(tool)), tip)
     return transforms.to_pose(T).rpy_rad
 
 

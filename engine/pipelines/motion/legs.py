@@ -8,7 +8,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from engine.kernels.geometry.proof import proved
+from engine.kernels.linear import matmul
 from engine.model.geometry import Floats
+from engine.model.motion import FINEST_M
 from engine.pipelines.motion.ends import End
 from engine.stages.geometry import transforms
 from engine.stages.geometry.collision.ground import Ground
@@ -20,7 +22,6 @@ from kb.diagnostics import Diagnostic, InvalidInput, Source
 from kb.model.cell import Place
 
 LINES = 32  # configurations of a place from which a line is tried
-FINEST_M = 1e-4  # a motion so small need not be halved for a proof
 RETRACT, FREE, APPROACH = "retract", "free", "approach"
 
 
@@ -58,7 +59,7 @@ def departures(end: End, whole: Floats, reach: Reachability, hand: ArmHand, opti
     place = end.place
     ground, found, why = Ground(reach.checker(place)), [], ""
     for q in whole[:LINES]:
-        T_back = hand.poses(q[None])[0] @ transforms.translation(0.0, 0.0, -place.approach_m)
+        T_back = matmul(hand.poses(q[None])[0], transforms.translation(0.0, 0.0, -place.approach_m))
         line = straight(hand, q, T_back)
         if isinstance(line, Broken):
             away = f"{line.share * place.approach_m * 1000:.0f} mm from it"

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from engine.kernels.linear import matmul
 from engine.model.geometry import Floats, Longs
 from engine.pipelines.motion.moving import limits_of
 from engine.stages.geometry import transforms
@@ -80,7 +81,7 @@ def _out(hand: ArmHand, q: Floats, approach_m: float) -> Floats | Broken:
     """The straight line out of a visit; where there is no approach, only where it is."""
     if approach_m == 0.0:
         return q[None]
-    return straight(hand, q, hand.poses(q[None])[0] @ transforms.translation(0.0, 0.0, -approach_m))
+    return straight(hand, q, matmul(hand.poses(q[None])[0], transforms.translation(0.0, 0.0, -approach_m)))
 
 
 def near_one_another(

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from engine.model.geometry import Floats
-from engine.pipelines.motion.legs import FINEST_M, Leg
+from engine.model.motion import FINEST_M
+from engine.pipelines.motion.legs import Leg
 from engine.pipelines.motion.zones import Zone, slowed
 from engine.stages.motion.smoothing import Smoothed, certified
 from engine.stages.motion.trajectory import Limits, Trajectory, fastest

@@ -6,8 +6,10 @@ from itertools import pairwise
 
 import numpy as np
 
+from engine.kernels.linear import matmul, norm
 from engine.model.geometry import Floats, Longs, Piece
-from engine.pipelines.motion.legs import FINEST_M, Leg
+from engine.model.motion import FINEST_M
+from engine.pipelines.motion.legs import Leg
 from engine.stages.geometry import transforms
 from engine.stages.geometry.collision.builtin import BuiltinChecker
 from engine.stages.geometry.collision.ground import Ground
@@ -41,7 +43,7 @@ def zones_of(world: World, ground: Ground) -> tuple[Zone, ...]:
     for name, zone in world.cell.zones.items():
         moving = tuple(piece for piece in ground.scene.pieces if piece.carrier > 0)
         below = world.locate(zone.placement.parent)
-        T = below.T_carrier_frame @ transforms.of_pose(zone.placement.pose)
+        T = matmul(below.T_carrier_frame, transforms.of_pose(zone.placement.pose))
         space = tuple(
             Piece(name, below.carrier, T, core.vertices, core.radius_m, core.box)
             for core in cores(zone.shape)
@@ -61,7 +63,7 @@ def parted(path: Floats) -> Floats:
     """The path (m, k) with lines cut into parts of at most `PART`."""
     rows = [path[:1]]
     for a, b in pairwise(path):
-        count = max(1, int(np.ceil(np.linalg.norm(b - a) / PART)))
+        count = max(1, int(np.ceil(norm(b - a) / PART)))
         rows.append(a + (np.arange(1, count + 1) / count)[:, None] * (b - a))
     return np.concatenate(rows)
 

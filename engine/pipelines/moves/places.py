@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from engine.kernels.linear import norm
 from engine.model.geometry import Floats
 from engine.stages.geometry import transforms
 from kb.model.cell import Cell, Measuring, Place, Placement
@@ -52,7 +53,7 @@ def _place(
     name: str, point: Floats, normal: Floats, how: Measuring, frame: str, tool: str, cell: Cell
 ) -> Place:
     """The tool's z goes against the normal; about it the tool may turn."""
-    away = normal / max(float(np.linalg.norm(normal)), 1e-9)
+    away = normal / max(norm(normal), 1e-9)
     T = transforms.transform(_against(away), point)
     placement = Placement(frame, transforms.to_pose(T))
     return Place(name, placement, next(iter(cell.arms)), tool, how.approach_m, True, how.touches)
@@ -63,7 +64,7 @@ def _against(normal: Floats) -> Floats:
     z = -normal
     beside = np.eye(3)[int(np.argmin(np.abs(z)))]
     x = np.cross(beside, z)
-    x /= np.linalg.norm(x)
+    x /= norm(x)
     return np.column_stack([x, np.cross(z, x), z])
 
 

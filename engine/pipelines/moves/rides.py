@@ -6,7 +6,8 @@ import numpy as np
 
 from engine.kernels.geometry.proof import proved
 from engine.model.geometry import Floats
-from engine.pipelines.moves.rooms import FINEST_M, Room
+from engine.model.motion import FINEST_M
+from engine.pipelines.moves.rooms import Room
 from engine.stages.geometry.collision.ground import Ground
 from engine.stages.geometry.world.scenes import riding_scene_of
 

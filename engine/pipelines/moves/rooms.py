@@ -8,7 +8,9 @@ from functools import cached_property
 import numpy as np
 
 from engine.kernels.geometry.proof import proved
+from engine.kernels.linear import matmul
 from engine.model.geometry import Contact, Floats, Truths
+from engine.model.motion import FINEST_M
 from engine.ports import CollisionChecker, GeometryBackend
 from engine.stages.geometry import transforms
 from engine.stages.geometry.collision.ground import Ground
@@ -21,7 +23,6 @@ from kb.model.cell import Place, Placement
 STRAIGHT_STEP_M = 0.01  # how often a straight way of the tool is looked at
 STRAIGHT_TOLERANCE_M = 0.001  # how far the tool may be off the straight way between two corners
 JUMP = 0.5  # rad or m: two configurations so far apart are of two branches
-FINEST_M = 1e-4
 
 
 @dataclass(eq=False)
@@ -88,9 +89,9 @@ class Room:
         T_flange_tool = self.reach.flange_to_end(place)
         away = np.zeros((count + 1, 3))
         away[:, 2] = -np.linspace(0.0, back_m, count + 1)
-        back = T_flange_tool @ transforms.transform(np.eye(3)[None].repeat(count + 1, 0), away)
+        back = matmul(T_flange_tool, transforms.transform(np.eye(3)[None].repeat(count + 1, 0), away))
         start = self._model(place.arm).flange_pose(at)
-        lines = start[:, None] @ (back @ transforms.inverse(T_flange_tool))[None]
+        lines = matmul(start[:, None], matmul(back, transforms.inverse(T_flange_tool))[None])
         paths = self.followed(place.arm, lines, at)
         return [None if path is None else np.ascontiguousarray(path[::-1]) for path in paths]
 

@@ -5,6 +5,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from engine.kernels.linear import matmul
 from engine.model.geometry import Contact, Floats
 from engine.model.motion import Blocked
 from engine.model.moves import Leg, LegKind, MovedStep, Unmoved
@@ -155,8 +156,9 @@ class StepMotion:
         """Configurations before the place, if that is where the step ends; whether the arm gets in from there is not asked."""
         if self.operation.ends is not Ends.BEFORE:
             return []
-        away = transforms.of_pose(self.place.placement.pose) @ transforms.translation(
-            0, 0, -self.place.approach_m
+        away = matmul(
+            transforms.of_pose(self.place.placement.pose),
+            transforms.translation(0, 0, -self.place.approach_m),
         )
         before = replace(
             self.place, placement=Placement(self.place.placement.parent, transforms.to_pose(away))
@@ -197,9 +199,9 @@ class StepMotion:
         first, last = (guide_value(room.world, body) for room in (self.before, self.after))
         model = world.models[self.arm]
         start = world.pose(f"{self.arm}.base", body)
-        T_body_flange = transforms.inverse(start) @ model.flange_pose(at)
+        T_body_flange = matmul(transforms.inverse(start), model.flange_pose(at))
         poses = [
-            world.guided(body, float(value)).pose(f"{self.arm}.base", body) @ T_body_flange
+            matmul(world.guided(body, float(value)).pose(f"{self.arm}.base", body), T_body_flange)
             for value in np.linspace(first, last, DRAG_STEPS + 1)
         ]
         path = self.before.followed(self.arm, np.array([poses]), at[None])[0]
@@ -290,6 +292,6 @@ def guide_value(world: World, body: str) -> float:
     guide = cell.bodies[body].guide
     assert guide is not None
     home = transforms.of_pose(cell.bodies[body].placement.pose)
-    moved = transforms.inverse(home) @ world.placed[body].T_parent_frame
+    moved = matmul(transforms.inverse(home), world.placed[body].T_parent_frame)
     along = moved[:3, 3] if guide.kind is JointKind.PRISMATIC else transforms.rotation_vector(moved[:3, :3])
-    return float(along @ np.array(guide.axis))
+    return float(matmul(along, np.array(guide.axis)))

@@ -5,7 +5,7 @@ import numpy as np
 from engine.kernels.geometry.proof import proved
 from engine.kernels.rigid import inverse
 from engine.model.geometry import Floats
-from engine.model.motion import Moved, Query
+from engine.model.motion import FINEST_M, Moved, Query
 from engine.pipelines.placing.answers import Carry, Leg, NotPlaced
 from engine.pipelines.placing.holding import BACK_M, HAND, Reach, with_hand
 from engine.pipelines.placing.task import Task
@@ -13,7 +13,6 @@ from engine.stages.geometry.collision.ground import Ground
 from engine.stages.motion.planner import plan
 
 LIFT_M = 0.08
-FINEST_M = 1e-4  # a motion so small need not be halved for a proof
 BUDGET = 20_000  # configurations that the search for one motion looks at
 CHOICES = 3  # configurations that are tried for an end
 
@@ -31,56 +30,57 @@ def carried(
     empty = Reach(world.put(task.part, "world", here), arm)
     above = Reach(crowded.put(task.part, "world", here), arm)
     holding = world.put(task.part, f"{arm}.tool", inverse(T))
-    full = Reach(holding, arm, _touching(task))
+    full = Reach(holding, arm, touching(task))
     held = crowded.put(task.part, f"{arm}.tool", inverse(T))
     free = Reach(held, arm, frozenset([frozenset((HAND, task.part))]))
     left = Reach(world.put(task.part, "world", there), arm)
     back = -BACK_M * (here @ T)[:3, 2]
-    for q in _ends(empty, here @ T, near):
+    for q in ends(empty, here @ T, near):
         taken = empty.line(here @ T, q, back)
         lifted = full.line(here @ T, q, up)
         if taken is None or lifted is None:
             continue
-        for end in _ends(left, there @ T, q):
+        for end in ends(left, there @ T, q):
             lowered = full.line(there @ T, end, up)
             away = left.line(there @ T, end, -BACK_M * (there @ T)[:3, 2])
             if lowered is None or away is None:
                 continue
-            first = _gross(above, near, taken[-1])
-            second = _gross(free, lifted[-1], lowered[-1])
+            first = gross(above, near, taken[-1])
+            second = gross(free, lifted[-1], lowered[-1])
             if first is None or second is None:
                 continue
             taking = (
                 Leg("to the part", first.path, False, first.proved),
-                _straight("approach", taken[::-1], False, empty),
+                straight("approach", taken[::-1], False, empty),
             )
-            carrying = (_straight("lift", lifted, True, full), Leg("carry", second.path, True, second.proved))
+            carrying = (straight("lift", lifted, True, full), Leg("carry", second.path, True, second.proved))
             leaving = (
-                _straight("lower", lowered[::-1], True, full),
-                _straight("withdraw", away, False, left),
+                straight("lower", lowered[::-1], True, full),
+                straight("withdraw", away, False, left),
             )
             return Carry(grasp, T, here, there, rest, (*taking, *carrying, *leaving))
     hint = "move what stands between, or the table where parts are taken anew"
     return NotPlaced("motion", f"no motion carries {task.part} with the grasps that are possible", hint)
 
 
-def _straight(what: str, path: Floats, carries: bool, reach: Reach) -> Leg:
+def straight(what: str, path: Floats, carries: bool, reach: Reach) -> Leg:
     """A straight line of the hand, and whether it is free all along."""
     proof = Ground(reach.checker).proof(0.0, FINEST_M)
     return Leg(what, path, carries, proved(proof, np.ascontiguousarray(path)) == len(path) - 1)
 
 
-def _touching(task: Task) -> frozenset[frozenset[str]]:
+def touching(task: Task) -> frozenset[frozenset[str]]:
     """While it is lifted and lowered, the part may touch what it lies on, and the hand that holds it."""
     others = [name for name in task.world.cell.bodies if name != task.part]
     return frozenset(frozenset((task.part, name)) for name in [*others, HAND])
 
 
-def _ends(reach: Reach, T_world_hand: Floats, near: Floats) -> Floats:
+def ends(reach: Reach, T_world_hand: Floats, near: Floats) -> Floats:
+    """Some free configurations (m, k) with the hand at a pose, the nearest first."""
     return reach.configurations(T_world_hand, near)[:CHOICES]
 
 
-def _gross(reach: Reach, start: Floats, goal: Floats) -> Moved | None:
+def gross(reach: Reach, start: Floats, goal: Floats) -> Moved | None:
     """A proved motion between two configurations (k,); None if none is found."""
     own = reach.hand.own
     found = plan(

@@ -1,6 +1,6 @@
-"""Where a part belongs: relations between named features of bodies become its pose."""
+"""Where parts belong: relations between named features of bodies become their poses."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 import numpy as np
 
@@ -17,42 +17,45 @@ from kb.model.scene import SaidRelation, Scene
 from kb.model.shapes import Cylinder, PlacedShape
 
 
-def goal_of(scene: Scene, world: World, part: str, base: str) -> AssemblyAnswer:
-    """The pose T_base_part with which all relations of the part hold, and what is free in it.
+def goal_of(scene: Scene, world: World, parts: Collection[str], base: str) -> AssemblyAnswer:
+    """The poses T_base_part with which all relations of some parts hold, and what is free in them.
 
     Other bodies that the relations name stay where they are. Raises `InvalidInput` for unknown bodies and features, and where
-    nothing is said of the part.
+    nothing is said of a part.
     """
-    for name in (part, base):
+    for name in (*parts, base):
         if name not in world.cell.bodies:
             raise InvalidInput([unknown_name("body", name, world.cell.bodies, Source(name))])
-    said = [each for each in scene.relations if part in (each.first[0], each.second[0])]
-    if not said:
-        hint = f"write under `relations:` how {part} shall lie, such as: {part}.bottom against {base}.top"
-        raise InvalidInput(
-            [Diagnostic(Source(scene.name), "K005", f"no relation says where {part} belongs", hint)]
-        )
+    said = [each for each in scene.relations if {each.first[0], each.second[0]} & set(parts)]
+    for part in parts:
+        if not any(part in (each.first[0], each.second[0]) for each in said):
+            hint = f"write under `relations:` how {part} shall lie, such as: {part}.bottom against {base}.top"
+            raise InvalidInput(
+                [Diagnostic(Source(scene.name), "K005", f"no relation says where {part} belongs", hint)]
+            )
     try:
-        start = {part: world.pose(base, part)}
-        return assemble([_bound(each, world, part, base) for each in said], base, start)
+        starts = {part: world.pose(base, part) for part in parts}
+        return assemble([_bound(each, world, {*parts, base}, base) for each in said], base, starts)
     except ValueError as error:
         raise InvalidInput(
             [Diagnostic(said[0].where, "K005", str(error), "relate features of two bodies")]
         ) from None
 
 
-def _bound(said: SaidRelation, world: World, part: str, base: str) -> Relation:
-    ends = [_feature(body, name, said, world, part, base) for body, name in (said.first, said.second)]
+def _bound(said: SaidRelation, world: World, moving: Collection[str], base: str) -> Relation:
+    ends = [_feature(body, name, said, world, moving, base) for body, name in (said.first, said.second)]
     return Relation(RelationKind(said.kind), ends[0], ends[1], said.value, said.preferred)
 
 
-def _feature(body: str, name: str, said: SaidRelation, world: World, part: str, base: str) -> Feature:
-    """A named feature: of the part in its own frame, of any other body in the frame of the base."""
+def _feature(
+    body: str, name: str, said: SaidRelation, world: World, moving: Collection[str], base: str
+) -> Feature:
+    """A named feature: of what is placed in its own frame, of any other body in the frame of the base."""
     known = features_of(world.cell.bodies[body])
     if name not in known:
         raise InvalidInput([unknown_name(f"feature of {body}", name, known, said.where)])
     found = known[name]
-    if body in (part, base):
+    if body in moving:
         return found
     T = world.pose(base, body)
     point, direction = apply(T, found.point[None])[0], T[:3, :3] @ found.direction

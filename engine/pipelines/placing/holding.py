@@ -8,14 +8,13 @@ from functools import cache, cached_property
 
 import numpy as np
 
-from engine.kernels.rigid import apply, inverse
+from engine.kernels.rigid import inverse
 from engine.model.geometry import Floats, Truths
 from engine.model.grasping import Grasp, ParallelJaws
 from engine.model.solid import Solid
 from engine.plugins import geometry_backend
 from engine.ports import CollisionChecker, GeometryBackend
 from engine.stages.geometry.reach.hand import ArmHand
-from engine.stages.geometry.shapes.solids import solid_of
 from engine.stages.geometry.world.model import World
 from engine.stages.geometry.world.scenes import scene_of
 from engine.stages.grasping.blocks import meet
@@ -70,9 +69,9 @@ def _backend() -> GeometryBackend:
     return geometry_backend()
 
 
-def holds_of(scene: Scene, body: Body) -> Holds:
+def holds_of(scene: Scene, solid: Solid) -> Holds:
     """The holds of a part by the scene's gripper."""
-    entry, solid = scene.hand, solid_of(body)
+    entry = scene.hand
     jaws = ParallelJaws(
         entry.opening_m,
         entry.pad_m,
@@ -86,17 +85,6 @@ def holds_of(scene: Scene, body: Body) -> Holds:
     volume, centre = volume_and_centre(solid)
     found = grasps(solid, jaws, scene.inset_m, volume * scene.density, centre, TURNS)
     return Holds(solid, jaws, tuple(found))
-
-
-def triangles_of(world: World, names: list[str], T_world_part: Floats) -> Floats:
-    """The surfaces of bodies as triangles (m, 3, 3) in the frame of a part."""
-    back = inverse(T_world_part)
-    found = [
-        apply(back @ world.pose("world", name), solid_of(world.cell.bodies[name]).vertices).reshape(-1, 3, 3)
-        for name in names
-        if world.cell.bodies[name].shapes
-    ]
-    return np.concatenate([np.zeros((0, 3, 3)), *found])
 
 
 def with_hand(world: World, scene: Scene, jaws: ParallelJaws, width_m: float) -> World:

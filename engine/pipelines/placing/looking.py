@@ -1,6 +1,6 @@
 """What the camera of a scene sees: depth images made from the bodies of the cell, and the part found in them."""
 
-from collections.abc import Collection
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,12 +21,12 @@ KNOWN = 4.0  # of the noise: what is nearer to the known scene is that
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Looked:
-    """An image, where the camera was (T_world_camera), what is known in it, and what was found of the part."""
+    """An image, where the camera was (T_world_camera), what is known in it, and what was found of each part."""
 
     image: DepthImage
     T_world_camera: Floats
     ground: Ground
-    sighting: Sighting
+    sightings: Mapping[str, Sighting]
 
 
 def camera_of(scene: Scene) -> Camera:
@@ -49,10 +49,10 @@ def depth_image(scene: Scene, world: World, camera: Camera, without: Collection[
     return rendered([(solid_of(body), T @ world.pose("world", body.name)) for body in shown], camera)[0]
 
 
-def look(scene: Scene, world: World, part: str, seed: int, given: Floats | None = None) -> Looked:
-    """The part as it is found in an image: one `given` (height, width) in metres, else one made from the scene.
+def look(scene: Scene, world: World, parts: Sequence[str], seed: int, given: Floats | None = None) -> Looked:
+    """Parts as they are found in an image: one `given` (height, width) in metres, else one made from the scene.
 
-    Known are all bodies but the part and the clutter. The floor is the plane of the scene's table.
+    Known are all bodies but the parts and the clutter. The floor is the plane of the scene's table.
     """
     camera, entry = camera_of(scene), scene.camera
     if given is None:
@@ -60,11 +60,11 @@ def look(scene: Scene, world: World, part: str, seed: int, given: Floats | None 
         image = disturbed(depth_image(scene, world, camera), sensor, seed)
     else:
         image = DepthImage(camera, given, entry.noise_m)
-    known = depth_image(scene, world, camera, {part, *scene.clutter}).depth
+    known = depth_image(scene, world, camera, {*parts, *scene.clutter}).depth
     same = (known > 0) & (np.abs(image.depth - known) < KNOWN * max(entry.noise_m, 1e-6))
     T_world_camera = camera_pose(scene, world)
     ground = Ground(same, (_floor(scene, world, T_world_camera),))
-    found = locate(Model(solid_of(world.cell.bodies[part])), image, ground)
+    found = {part: locate(Model(solid_of(world.cell.bodies[part])), image, ground) for part in parts}
     return Looked(image, T_world_camera, ground, found)
 
 

@@ -22,17 +22,16 @@ LOW_M = 0.004
 
 @dataclass(frozen=True, eq=False)
 class Unknown:
-    """What an image shows that is neither known nor the part, which is at T_camera_part."""
+    """What an image shows that is neither known nor one of the parts found, each with its T_camera_part."""
 
     looked: Looked
-    solid: Solid
-    T_camera_part: Floats
+    parts: tuple[tuple[Solid, Floats], ...]
 
     @cached_property
     def _shown(self) -> Truths:
         """The pixels (height, width) that show it; single ones are noise."""
         camera, depth = self.looked.image.camera, self.looked.image.depth
-        own = rendered([(self.solid, self.T_camera_part)], camera)[1] >= 0
+        own = rendered(self.parts, camera)[1] >= 0
         found = (depth > 0) & ~self.looked.ground.known & ~ndimage.binary_dilation(own, iterations=GROWN_PX)
         opened: Truths = found & ndimage.binary_opening(found, iterations=2)
         return opened
@@ -44,13 +43,18 @@ class Unknown:
         rays = self.looked.image.camera.rays(u[keep].astype(float), v[keep].astype(float))
         return rays, rays * self.looked.image.depth[v[keep], u[keep]][:, None]
 
-    def lines(self) -> Floats:
-        """What it hides near the part: lines of sight down to the floor, as triangles (m, 3, 3) without area in the part's frame."""
+    @cached_property
+    def _lines(self) -> Floats:
+        """What it hides: lines of sight down to the floor, as triangles (m, 3, 3) without area in the camera's frame."""
         rays, first = self._points(STRIDE)
         last = rays * np.maximum(_floor_depth(self.looked, rays), first[:, 2])[:, None]
-        near = np.linalg.norm(first - self.T_camera_part[:3, 3], axis=1) < NEAR_M
-        lines = np.stack([first, last, last], axis=1)[near]
-        return apply(inverse(self.T_camera_part), lines.reshape(-1, 3)).reshape(-1, 3, 3)
+        return np.stack([first, last, last], axis=1)
+
+    def lines(self, T_world_part: Floats) -> Floats:
+        """Those lines of sight that are near a part at a pose, in its frame."""
+        T_camera_part = inverse(self.looked.T_world_camera) @ T_world_part
+        near = np.linalg.norm(self._lines[:, 0] - T_camera_part[:3, 3], axis=1) < NEAR_M
+        return apply(inverse(T_camera_part), self._lines[near].reshape(-1, 3)).reshape(-1, 3, 3)
 
     def columns(self, T_world_table: Floats) -> tuple[PlacedShape, ...]:
         """Blocks from the table up to the highest of it, on a grid, in the table's frame."""

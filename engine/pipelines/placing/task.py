@@ -1,9 +1,15 @@
 """What is to be done with a part, when it is found and its goal is known."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
+import numpy as np
+
+from engine.kernels.rigid import apply, inverse
 from engine.model.geometry import Floats
-from engine.pipelines.placing.holding import Holds, triangles_of
+from engine.model.solid import Solid
+from engine.pipelines.placing.holding import Holds
+from engine.pipelines.placing.obstacles import Unknown
 from engine.stages.geometry.world.model import World
 from kb.model.scene import Scene
 
@@ -12,7 +18,8 @@ from kb.model.scene import Scene
 class Task:
     """A part to be placed: the scene, the world as far as it is known, the part's pose found and its goal, and its holds.
 
-    `crowded` is the world with all that is only seen, as columns.
+    `crowded` is the world with all that is only seen, as columns. `solids` are the surfaces of bodies, `unknown` is what the
+    image shows beside them.
     """
 
     scene: Scene
@@ -22,8 +29,16 @@ class Task:
     T_start: Floats
     T_goal: Floats
     holds: Holds
+    solids: Mapping[str, Solid]
+    unknown: Unknown
+    T_world_table: Floats
 
     def obstacles(self, T_world_part: Floats) -> Floats:
-        """All known bodies but the part, as triangles in its frame when it is at a pose."""
-        others = [name for name in self.world.cell.bodies if name != self.part]
-        return triangles_of(self.world, others, T_world_part)
+        """All that is around a part when it is at a pose, as triangles (m, 3, 3) in its frame: bodies, and what is only seen."""
+        back = inverse(T_world_part)
+        found = [
+            apply(back @ self.world.pose("world", name), self.solids[name].vertices).reshape(-1, 3, 3)
+            for name in self.world.cell.bodies
+            if name != self.part and name in self.solids
+        ]
+        return np.concatenate([*found, self.unknown.lines(T_world_part)])

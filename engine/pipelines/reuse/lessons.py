@@ -11,11 +11,13 @@ from engine.stages.macros.learning.generalise import NotGeneral, generalise
 from engine.stages.macros.lifted.world import CellDomain
 from engine.stages.macros.lookup.repertoire import record_of
 from engine.stages.validation.semantics import Semantics
-from kb.diagnostics import Diagnostic, InvalidInput, Source
+from kb.diagnostics import Diagnostic, InvalidInput, Source, escaped
+from kb.files import read_file
 from kb.model.macro import Macrop
 from kb.store import Library, NotationError, Record, document, macrop_of
 
 VERSION = 1
+MAX_BYTES = 1024 * 2**20  # of a file of MACROPs
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,7 +59,7 @@ def write(file: Path, macrops: Iterable[Macrop]) -> None:
     """Write MACROPs as JSON. Raises `InvalidInput` if the file cannot be written."""
     whole = {"version": VERSION, "macrops": list(map(document, macrops))}
     try:
-        file.write_text(json.dumps(whole, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+        file.write_text(escaped(json.dumps(whole, indent=1, ensure_ascii=False)) + "\n", encoding="utf-8")
     except OSError as error:
         raise _refused(file, "K415", f"cannot be written: {error.strerror}") from error
 
@@ -65,12 +67,10 @@ def write(file: Path, macrops: Iterable[Macrop]) -> None:
 def read(file: Path) -> list[Macrop]:
     """The MACROPs in a file that `write` has made. Raises `InvalidInput` if it cannot be read or is no such file."""
     try:
-        whole = json.loads(file.read_text(encoding="utf-8"))
+        whole = json.loads(read_file(file, most=MAX_BYTES).text)
         if whole["version"] != VERSION:
             raise _refused(file, "K413", f"this is format {whole['version']}, not {VERSION}")
         return list(map(macrop_of, whole["macrops"]))
-    except OSError as error:
-        raise _refused(file, "K001", f"cannot be read: {error.strerror}") from error
     except (NotationError, ValueError, KeyError, TypeError, RecursionError) as error:
         raise _refused(file, "K413", f"the file does not hold MACROPs: {error}") from error
 

@@ -251,7 +251,7 @@ class Practice:
         except NotGeneral as error:
             return Answered(outcome, "planner", reason=str(error), after=left)
         number = self.repertoire(problem.domain).learn(learned, seconds)
-        reason = "" if number is not None else "the library has it already"
+        reason = "" if number is not None else self.library.loss or "the library has it already"
         return Answered(outcome, "planner", number, str(learned.name), reason, left)
 
 

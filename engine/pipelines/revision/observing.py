@@ -12,6 +12,7 @@ from kb.asp import AspError, ground_term
 from kb.diagnostics import Diagnostic, InvalidInput, Source, nearest
 from kb.model.domain import Domain, Kind
 from kb.model.plan import Plan, StepId
+from kb.numbers import is_count
 from kb.terms import Atom, Function, ordered
 
 SHOWN = 8  # names in a hint
@@ -114,7 +115,7 @@ def read_steps(text: str, known: Iterable[StepId]) -> list[StepId]:
     found: list[StepId] = []
     for part in filter(None, (each.strip() for each in text.split(","))):
         first, _, last = part.partition("..")
-        if not first.isdecimal() or not (last or first).isdecimal():
+        if not is_count(first) or not is_count(last or first):
             raise _refused(
                 "--done", "K107", f"'{part}' is not a step number", "write numbers and ranges: 1..4, 7"
             )

@@ -33,7 +33,7 @@ def remaining(problem: Problem, reached: Mapping[str, int], observed: Iterable[A
     """
     done = finished(problem.chains, reached)
     wanted = lasting(problem.chains, problem.domain)
-    lasts: list[Condition] = [Literal(stage) for name, stage in wanted.items() if name in done]
+    lasts: list[Condition] = [Literal(each) for name, own in wanted.items() if name in done for each in own]
     chains = tuple(
         dataclasses.replace(
             chain,

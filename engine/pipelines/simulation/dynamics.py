@@ -11,7 +11,7 @@ from engine.stages.validation.datalog import Facts, holds, solve
 from engine.stages.validation.semantics import Semantics
 from kb.model.conditions import Literal, goal_parts
 from kb.model.problem import Problem
-from kb.model.workflow import Listed, advanced, begun, holding, reaches
+from kb.model.workflow import Listed, advanced, begun, holding, reached_as
 from kb.terms import Atom, Function, is_ground, match, ordered, substitute_atom
 
 Move = tuple[str, int, Atom]  # a chain, the number of its stage that is reached, and the atom that reaches it
@@ -85,8 +85,7 @@ class Dynamics:
     ) -> Iterator[Move]:
         for chain in self.problem.chains:
             for number in range(before[chain.name], after[chain.name]):
-                atom = next(each for each in true if reaches(each, chain.stages[number]))
-                yield chain.name, number + 1, atom
+                yield chain.name, number + 1, reached_as(chain.stages[number], true)
 
     def changed(self, state: WorldState, denied: Iterable[Atom], added: Iterable[Atom]) -> WorldState:
         """The state after something has happened by itself, with all that follows by deductive operators.

@@ -8,8 +8,8 @@ from engine.pipelines.simulation.faulty import Achievement
 from engine.stages.macros.lifted.world import StepChange
 from kb.model.plan import StepId
 from kb.model.problem import Chain, Problem
-from kb.model.workflow import Listed, advanced, begun, holding, reaches
-from kb.terms import Atom, Function
+from kb.model.workflow import Listed, advanced, begun, holding, reached_as
+from kb.terms import Atom, Function, parts_of
 
 
 @dataclass
@@ -52,8 +52,9 @@ class World:
         for chain in self.chains:
             for number in range(before[chain.name], self.reached[chain.name]):
                 stage = chain.stages[number]
-                named = (each for each in (*events, *self.facts) if each.name == stage.name)
-                yield chain.name, number + 1, next(each for each in named if reaches(each, stage))
+                names = {part.name for part in parts_of(stage)}
+                named = [each for each in (*events, *self.facts) if each.name in names]
+                yield chain.name, number + 1, reached_as(stage, named)
 
 
 def achievement(step: int, action: Function, added: Iterable[Atom], moved: Iterable[Move]) -> Achievement:

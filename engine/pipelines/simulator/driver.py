@@ -20,6 +20,7 @@ from kb.diagnostics import Diagnostic, InvalidInput, Source
 from kb.loader.faults import load_faults
 from kb.model.faults import FaultModel
 from kb.model.problem import Problem
+from kb.numbers import is_count
 
 TICK_S = 0.1  # of real time, where the clock is slowed down
 SAYS_NOTHING = (CommandKind.WAIT, CommandKind.CONTINUE)
@@ -264,7 +265,7 @@ def _injection(text: str) -> Injection:
     step, _, rest = text.rpartition("=")
     cause, _, exception = rest.partition("@")
     action, _, which = step.partition("#")
-    if not action or not cause or (which and not which.isdecimal()):
+    if not action or not cause or (which and not is_count(which)):
         hint = "write STEP=CAUSE: pick(probe_1, slot(drawer, 1))=not_gripped, or pick#2=arm_offset"
         raise InvalidInput([Diagnostic(Source("--fault"), "K107", f"'{text}' is no fault", hint)])
     return Injection(action.strip(), cause.strip(), int(which or 1), exception.strip())

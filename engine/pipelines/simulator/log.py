@@ -2,12 +2,15 @@
 
 import json
 from collections.abc import Iterator, Sequence
-from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, TextIO
 
 from engine.model.execution import Command, CommandKind
+from kb.diagnostics import Diagnostic, InvalidInput, Source
+from kb.files import read_file
+
+LARGEST = 2**30  # bytes of a log that is read again
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,12 +37,14 @@ class Log:
         self._repeats = True
         latest = 0
         if Path(self.file).is_file():
-            for entry in _entries(Path(self.file)):
-                latest = max(latest, entry["at_ms"])
-                if "sent" in entry:
-                    yield Sent(entry["at_ms"], tuple(map(_command, entry["sent"])))
-                elif "halted" in entry:
-                    yield Sent(entry["at_ms"], halted=True)
+            for line, entry in _entries(Path(self.file)):
+                try:
+                    sent = _sent(entry)
+                except (KeyError, TypeError, ValueError, AttributeError) as error:
+                    raise _refused(self.file, line, repr(error)) from None
+                latest = max(latest, sent.at_ms)
+                if sent.commands or sent.halted:
+                    yield sent
             yield Sent(latest)
         self._repeats = False
         self._out = Path(self.file).open("a", encoding="utf-8")  # noqa: SIM115 - open as long as the run
@@ -59,7 +64,7 @@ class Log:
 
     def _write(self, entry: dict[str, Any]) -> None:
         if self._out is not None and not self._repeats:
-            self._out.write(json.dumps(entry, ensure_ascii=False) + "\n")
+            self._out.write(json.dumps(entry) + "\n")
             self._out.flush()
 
     def close(self) -> None:
@@ -68,11 +73,29 @@ class Log:
             self._out.close()
 
 
-def _entries(file: Path) -> Iterator[dict[str, Any]]:
-    """The entries of a log; a line that was not written whole is left out."""
-    for line in file.read_text(encoding="utf-8").splitlines():
-        with suppress(ValueError):
-            yield json.loads(line)
+def _entries(file: Path) -> Iterator[tuple[int, dict[str, Any]]]:
+    """The entries of a log, each with its line; a line that was not written whole is left out. Raises `InvalidInput`."""
+    for number, line in enumerate(read_file(file, most=LARGEST).text.split("\n"), 1):
+        try:
+            yield number, json.loads(line)
+        except RecursionError:
+            raise _refused(str(file), number, "nested too deeply") from None
+        except ValueError:
+            continue
+
+
+def _refused(file: str, line: int, said: str) -> InvalidInput:
+    hint = "name another file, or remove this one: the simulator then begins anew"
+    message = f"this is no log of a simulator: {said}"
+    return InvalidInput([Diagnostic(Source(file, line), "K413", message[:300], hint)])
+
+
+def _sent(entry: dict[str, Any]) -> Sent:
+    """What an entry says; nothing was sent where a command ended."""
+    at_ms = entry["at_ms"]
+    if not isinstance(at_ms, int):
+        raise TypeError(f"at_ms is {at_ms!r}")
+    return Sent(at_ms, tuple(map(_command, entry.get("sent", ()))), "halted" in entry)
 
 
 def _entry(command: Command) -> dict[str, Any]:
@@ -89,6 +112,10 @@ def _entry(command: Command) -> dict[str, Any]:
 
 
 def _command(entry: dict[str, Any]) -> Command:
+    wrong = [key for key in ("number", "lasts_ms") if not isinstance(entry[key], int)]
+    wrong += [key for key in ("stream", "action", "expects") if not isinstance(entry[key], str)]
+    if wrong:
+        raise TypeError(f"{wrong[0]} is {entry[wrong[0]]!r}")
     return Command(
         entry["number"],
         CommandKind(entry["kind"]),

@@ -12,11 +12,11 @@ from pathlib import Path
 
 from engine.model.forecast import makespan
 from engine.model.outcome import Found, GaveUp, Infeasible, Statistics
-from engine.model.replay import instances, joined, replayed
+from engine.model.replay import instances, joined, reached_goals, replayed
 from engine.model.schedule import Scheduled, Timetable
 from engine.model.shop import Shop
 from engine.model.stages import STAGE
-from engine.model.task import Bits, GroundOperator, Task, bitset, progress
+from engine.model.task import Bits, GroundOperator, Task, bitset
 from engine.pipelines.gate import PlanGate
 from engine.pipelines.planning import plan_in, planned, problem_of
 from engine.pipelines.timetable.kept import LONG, kept
@@ -199,11 +199,12 @@ def operators_of(task: Task, plan: Plan) -> tuple[list[GroundOperator], Bits]:
         raise Unstructured("a step cannot be followed")
     state = task.initial
     for operator in found:
-        state = progress(state, operator)
-    met = [goal for goal in task.goals if _visible(task, goal) & ~state == 0]
-    if not met:
+        state = task.after(state, operator)
+    met = next((goal for goal in task.goals if _visible(task, goal) & ~state == 0), None)
+    if met is None:
         raise Unstructured("the goals are reached in a way that cannot be followed")
-    steps, goals = joined(task, plainly(task, found), _visible(task, met[0]))
+    needed = reached_goals(task, state) if task.axioms else met
+    steps, goals = joined(task, plainly(task, found), _visible(task, met if needed is None else needed))
     return steps, _visible(task, goals)
 
 

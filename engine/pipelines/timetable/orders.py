@@ -174,8 +174,8 @@ class Steps:
 
 
 def least_makespan(task: Task) -> int:
-    """No plan of a task is shorter; 0 if the task is too large to be asked, or leaves something out."""
-    if len(task.operators) > MOST or not task.whole:
+    """No plan of a task is shorter; 0 if the task is too large to be asked, leaves something out, or has derived atoms."""
+    if len(task.operators) > MOST or not task.whole or task.axioms:
         return 0
     times, _ = _soonest(task.initial, task.operators)
     ways = [[times.get(atom, 0) for atom in indices(goal)] for goal in task.goals]

@@ -30,11 +30,15 @@ class Activity:
 
 @dataclass(frozen=True, slots=True)
 class Dwell:
-    """What `source` has brought about may wait for `target` no longer than `most_ms`."""
+    """What `source` has brought about may wait for `target` no longer than `most_ms`.
+
+    What was there before the program has no source: it waits `since_ms`.
+    """
 
     source: int
     target: int
     most_ms: int
+    since_ms: int | None = None
 
 
 @dataclass(frozen=True)

@@ -81,6 +81,11 @@ def standing_of(
         for dwell in program.ending_in.get(each, ())
         if dwell.target not in begun
     }
+    dwelling |= {
+        dwell: dwell.since_ms + dwell.most_ms
+        for dwell in program.dwells
+        if dwell.since_ms is not None and dwell.target not in begun
+    }
     return Standing(
         phase, now_ms, number, frozenset(ready), partly, underway, busy, heads, ahead, {}, frozenset(),
         False, dwelling, done=len(finished),

@@ -7,6 +7,8 @@ import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 
+from kb.numbers import is_count
+
 STRETCH = 1024  # rows whose carrier poses are in memory at a time
 
 
@@ -14,7 +16,7 @@ def cores() -> int:
     """How many cores this program may use. CELLWRIGHT_THREADS lowers the number."""
     given = os.environ.get("CELLWRIGHT_THREADS", "")
     allowed = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    return max(1, min(allowed, int(given))) if given.isdigit() else allowed
+    return max(1, min(allowed, int(given))) if is_count(given) else allowed
 
 
 def in_stretches(count: int, work: Callable[[int, int], None]) -> None:

@@ -5,6 +5,8 @@ import math
 
 import numpy as np
 
+from engine.kernels.geometry.angles import angle_of
+from engine.kernels.linear import matmul
 from engine.kernels.rigid import apply as apply
 from engine.kernels.rigid import difference as difference
 from engine.kernels.rigid import identity as identity
@@ -27,7 +29,7 @@ def of_pose(pose: Pose) -> Floats:
 def _matrix(pose: Pose) -> Floats:
     """The same matrix, made once: a cell has few poses, and every scene of it asks for all of them."""
     roll, pitch, yaw = pose.rpy_rad
-    R = rotation((0, 0, 1), yaw) @ rotation((0, 1, 0), pitch) @ rotation((1, 0, 0), roll)
+    R = matmul(rotation((0, 0, 1), yaw), rotation((0, 1, 0), pitch), rotation((1, 0, 0), roll))
     return transform(R, pose.position_m)
 
 
@@ -35,17 +37,18 @@ def of_offsets(offsets: Offsets) -> Floats:
     """The matrix (4, 4) of poses taken one after the other: their product."""
     T = np.eye(4)
     for pose in offsets:
-        T = T @ of_pose(pose)
+        T = matmul(T, of_pose(pose))
     return T
 
 
 def to_pose(T: Floats) -> Pose:
     """The pose with this matrix (4, 4). If the pitch is a right angle, the roll is set to 0."""
     R = T[:3, :3]
-    pitch = math.atan2(-R[2, 0], math.hypot(R[0, 0], R[1, 0]))
-    if math.hypot(R[0, 0], R[1, 0]) > 1e-12:
-        roll, yaw = math.atan2(R[2, 1], R[2, 2]), math.atan2(R[1, 0], R[0, 0])
+    level = math.sqrt(R[0, 0] ** 2 + R[1, 0] ** 2)
+    pitch = angle_of(-R[2, 0], level)
+    if level > 1e-12:
+        roll, yaw = angle_of(R[2, 1], R[2, 2]), angle_of(R[1, 0], R[0, 0])
     else:
-        roll, yaw = 0.0, math.atan2(-R[0, 1], R[1, 1])
+        roll, yaw = 0.0, angle_of(-R[0, 1], R[1, 1])
     x, y, z = map(float, T[:3, 3])
     return Pose((x, y, z), (roll, pitch, yaw))

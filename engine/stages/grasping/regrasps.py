@@ -11,15 +11,16 @@ from engine.model.geometry import Truths
 from engine.model.grasping import RegraspAnswer, Regrasps, Unplaceable
 
 
-def regrasps(start: Truths, goal: Truths, possible: Truths, most: int = 16) -> RegraspAnswer:
+def regrasps(start: Truths, goal: Truths, possible: Truths, most: int = 16, fewest: int = 0) -> RegraspAnswer:
     """The shortest way from a hold that is possible at the start (h,) to one that is possible at the goal (h,).
 
-    `possible` (h, r) says which holds go with which rests. No more than `most` regrasps are looked for.
+    `possible` (h, r) says which holds go with which rests. At least `fewest` and no more than `most` regrasps are looked
+    for; a hold that can be had with fewer does not count as reached by more.
     """
     came: list[tuple[Truths, Truths]] = []
     reached, new = start.copy(), start.copy()
     rested = np.zeros(possible.shape[1], dtype=bool)
-    while not (new & goal).any():
+    while len(came) < fewest or not (new & goal).any():
         rests = possible[new].any(axis=0) & ~rested
         held = possible[:, rests].any(axis=1) & ~reached
         came.append((new, rests))

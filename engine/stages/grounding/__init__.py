@@ -9,14 +9,15 @@ from contextlib import contextmanager
 from engine.model.task import Bits, Task, bitset, indices
 from engine.stages.grounding.ambiguity import ambiguities
 from engine.stages.grounding.closure import Deduction, deduction
-from engine.stages.grounding.derived import MAX_SUPPORTS, Support, Supports, TooManySupports
-from engine.stages.grounding.goals import Goals
+from engine.stages.grounding.derived import Rules, Supports, supports_of
+from engine.stages.grounding.goals import Goals, layered
 from engine.stages.grounding.initial import default_instances as default_instances
 from engine.stages.grounding.initial import initial_state
 from engine.stages.grounding.instances import Instances
 from engine.stages.grounding.invariants import mutex_groups
+from engine.stages.grounding.layers import axioms
 from engine.stages.grounding.limits import suspects
-from engine.stages.grounding.numbering import Numbering, complemented
+from engine.stages.grounding.numbering import DERIVED, Numbering, complemented
 from engine.stages.grounding.program import (
     Schema,
     Vocabulary,
@@ -32,15 +33,15 @@ from engine.stages.grounding.program import (
     schemas,
 )
 from engine.stages.grounding.rows import conditional_changes, derivations, instances, matches
-from engine.stages.grounding.universe import DERIVED, Universe
+from engine.stages.grounding.universe import Universe
 from engine.stages.grounding.weights import weights
 from engine.stages.grounding.workflow import Workflow
 from kb.asp import Grounder
 from kb.asp.statics import try_first, within_limits
 from kb.asp.vocabulary import VIOLATED, static_program
-from kb.diagnostics import Diagnostic, InvalidInput, Source
+from kb.diagnostics import Diagnostic, InvalidInput
 from kb.loader.amounts import amounts_of
-from kb.model.conditions import goal_parts
+from kb.model.conditions import Literal, goal_parts
 from kb.model.normalise import Normaliser
 from kb.model.problem import Problem
 from kb.model.statement import Statement
@@ -52,8 +53,7 @@ def ground(problem: Problem) -> Task:
     """The ground task of a problem.
 
     Raises `InvalidInput` with everything that is found wrong: violated constraints, contradictions and
-    ambiguities among deductive operators, derived predicates with too many supports, and a grounding that
-    exceeds its limits.
+    ambiguities among deductive operators, and a grounding that exceeds its limits.
     """
     with _no_garbage_collection():
         grounding = _Grounding(problem)
@@ -127,14 +127,14 @@ class _Grounding:
         initial, contradicted = initial_state(self.problem, self.vocabulary)
         self.found += contradicted
         universe = self._reachable(initial)
-        supports = Supports(
-            range(DERIVED, DERIVED + len(universe.derived)),
-            derivations(self.rules, self.vocabulary, universe),
+        rules = derivations(self.rules, self.vocabulary, universe)
+        supports = supports_of(
+            range(DERIVED, DERIVED + len(universe.derived)), rules, self._negated(universe)
         )
         workflow = Workflow(
             self.problem, universe, len(universe.atoms), self.vocabulary.events, holding(Listed(initial))
         )
-        goals = self._goals(universe, supports, len(universe.atoms) + len(workflow.atoms))
+        goals = self._goals(universe, supports, rules, len(universe.atoms) + len(workflow.atoms))
         numbering = Numbering(len(universe.atoms) + len(workflow.atoms) + len(goals.atoms))
         effects = deduction(self.domain, self.vocabulary, universe)
         changes = conditional_changes(self.conditionals, self.schemas, universe)
@@ -143,27 +143,40 @@ class _Grounding:
         operators = [*made.operators(instances(self.schemas, self.vocabulary, universe)), *workflow.reaching]
         self.found += contradictions(made, universe)
         self.found += amiss(made)
-        self.found += self._overflows(universe, supports, made)
         start = bitset([universe.index[atom] for atom in initial]) | workflow.initial | goals.initial
         alternatives, completed = goals.compiled(operators, numbering)
+        layers = axioms(rules, numbering)
         complements = bitset([c for atom, c in numbering.complements.items() if not start >> atom & 1])
-        negated = (Function("not", (universe.atoms[atom],)) for atom in numbering.complements)
-        atoms = (*universe.atoms, *workflow.atoms, *goals.atoms, *negated)
+        added = (_named(signed, universe) for signed in numbering.added)
+        atoms = (*universe.atoms, *workflow.atoms, *goals.atoms, *added)
         completed = [complemented(operator, numbering) for operator in completed]
-        groups = mutex_groups(atoms, completed, start | complements)
+        derived = layers.derived if layers else 0
+        groups = mutex_groups(atoms, completed, start | complements, derived)
         if not contradicted:  # then two atoms of a mutex group may be true
             self.found += ambiguities(self.domain, made.doubts, atoms, groups)
         pairs = (1 << atom | 1 << complement for atom, complement in numbering.complements.items())
         return Task(
             atoms,
             tuple(completed),
-            start | complements,
+            layers.closed(start | complements) if layers else start | complements,
             tuple(goal | workflow.goal for goal in alternatives),
             weights(self.domain, atoms, completed),
             tuple(dict.fromkeys((*groups, *pairs))),
+            axioms=layers,
         )
 
-    def _goals(self, universe: Universe, supports: Supports, first: int) -> Goals:
+    def _negated(self, universe: Universe) -> Iterator[int]:
+        """The derived atoms that conditions need to be false."""
+        bodies = [
+            *(schema.literals for schema in self.schemas),
+            *(each.literals for each in self.conditionals),
+            *(rule_.body for rule_ in self.rules),
+            *(disjunct for part in self.goals for disjunct in part),
+        ]
+        names = {p.atom.name for body in bodies for p in body if isinstance(p, Literal) and not p.positive}
+        return (DERIVED + number for number, atom in enumerate(universe.derived) if atom.name in names)
+
+    def _goals(self, universe: Universe, supports: Supports, rules: Rules, first: int) -> Goals:
         """The ways to satisfy each conjunct of the goal."""
         named = {
             f"_goal_{part}_{number}": self.vocabulary.split(disjunct)
@@ -175,21 +188,12 @@ class _Grounding:
             [way for number, _ in enumerate(disjuncts) for way in found[f"_goal_{part}_{number}"]]
             for part, disjuncts in enumerate(self.goals)
         ]
-        ways: list[list[Support]] = []
-        for part in parts:
-            try:
-                ways.append(list(dict.fromkeys(s for way in part for s in supports.combinations(way))))
-            except TooManySupports:
-                self.found.append(_too_many("a goal", self.problem.where))
+        if supports.stay:
+            return Goals(
+                layered([[frozenset(way) for way in part] for part in parts], universe, rules), first
+            )
+        ways = [list(dict.fromkeys(s for way in part for s in supports.combinations(way))) for part in parts]
         return Goals(ways, first)
-
-    def _overflows(self, universe: Universe, supports: Supports, made: Instances) -> Iterator[Diagnostic]:
-        """Diagnostics for derived predicates and operators' conditions that can hold in too many ways."""
-        for name, atom in {a.name: a for a in map(universe.atom, reversed(supports.overflowing))}.items():
-            where = next(each.where for each in self.rules if each.head.name == name)
-            yield _too_many(str(atom), where)
-        for operator in made.overflowing.values():
-            yield _too_many(f"the condition of {operator.header}", operator.where)
 
     def _violation(self, constraint: Statement) -> Diagnostic:
         said = constraint.under("").strip()
@@ -226,10 +230,9 @@ class _Grounding:
                 yield rule(reachable(each.effect.atom), conditional_body(each, schema))
 
 
-def _too_many(what: str, where: Source) -> Diagnostic:
-    message = f"{what} can be made true in more than {MAX_SUPPORTS} ways"
-    hint = "split the predicate, or turn one of its alternatives into a fluent that operators add"
-    return Diagnostic(where, "K306", message, hint)
+def _named(signed: int, universe: Universe) -> Atom:
+    """The name of a complementary or derived atom."""
+    return universe.atom(signed) if signed >= 0 else Function("not", (universe.atom(~signed),))
 
 
 def contradictions(made: Instances, universe: Universe) -> Iterator[Diagnostic]:

@@ -4,7 +4,7 @@ If the ways of all conjuncts have few combinations, each combination becomes an 
 If they have many, each conjunct gets an atom of its own, and internal operators add these atoms at the end:
 `_ends` ends the plan proper, and `_meets(n, k)` says that conjunct n holds in its k-th way. Internal
 operators cost nothing and never appear in a plan. Gazen & Knoblock 1997 compile disjunctive goals in this
-way, too.
+way, too. Where derived atoms stay in the task, a conjunct that can be met in several ways is a derived atom itself.
 """
 
 import itertools
@@ -12,8 +12,9 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 
 from engine.model.task import Bits, GroundOperator
-from engine.stages.grounding.derived import Support
+from engine.stages.grounding.derived import Rules, Support
 from engine.stages.grounding.numbering import Numbering
+from engine.stages.grounding.universe import Universe
 from kb.terms import Atom, Function, Number
 
 MAX_ALTERNATIVES = 64
@@ -57,6 +58,18 @@ class Goals:
                 name = Function("_meets", (Number(number), Number(way)))
                 made.append(GroundOperator(name, numbering.bits(support) | ended, met, 0, cost=0))
         return [goal], made
+
+
+def layered(parts: Iterable[list[Support]], universe: Universe, rules: Rules) -> list[list[Support]]:
+    """The conjuncts with one way each: what can be met in several ways is an additional derived atom with `rules`."""
+    found = []
+    for number, ways in enumerate(parts):
+        if len(ways) > 1:
+            met = universe.derive(Function("_met", (Number(number),)))
+            rules[met] = [tuple(sorted(way)) for way in ways]
+            ways = [frozenset([met])]
+        found.append(ways)
+    return found
 
 
 def _joined(choice: Iterable[Support], numbering: Numbering) -> Bits:

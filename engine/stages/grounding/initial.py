@@ -2,21 +2,23 @@
 contradicts nothing (language reference, Meaning 6).
 """
 
-from collections.abc import Iterator
+import re
+from collections.abc import Iterable, Iterator
 
 from engine.model.task import Bits, bitset
 from engine.stages.grounding.closure import Deduction, deduction
-from engine.stages.grounding.program import Vocabulary, deduction_rules, reachable, rule
+from engine.stages.grounding.program import Vocabulary, consequence_body, deduction_rules, reachable, rule
 from engine.stages.grounding.universe import Universe
 from kb.asp import Grounder
 from kb.asp.statics import evaluate, evaluated
 from kb.asp.vocabulary import guard
 from kb.diagnostics import Diagnostic
-from kb.model.domain import BUILT_IN_TYPES
+from kb.model.domain import BUILT_IN_TYPES, Domain
 from kb.model.problem import Problem
 from kb.terms import Atom, Function, Number
 
 STRANGE = "_strange"
+NAME = re.compile(r"[a-z_]\w*")
 
 
 def initial_state(problem: Problem, vocabulary: Vocabulary) -> tuple[tuple[Atom, ...], list[Diagnostic]]:
@@ -24,16 +26,10 @@ def initial_state(problem: Problem, vocabulary: Vocabulary) -> tuple[tuple[Atom,
 
     A fact is wrong if an argument is not a value of its type, or if other facts deny it.
     """
-    return evaluated_state(problem, vocabulary, Grounder())
-
-
-def evaluated_state(
-    problem: Problem, vocabulary: Vocabulary, grounder: Grounder
-) -> tuple[tuple[Atom, ...], list[Diagnostic]]:
-    """`initial_state`; afterwards a new `grounder` holds every static fact, unless the state is complete as it is given."""
     if problem.complete:
         return tuple(dict.fromkeys(problem.initial)), []
-    evaluate(grounder, problem, _program(problem))
+    grounder, program = Grounder(), _program(problem)
+    evaluate(grounder, problem, program, _read(problem.domain, program))
     universe = Universe(grounder, vocabulary, {})
     state = _State(deduction(problem.domain, vocabulary, universe))
     state.give(bitset([universe.index[fact] for fact in problem.initial]))
@@ -81,6 +77,17 @@ def _contradiction(problem: Problem, denied: tuple[Atom, ...]) -> list[Diagnosti
         return []
     message = f"the initial facts deny {', '.join(map(str, denied))}"
     return [Diagnostic(problem.where, "K301", message, "remove one of the facts that exclude each other")]
+
+
+def _read(domain: Domain, program: Iterable[str]) -> set[str]:
+    """The names in a program and in all that is deduced from initial facts: other static facts have no say in it."""
+    bodies = (
+        text
+        for operator in domain.deductive_operators
+        for consequence in operator.consequences
+        for text in consequence_body(operator, consequence)
+    )
+    return {name for text in (*program, *bodies) for name in NAME.findall(text)}
 
 
 def _program(problem: Problem) -> list[str]:

@@ -10,14 +10,13 @@ from dataclasses import dataclass, field
 
 from engine.model.task import Bits, ConditionalEffect, GroundOperator, bitset
 from engine.stages.grounding.closure import Deduction
-from engine.stages.grounding.derived import Supports, TooManySupports
+from engine.stages.grounding.derived import Supports
 from engine.stages.grounding.numbering import Numbering
-from engine.stages.grounding.program import Schema, is_conditional
+from engine.stages.grounding.program import Schema, is_conditional, signed
 from engine.stages.grounding.universe import Universe
 from engine.stages.grounding.workflow import Workflow
 from kb.asp.tables import Table
 from kb.model.amounts import Amounts, NoAmount
-from kb.model.conditions import Literal
 from kb.model.domain import Operator
 from kb.model.traits import traits
 from kb.terms import Atom, Function, Term, substitute_atom, variables
@@ -97,8 +96,8 @@ Traits = tuple[tuple[Term, ...], int, int]  # resources, duration, cost
 class Instances:
     """Everything that is needed to turn rows into operators.
 
-    `contradictions`, `doubts`, `overflowing` and `amiss` collect what was found wrong on the way; `contradictions` and
-    `overflowing` have the operator's name as key, `amiss` also what is wrong.
+    `contradictions`, `doubts` and `amiss` collect what was found wrong on the way; `contradictions` has the operator's
+    name as key, `amiss` also what is wrong.
     """
 
     universe: Universe
@@ -110,7 +109,6 @@ class Instances:
     amounts: Amounts
     contradictions: dict[str, Contradiction] = field(default_factory=dict)
     doubts: list[Doubt] = field(default_factory=list)
-    overflowing: dict[str, Operator] = field(default_factory=dict)
     amiss: dict[tuple[str, str], Amiss] = field(default_factory=dict)
     _sets: dict[tuple[int, ...], Bits] = field(default_factory=dict)
 
@@ -161,12 +159,8 @@ class Instances:
             conditions = signed(rows.schema.literals, row[arguments:literals])
             if (shared := shares.of(row, instance)) is None:
                 continue
-            try:
-                supports = self.supports.combinations(conditions)
-                effects = tuple(self._conditional(operator, instance, tuple(row[:arguments]), conditions))
-            except TooManySupports:
-                self.overflowing.setdefault(operator.name, operator)
-                continue
+            supports = self.supports.combinations(conditions)
+            effects = tuple(self._conditional(operator, instance, tuple(row[:arguments]), conditions))
             events = self._events(operator, instance)
             for support in supports:
                 base = self.numbering.bits(support)
@@ -290,12 +284,3 @@ class _Shared:
         """Note what is wrong, unless the operator has another instance with the same fault."""
         key = (self.operator.name, code + name)
         self.amiss.setdefault(key, Amiss(self.operator, code, message, hint))
-
-
-def signed(literals: Sequence[Literal], numbers: list[int]) -> tuple[int, ...]:
-    """The signed numbers of literals.
-
-    A negated atom that is never reachable (number -1) is always false, so it is left out.
-    """
-    pairs = zip(literals, numbers, strict=True)
-    return tuple(n if each.positive else ~n for each, n in pairs if each.positive or n >= 0)

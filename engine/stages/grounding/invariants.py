@@ -21,10 +21,13 @@ MAX_CANDIDATES = 300
 
 
 def mutex_groups(
-    atoms: Sequence[Atom], operators: Sequence[GroundOperator], initial: Bits
+    atoms: Sequence[Atom], operators: Sequence[GroundOperator], initial: Bits, derived: Bits = 0
 ) -> tuple[Bits, ...]:
-    """Sets of at least two atoms of which at most one is true in every reachable state, largest first."""
-    search = _Search(atoms, operators, initial)
+    """Sets of at least two atoms of which at most one is true in every reachable state, largest first.
+
+    No atom that is `derived` is in them: no operator adds it.
+    """
+    search = _Search(atoms, operators, initial, derived)
     found = search.run()
     kept: list[Bits] = []
     for group in sorted(set(found), key=lambda bits: (-bits.bit_count(), bits)):
@@ -34,7 +37,9 @@ def mutex_groups(
 
 
 class _Search:
-    def __init__(self, atoms: Sequence[Atom], operators: Sequence[GroundOperator], initial: Bits) -> None:
+    def __init__(
+        self, atoms: Sequence[Atom], operators: Sequence[GroundOperator], initial: Bits, derived: Bits
+    ) -> None:
         self.atoms, self.operators, self.initial = atoms, operators, initial
         self.adders: dict[int, list[int]] = defaultdict(list)
         alike: dict[tuple[Bits, Bits, tuple[ConditionalEffect, ...]], int] = {}
@@ -50,7 +55,8 @@ class _Search:
             self.members[kind].append(number)
         self.by_predicate: dict[tuple[str, int], list[int]] = defaultdict(list)
         for number, each in enumerate(atoms):
-            self.by_predicate[(each.name, len(each.arguments))].append(number)
+            if not derived >> number & 1:
+                self.by_predicate[(each.name, len(each.arguments))].append(number)
 
     def run(self) -> Iterator[Bits]:
         queue = [frozenset([part]) for signature in self.by_predicate for part in _parts(*signature)]

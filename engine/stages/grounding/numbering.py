@@ -1,6 +1,7 @@
 """Numbers for signed atoms.
 
-A negative condition on atom p becomes a positive condition on the complementary atom `not(p)`.
+A negative condition on atom p becomes a positive condition on the complementary atom `not(p)`. So does one on a derived atom
+that is not replaced by its definition.
 """
 
 from collections.abc import Iterable
@@ -8,29 +9,38 @@ from dataclasses import dataclass, field, replace
 
 from engine.model.task import Bits, ConditionalEffect, GroundOperator, bitset, indices
 
+DERIVED = (
+    1 << 29
+)  # the first number of a derived atom, which gets a bit only if needed; clingo's numbers have 32 bits
+
 
 @dataclass
 class Numbering:
     """The numbers of atoms and complementary atoms.
 
-    Fluents keep their numbers. The complementary atom of a fluent gets a number from `size` on when it is
-    first needed.
+    Fluents keep their numbers. The complementary atom of a fluent, a derived atom and its complementary atom get numbers from
+    `size` on when they are first needed; `added` has them by their signed numbers.
     """
 
     size: int
     complements: dict[int, int] = field(default_factory=dict)
+    added: dict[int, int] = field(default_factory=dict)
     _negated: Bits = 0
 
     def bits(self, support: Iterable[int]) -> Bits:
         """The bitset of a set of signed numbers."""
-        return bitset([signed if signed >= 0 else self.complement(~signed) for signed in support])
+        return bitset([each if 0 <= each < DERIVED else self.number(each) for each in support])
 
-    def complement(self, atom: int) -> int:
-        """The number of the complementary atom of `atom`."""
-        number = self.complements.get(atom)
+    def number(self, signed: int) -> int:
+        """The number of a signed atom."""
+        if 0 <= signed < DERIVED:
+            return signed
+        number = self.added.get(signed)
         if number is None:
-            number = self.complements[atom] = self.size + len(self.complements)
-            self._negated |= 1 << atom
+            number = self.added[signed] = self.size + len(self.added)
+            if -DERIVED <= signed < 0:
+                self.complements[~signed] = number
+                self._negated |= 1 << ~signed
         return number
 
     def complements_of(self, atoms: Bits) -> Bits:

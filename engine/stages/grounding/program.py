@@ -5,7 +5,7 @@ atoms with their numbers. `_o_k` holds the instances of schema k. `_v_p` holds t
 stage names. Reachability ignores negative conditions.
 """
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 from kb.asp.vocabulary import guard
@@ -208,3 +208,12 @@ def number_literals(literals: Iterable[Literal], prefix: str) -> tuple[list[str]
             found = column(f"{prefix}N", index)
             body.append(f"{name} = #max {{ -1 ; {found} : {numbered(literal.atom, found)} }}")
     return body, names
+
+
+def signed(literals: Sequence[Literal], numbers: list[int]) -> tuple[int, ...]:
+    """The signed numbers of literals.
+
+    A negated atom that is never reachable (number -1) is always false, so it is left out.
+    """
+    pairs = zip(literals, numbers, strict=True)
+    return tuple(n if each.positive else ~n for each, n in pairs if each.positive or n >= 0)

@@ -6,7 +6,7 @@ A signed number n means "atom n is true", ~n means "atom n is false".
 from collections.abc import Iterator, Mapping, Sequence
 
 from engine.model.task import Bits
-from engine.stages.grounding.instances import InstanceRows, signed
+from engine.stages.grounding.instances import InstanceRows
 from engine.stages.grounding.program import (
     Conditional,
     Schema,
@@ -17,6 +17,7 @@ from engine.stages.grounding.program import (
     is_conditional,
     number_literals,
     rule,
+    signed,
 )
 from engine.stages.grounding.universe import Universe
 from kb.model.conditions import Body, Literal

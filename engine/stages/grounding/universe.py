@@ -6,12 +6,11 @@ One `Universe` uses one grounder.
 from collections.abc import Iterable, Mapping
 
 from engine.model.task import Bits, indices
+from engine.stages.grounding.numbering import DERIVED
 from engine.stages.grounding.program import Vocabulary, numbered
 from kb.asp import Grounder
 from kb.asp.tables import Table
 from kb.terms import Atom, Function, Term
-
-DERIVED = 1 << 29  # the first number of a derived atom; these get no bit, and clingo's numbers have 32 bits
 
 
 class Universe:
@@ -43,6 +42,11 @@ class Universe:
     def facts(self, name: str, arity: int) -> list[tuple[Term, ...]]:
         """The arguments of every fact of a static predicate."""
         return self._grounder.atoms(name, arity)
+
+    def derive(self, atom: Atom) -> int:
+        """The number of one more derived atom."""
+        self.derived.append(atom)
+        return DERIVED + len(self.derived) - 1
 
     def atom(self, number: int) -> Atom:
         """The fluent or derived atom that has a number."""

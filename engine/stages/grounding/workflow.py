@@ -6,7 +6,7 @@ operator without cost moves the counter then. To reach it as soon as possible is
 """
 
 import itertools
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 from engine.model.stages import reaching, stage_atom
@@ -14,7 +14,7 @@ from engine.model.task import Bits, GroundOperator, bitset
 from engine.stages.grounding.universe import Universe
 from kb.model.problem import Chain, Problem
 from kb.model.workflow import Holds, begun, lasting, reaches
-from kb.terms import Atom, is_ground
+from kb.terms import Atom, is_ground, parts_of
 
 
 def _matching(stage: Atom, universe: Universe) -> list[int]:
@@ -76,15 +76,17 @@ class Workflow:
             if stage.name in self.events:
                 self._event_stages.setdefault(stage, []).append(advance)
             else:
-                self._reach(advance, chain, reached + 1, _matching(stage, universe))
+                matching = [_matching(part, universe) for part in parts_of(stage)]
+                self._reach(advance, chain, reached + 1, itertools.product(*matching))
         if chain.name in self._lasting:
-            self.goal |= bitset(_matching(chain.stages[-1], universe))
+            for last in self._lasting[chain.name]:
+                self.goal |= bitset(_matching(last, universe))
 
-    def _reach(self, advance: Advance, chain: Chain, count: int, atoms: Sequence[int]) -> None:
-        """The internal operators that move a chain to a count while one of some atoms holds."""
+    def _reach(self, advance: Advance, chain: Chain, count: int, choices: Iterable[tuple[int, ...]]) -> None:
+        """The internal operators that move a chain to a count while all atoms of some choice hold."""
         name = reaching(chain, count)
-        for atom in atoms:
-            needed = advance.conditions | 1 << atom
+        for atoms in choices:
+            needed = advance.conditions | bitset(atoms)
             self.reaching.append(GroundOperator(name, needed, advance.adds, advance.deletes, cost=0))
 
     def advances(self, events: Sequence[Atom]) -> Iterator[Advance]:

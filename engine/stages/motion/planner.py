@@ -8,20 +8,17 @@ from dataclasses import replace
 import numpy as np
 
 from engine.kernels.geometry.edges import Edges, free_edges
-from engine.kernels.geometry.proof import proved as proved_lines
 from engine.kernels.motion.connect import Trees, connect
 from engine.kernels.motion.shorten import Route, shorten
 from engine.model.geometry import Floats, Joints
 from engine.model.motion import Answer, Blocked, Moved, Query, Refused, Strategy
 from engine.ports import Hand, MotionGround
+from engine.stages.motion.proving import until_proved
 from engine.stages.motion.reasons import blocked, failed, refusals
 from engine.stages.motion.severing import severed
 
 REACH = 1.0  # rad or m: the longest branch of a tree; of those tried on the UR5 problems, the one with the least work
 NODES = 20_000  # of each tree
-FINEST_M = 1e-4  # a motion so small need not be halved for a proof
-ROUNDS = 6  # plans with ever finer steps and wider margins, until one is proved
-WIDER_M = 0.001  # the margin that the second round adds; each further round doubles it
 GOLDEN = (5**0.5 - 1) / 2
 UNSEEN = "the path touches something that the strategy did not look at, such as two parts of the hand"
 
@@ -37,7 +34,11 @@ def plan(ground: MotionGround, query: Query, hand: Hand | None = None) -> Answer
     if not allowed:
         return Refused(reasons)
     asked = replace(query, start=start, goals=np.ascontiguousarray(goals[list(allowed)]))
-    found = _proved(ground, asked, hand) if query.proved else search(ground, asked, hand)
+
+    def searched(ground: MotionGround, query: Query) -> Moved | Blocked:
+        return search(ground, query, hand)
+
+    found = until_proved(ground, asked, searched) if query.proved else searched(ground, asked)
     if isinstance(found, Blocked):
         return replace(found, severed=severed(ground, asked))
     return replace(found, goal=allowed[found.goal])
@@ -52,35 +53,6 @@ def _checked(joints: Joints, query: Query) -> tuple[Floats, Floats]:
     if not (np.isfinite(start).all() and np.isfinite(goals).all()):
         raise ValueError("start and goals must be of finite numbers")
     return start, goals
-
-
-def _proved(ground: MotionGround, query: Query, hand: Hand | None = None) -> Moved | Blocked:
-    """The first plan that is proved; if none is, the last one.
-
-    A path that grazes something between two looks is not proved. The next round looks twice as often, and keeps farther off.
-    """
-    found, looked = search(ground, query, hand), 0
-    for round_ in range(ROUNDS):
-        if isinstance(found, Blocked):
-            return found
-        proof = ground.proof(query.margin_m, FINEST_M)
-        proved = proved_lines(proof, found.path) == len(found.path) - 1
-        found = replace(found, proved=proved, stretches=proof.looked, refined=proof.refined)
-        if proved or round_ == ROUNDS - 1:
-            break
-        looked = found.looked
-        wider = query.margin_m + min(WIDER_M * 2**round_, 0.5 * room_at_ends(ground, query))
-        again = search(ground, replace(query, step=query.step / 2 ** (round_ + 1), margin_m=wider), hand)
-        if isinstance(again, Blocked):
-            break
-        found = replace(again, looked=again.looked + looked, cleared_m=wider)
-    return found
-
-
-def room_at_ends(ground: MotionGround, query: Query) -> float:
-    """How much wider than asked the margin can be at start and goals."""
-    ends = np.vstack([query.start[None], query.goals])
-    return max(0.0, float(ground.clearance(ends, query.margin_m + 1.0).min()) - query.margin_m)
 
 
 def search(ground: MotionGround, query: Query, hand: Hand | None = None) -> Moved | Blocked:

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from engine.kernels.linear import norm
 from engine.kernels.motion.connect import Trees
 from engine.model.geometry import Contact, Floats
 from engine.model.motion import Blocked, InCollision, OutsideLimits, Query, Reason
@@ -47,7 +48,7 @@ def blocked(ground: MotionGround, trees: Trees, looked: int, query: Query) -> Bl
 def failed(ground: MotionGround, ends: Floats, why: str, looked: int, query: Query) -> Blocked:
     """That a strategy without trees found no way between two configurations (2, k), and why."""
     at, contacts = _between(ground, ends, query)
-    return Blocked(ends, float(np.linalg.norm(ends[1] - ends[0])), looked, (1, 1), at, contacts, why)
+    return Blocked(ends, norm(ends[1] - ends[0]), looked, (1, 1), at, contacts, why)
 
 
 def _between(ground: MotionGround, ends: Floats, query: Query) -> tuple[Floats, tuple[Contact, ...]]:

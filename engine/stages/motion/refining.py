@@ -10,13 +10,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from engine.kernels.geometry.edges import Edges, free_edges
-from engine.kernels.geometry.proof import proved as proved_lines
 from engine.kernels.motion.connect import Trees, connect
 from engine.kernels.motion.shorten import Route, shorten
 from engine.model.geometry import Floats
 from engine.model.motion import Moved, Query
 from engine.ports import MotionGround
-from engine.stages.motion.planner import FINEST_M, NODES, REACH, WIDER_M, bounds, room_at_ends, shifted
+from engine.stages.motion.planner import NODES, REACH, bounds, shifted
+from engine.stages.motion.proving import WIDER_M, room_at_ends, with_proof
 
 PULLS = (1.0, 0.5, 0.25, 0.1)  # how far a corner is pulled
 SWEEPS = 30  # over all corners, before trees grow anew
@@ -152,8 +152,5 @@ def proved_and_refined(
     found = refined(ground, replace(query, step=query.step / 2, margin_m=wider), first, speeds, work)
     if time_of(found.found.path, speeds) >= time_of(first.path, speeds):
         return replace(found, found=first)
-    proof = ground.proof(query.margin_m, FINEST_M)
-    if proved_lines(proof, found.found.path) < len(found.found.path) - 1:
-        return replace(found, found=first)
-    made = replace(found.found, proved=True, stretches=proof.looked, refined=proof.refined, cleared_m=wider)
-    return replace(found, found=made)
+    made = with_proof(ground, replace(found.found, cleared_m=wider), query.margin_m)
+    return replace(found, found=made if made.proved else first)

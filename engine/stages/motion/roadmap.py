@@ -12,9 +12,9 @@ import numpy as np
 from engine.kernels.geometry.edges import free_edges
 from engine.kernels.geometry.proof import proved as proved_lines
 from engine.model.geometry import Floats, Longs, Truths
-from engine.model.motion import Moved, Query
+from engine.model.motion import FINEST_M, Moved, Query
 from engine.ports import MotionGround
-from engine.stages.motion.planner import FINEST_M, plan
+from engine.stages.motion.planner import plan
 from engine.stages.motion.trajectory import Limits, least_times
 
 CORES = 2

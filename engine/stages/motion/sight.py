@@ -10,6 +10,7 @@ from itertools import product
 
 import numpy as np
 
+from engine.kernels.linear import matmul, norm
 from engine.model.geometry import Floats, Truths
 
 MOST = 400  # nodes that are looked at
@@ -46,7 +47,7 @@ class Sights:
 
     def over_edges(self, box: int, a: Floats, goal: Floats) -> Floats:
         """For each edge of a box the point (12, 3) over which the way from `a` to the goal is shortest."""
-        corners = self.p[box] + (CORNERS * (self.halves[box] + SLACK_M)) @ self.R[box].T
+        corners = self.p[box] + matmul(CORNERS * (self.halves[box] + SLACK_M), self.R[box].T)
         first, along = corners[EDGES[:, 0]], corners[EDGES[:, 1]] - corners[EDGES[:, 0]]
         length = np.maximum(np.linalg.norm(along, axis=1), 1e-12)
         unit = along / length[:, None]
@@ -70,7 +71,7 @@ def lines_of_sight(
     `reached` says which points (n, 3) the hand can get to (n,).
     """
     points, behind, cost = [start], [-1], [0.0]
-    open_: list[tuple[float, int]] = [(float(np.linalg.norm(goal - start)), 0)]
+    open_: list[tuple[float, int]] = [(norm(goal - start), 0)]
     seen = {_key(start)}
     for _ in range(MOST):
         if not open_:
@@ -83,8 +84,8 @@ def lines_of_sight(
         for point in nodes[reached(nodes)]:
             points.append(point)
             behind.append(node)
-            cost.append(cost[node] + float(np.linalg.norm(point - points[node])))
-            heapq.heappush(open_, (cost[-1] + float(np.linalg.norm(goal - point)), len(points) - 1))
+            cost.append(cost[node] + norm(point - points[node]))
+            heapq.heappush(open_, (cost[-1] + norm(goal - point), len(points) - 1))
     return None
 
 

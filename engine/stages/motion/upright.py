@@ -9,7 +9,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from engine.kernels.geometry.angles import angles_of
 from engine.kernels.geometry.edges import Edges, free_edges
+from engine.kernels.linear import matmul, norm
 from engine.model.geometry import Floats, Joints, Truths
 from engine.model.motion import Query
 from engine.ports import Hand, MotionGround
@@ -35,11 +37,12 @@ class Level:
     @classmethod
     def at(cls, hand: Hand, q: Floats, tilt_rad: float) -> "Level":
         """What is upright at a configuration (k,) stays so."""
-        return cls(hand, hand.poses(q[None])[0, :3, :3].T @ UP, tilt_rad)
+        return cls(hand, matmul(hand.poses(q[None])[0, :3, :3].T, UP), tilt_rad)
 
     def tilts(self, q: Floats) -> Floats:
         """How far it is tilted in configurations (n, k), in rad (n,)."""
-        return np.asarray(np.arccos(np.clip((self.hand.poses(q)[:, :3, :3] @ self.up)[:, 2], -1.0, 1.0)))
+        height = np.clip(matmul(self.hand.poses(q)[:, :3, :3], self.up)[:, 2], -1.0, 1.0)
+        return angles_of(np.sqrt((1.0 - height) * (1.0 + height)), height)
 
     def holds(self, path: Floats, joints: Joints) -> Truths:
         """Whether it stays upright everywhere on each line of a path (m, k): (m - 1,), true only where that is certain."""
@@ -50,8 +53,8 @@ class Level:
     def back(self, q: Floats, astray: float = ASTRAY) -> Floats | None:
         """The configuration (k,) near one where nothing is tilted, with the hand in the same place."""
         T = self.hand.poses(q[None])[0]
-        leaning = T[:3, :3] @ self.up
-        T[:3, :3] = _aligning(leaning) @ T[:3, :3]
+        leaning = matmul(T[:3, :3], self.up)
+        T[:3, :3] = matmul(_aligning(leaning), T[:3, :3])
         found = self.hand.reaching(T[None], q)[0]
         if not len(found) or np.abs(found[0] - q).max() > astray:
             return None
@@ -65,7 +68,9 @@ def _aligning(leaning: Floats) -> Floats:
     x, y, z = cross
     skew = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
     found: Floats = (
-        np.eye(3) + skew + skew @ skew / (1.0 + cosine) if cosine > -0.999999 else np.diag([1.0, -1.0, -1.0])
+        np.eye(3) + skew + matmul(skew, skew) / (1.0 + cosine)
+        if cosine > -0.999999
+        else np.diag([1.0, -1.0, -1.0])
     )
     return found
 
@@ -173,7 +178,7 @@ def _cut(growing: _Growing, path: Floats, query: Query) -> Floats:
             break
         i, j = sorted(rng.choice(len(path), 2, replace=False))
         now = float(np.linalg.norm(np.diff(path[i : j + 1], axis=0), axis=1).sum())
-        if j - i < SPACE or np.linalg.norm(path[j] - path[i]) > 0.95 * now:
+        if j - i < SPACE or norm(path[j] - path[i]) > 0.95 * now:
             continue
         way = growing.towards(path[i], path[j])
         if (way and way[-1] is path[j]) or (way and np.array_equal(way[-1], path[j])):
@@ -184,4 +189,4 @@ def _cut(growing: _Growing, path: Floats, query: Query) -> Floats:
 
 
 def _away(q: Floats, target: Floats) -> float:
-    return float(np.linalg.norm(q - target))
+    return norm(q - target)

@@ -7,7 +7,8 @@ short if the step is needed, and for a long plan all trials together cost little
 
 from collections.abc import Sequence
 
-from engine.model.task import Bits, GroundOperator, Task, indices, progress
+from engine.model.replay import reached_goals
+from engine.model.task import Bits, GroundOperator, Task, indices
 
 
 def eliminate(initial: Bits, steps: Sequence[GroundOperator], goals: Bits) -> list[GroundOperator]:
@@ -95,8 +96,10 @@ class _Trial:
 
 
 def reached(task: Task, steps: Sequence[GroundOperator]) -> Bits:
-    """The alternative of the goals that holds at the end of a sequence."""
+    """The alternative of the goals that holds at the end of a sequence, without derived atoms."""
     state = task.initial
     for operator in steps:
-        state = progress(state, operator)
-    return next(goal for goal in task.goals if goal & ~state == 0)
+        state = task.after(state, operator)
+    found = reached_goals(task, state)
+    assert found is not None
+    return found

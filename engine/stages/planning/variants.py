@@ -9,7 +9,7 @@ import itertools
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
-from engine.model.task import Bits, GroundOperator, Task, indices, progress
+from engine.model.task import Bits, GroundOperator, Task, indices
 from kb.terms import Function
 
 MAX_EFFECTS = 8  # conditional effects of one operator
@@ -23,8 +23,10 @@ class TooManyVariants(Exception):
 def unconditional(task: Task) -> list[GroundOperator]:
     """The operators of `task`, split into operators without conditional effects.
 
-    Raises `TooManyVariants`.
+    Raises `TooManyVariants`, also where derived atoms are not replaced by their definitions.
     """
+    if task.axioms is not None:
+        raise TooManyVariants("derived predicates with very many definitions are for forward searches only")
     complements = _complements(task)
     found: list[GroundOperator] = []
     for operator in task.operators:
@@ -83,7 +85,7 @@ def _variant(
 
 
 def plainly(task: Task, steps: Sequence[GroundOperator]) -> list[GroundOperator]:
-    """The steps of a sequence from the initial state, each as an operator without conditional effects.
+    """The steps of a sequence from the initial state, each as an operator without conditional effects and derived atoms.
 
     Such an operator has the effects that fire in the state of its step. For an effect that does not fire
     there, it needs the complementary atom of one of the effect's conditions.
@@ -91,8 +93,9 @@ def plainly(task: Task, steps: Sequence[GroundOperator]) -> list[GroundOperator]
     complements = _complements(task)
     state, made = task.initial, []
     for operator in steps:
-        made.append(_plain(operator, state, complements) if operator.conditional else operator)
-        state = progress(state, operator)
+        plain = _plain(operator, state, complements) if operator.conditional else operator
+        made.append(task.grounded(state, plain))
+        state = task.after(state, operator)
     return made
 
 

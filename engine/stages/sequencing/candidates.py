@@ -1,5 +1,6 @@
 """Candidate neighbours: for each city, the few cities that are worth visiting next."""
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -15,6 +16,7 @@ if TYPE_CHECKING:
 COUNT = 6
 LIKELY = 48  # among this many nearest cities there is mostly one in each quadrant
 FURTHEST = 400  # at the rim, cities in the other quadrants may lie far away
+FEW = 1_500  # points of which each is compared with all others
 CHUNK = 400_000  # candidates that are weighed at once
 
 
@@ -40,12 +42,10 @@ def quadrant(
     is no point (n = m + 1), each city is its candidate, and it is the last candidate of each. Only the `FURTHEST` nearest
     cities are looked at. What is not found when it is interrupted is city 0.
     """
-    from scipy.spatial import cKDTree as KDTree  # slow to import
-
     n, m = len(costs), len(positions)
     found = np.zeros((m, min(count, m - 1)), np.int32)
     plane, lacking = _plane(positions), np.arange(m)
-    tree = KDTree(positions)
+    tree = _Rows(positions) if m <= FEW else _tree(positions)
     for width in sorted({min(LIKELY, m - 1), min(FURTHEST, m - 1)}):
         again = []
         for part in np.array_split(lacking, len(lacking) * width // CHUNK + 1):
@@ -70,8 +70,29 @@ def _plane(positions: NDArray[np.floating]) -> Floats:
     return found
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class _Rows:
+    """Points (m, d), few enough to look at all of them for each: that takes less time than to import a tree."""
+
+    points: NDArray[np.floating]
+
+    def query(self, points: NDArray[np.floating], count: int) -> tuple[Floats, Longs]:
+        """The nearest points of each of some points (p, count), and how far they are; in any order."""
+        way: Floats = sum(
+            (one[:, None] - other[None]) ** 2 for one, other in zip(points.T, self.points.T, strict=True)
+        )
+        near = np.argpartition(way, count - 1, axis=1)[:, :count]
+        return np.sqrt(np.take_along_axis(way, near, 1)), near
+
+
+def _tree(positions: NDArray[np.floating]) -> "cKDTree":
+    from scipy.spatial import cKDTree as KDTree  # slow to import
+
+    return KDTree(positions)
+
+
 def _sorted(
-    tree: "cKDTree", positions: NDArray[np.floating], part: NDArray[np.intp], width: int, costs: Costs
+    tree: "cKDTree | _Rows", positions: NDArray[np.floating], part: NDArray[np.intp], width: int, costs: Costs
 ) -> Longs:
     """The nearest cities of each city of `part` without itself (p, width), cheapest first, then by number."""
     _, near = tree.query(positions[part], width + 1)

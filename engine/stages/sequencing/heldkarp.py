@@ -16,8 +16,6 @@ from engine.kernels.cancellation import Interrupted, never
 from engine.stages.sequencing.costs import Costs
 
 if TYPE_CHECKING:
-    from scipy.sparse import csr_array
-
     from engine.stages.sequencing.kernels.graphs import Graph
 
 GRAIN = 64.0  # penalties are whole multiples of 1 / GRAIN
@@ -48,25 +46,16 @@ class _Edges:
         """The weight of a minimum 1-tree, less twice the penalties; `degree` (n,) is written."""
         return self.graph.weigh(penalty, degree, floor)
 
-    def least(self, penalty: Floats) -> float:
-        """A weight that is less than any: a weight of 0 would be no edge of a sparse graph."""
-        return float((self.cost + penalty[self.first] + penalty[self.second]).min()) - 1.0
-
-    def tree(self, penalty: Floats, cities: int = 0) -> "csr_array":
-        """A shortest tree of all cities, or of the first so many, whose weights are lessened by the least."""
-        from scipy.sparse import csr_array  # slow to import
-        from scipy.sparse.csgraph import minimum_spanning_tree
-
-        weight, n = self.cost + penalty[self.first] + penalty[self.second] - self.least(penalty), len(penalty)
-        own = np.maximum(self.first, self.second) < (cities or n)
-        return minimum_spanning_tree(
-            csr_array((weight[own], (self.first[own], self.second[own])), shape=(n, n))
-        )
+    def tree(self, penalty: Floats, cities: int = 0) -> tuple[Ints, Floats]:
+        """The edges of a shortest tree of all cities, or of the first so many, with their weights, the lightest first."""
+        found = np.zeros(len(penalty), np.int32)
+        tree = found[: self.graph.span(penalty, cities or len(penalty), found)]
+        return tree, self.cost[tree] + penalty[self.first[tree]] + penalty[self.second[tree]]
 
     def floors(self, penalty: Floats) -> Floats:
         """Some weights of edges in a shortest tree, the greatest first."""
-        tree = self.tree(penalty)
-        found: Floats = np.floor((np.quantile(tree.data, QUANTILES) + self.least(penalty)) * GRAIN) / GRAIN
+        _, weight = self.tree(penalty)
+        found: Floats = np.floor(np.quantile(weight, QUANTILES) * GRAIN) / GRAIN
         return found
 
 
@@ -145,19 +134,15 @@ def _coarsely(
     What one city says about its cluster is little against what it says about itself. So an ascent over single cities takes
     very long until all cities of a cluster have moved.
     """
-    from scipy.sparse.csgraph import connected_components  # slow to import
-
-    tree, n = edges.tree(penalty, places), len(penalty)
-    longest, least = np.sort(tree.data)[::-1], edges.least(penalty)
+    n, cluster = len(penalty), np.zeros(len(penalty), np.int32)
+    tree, weight = edges.tree(penalty, places)
     counts = [n // FEWER**level for level in range(1, 20) if n // FEWER**level >= LEAST][::-1]
     for count in counts:
         if interrupted():
             break
-        kept = tree.copy()
-        kept.data[kept.data >= longest[count - 2]] = 0
-        kept.eliminate_zeros()
-        _, cluster = connected_components(kept, directed=False)
-        size = float(longest[: count - 1].mean() + least) / 8
+        dropped = weight[1 - count :]
+        edges.graph.clusters(tree[weight < dropped[0]], cluster)
+        size = float(dropped.mean()) / 8
         penalty = _climbed(
             edges, penalty, upper, steps // (2 * len(counts)), interrupted, max(size, 1.0), cluster
         )

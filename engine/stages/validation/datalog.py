@@ -65,7 +65,10 @@ class Facts:
         if atom in self:
             return False
         self._by_name.setdefault(atom.name, {})[atom] = None
-        self._indexes.pop(atom.name, None)
+        index = self._indexes.get(atom.name)
+        if index is not None:
+            for key in enumerate(atom.arguments):
+                index.setdefault(key, []).append(atom)
         return True
 
     def after(self, ends: Set[Atom], adds: Set[Atom]) -> "Facts":
@@ -87,6 +90,14 @@ class Facts:
 
     def __contains__(self, atom: Atom) -> bool:
         return atom in self._extent(atom.name) or (self.below is not None and atom in self.below)
+
+    def extent(self, name: str) -> Iterator[Atom]:
+        """Every atom of a predicate that is above the facts that never change."""
+        layers, facts = list[Facts](), self
+        while facts.below is not None:
+            layers.append(facts)
+            facts = facts.below
+        return (atom for each in layers for atom in each._extent(name))
 
     def named(self, name: str) -> Iterator[Atom]:
         """Every atom of a predicate."""
@@ -171,13 +182,22 @@ def solve(
 def _next(body: Body, bindings: Bindings) -> tuple[BodyPart, Body]:
     """The part to solve first, and the other parts.
 
-    First comes a test whose variables are bound, else a positive literal.
+    First comes a test whose variables are bound, else the positive literal of which most is bound.
     """
     for index, part in enumerate(body):
         if _is_test(part, bindings):
             return part, body[:index] + body[index + 1 :]
-    index = next((i for i, part in enumerate(body) if isinstance(part, Literal) and part.positive), 0)
+    choices = (i for i, part in enumerate(body) if isinstance(part, Literal) and part.positive)
+    index = min(choices, key=lambda i: _openness(body[i], bindings), default=0)
     return body[index], body[:index] + body[index + 1 :]
+
+
+def _openness(part: BodyPart, bindings: Bindings) -> tuple[bool, int]:
+    """How little of a literal is bound: whether no argument is, and the number of those that are not."""
+    assert isinstance(part, Literal)
+    arguments = substitute_atom(part.atom, bindings).arguments
+    unbound = sum(not is_ground(each) for each in arguments)
+    return unbound == len(arguments), unbound
 
 
 def _is_test(part: BodyPart, bindings: Bindings) -> bool:

@@ -12,7 +12,7 @@ from kb.model.domain import Kind
 from kb.model.plan import GOAL, START, CausalLink, StepId
 from kb.model.problem import Chain
 from kb.model.workflow import reaches
-from kb.terms import Atom, Function, Number, Text
+from kb.terms import Atom, Function, Number, Text, parts_of
 from kb.terms import match as matched
 
 
@@ -97,7 +97,8 @@ class Links:
 
     def _reaches(self, producer: StepId, stage: Atom) -> bool:
         change = self.plan.executed[producer].change
-        return any(reaches(atom, stage) for atom in (*change.adds, *change.events))
+        done = (*change.adds, *change.events)
+        return any(reaches(atom, part) for atom in done for part in parts_of(stage))
 
     def _meddling(self, link: CausalLink, atom: Atom, positive: bool) -> Iterator[Executed]:
         """The steps that may end the condition of a link and may come while it lasts, in their order."""
@@ -169,7 +170,8 @@ class Links:
         """What the goals mention, and the fluents that are stages, the last of which must stay."""
         problem = self.plan.problem
         fluents = {name for name, each in problem.domain.predicates.items() if each.kind is Kind.FLUENT}
-        stages = {stage for chain in problem.chains for stage in chain.stages if stage.name in fluents}
+        stages = {part for chain in problem.chains for stage in chain.stages for part in parts_of(stage)}
+        stages = {each for each in stages if each.name in fluents}
         return {*self.plan.mentioned(problem.goal, {}), *stages}
 
 

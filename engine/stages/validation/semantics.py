@@ -1,7 +1,7 @@
 """What a step does, taken directly from the domain (docs/language.md, "Meaning", points 2 to 7).
 
-The code works on sets of atoms and is plain on purpose. It deduces atom by atom, and it computes derived
-predicates as a fixpoint in every state.
+The code works on sets of atoms and is plain on purpose. It deduces atom by atom, and it evaluates the rules of derived
+predicates in every state.
 """
 
 import copy
@@ -12,6 +12,7 @@ from functools import cached_property
 
 from engine.stages.validation.changes import Change, Denial, State, well_typed
 from engine.stages.validation.datalog import Bindings, Evaluated, Facts, holds, solve
+from engine.stages.validation.derivation import Derivation
 from kb.asp.statics import evaluated
 from kb.asp.vocabulary import guard
 from kb.graphs import components, reached
@@ -97,8 +98,7 @@ class Semantics:
     def facts(self, state: Iterable[Atom] | Facts) -> Facts:
         """A state with its derived atoms, on top of the static facts."""
         facts = Facts((), self.layer(state))
-        for rules in self.strata:
-            _close(rules, facts, facts)
+        self._derivation.add(facts)
         return facts
 
     def layer(self, state: Iterable[Atom] | Facts) -> Facts:
@@ -108,10 +108,13 @@ class Semantics:
     def bounds(self, certain: Iterable[Atom], possible: Iterable[Atom]) -> tuple[Facts, Facts]:
         """What is true in every state between two sets of atoms, and what can be true, with derived atoms."""
         lower, upper = Facts(certain, self.statics), Facts(possible, self.statics)
-        for rules in self.strata:
-            _close(rules, lower, upper)
-            _close(rules, upper, lower)
+        self._derivation.bound(lower, upper)
         return lower, upper
+
+    @cached_property
+    def _derivation(self) -> Derivation:
+        dynamic = {name for name, kind in self._kinds.items() if kind in (Kind.FLUENT, Kind.DERIVED)}
+        return Derivation(self.strata, self.statics, dynamic)
 
     @cached_property
     def strata(self) -> list[list[Rule]]:
@@ -266,14 +269,6 @@ class Semantics:
                 waiting.append(substitute_atom(consequence.atom, each))
                 found = True
         return found
-
-
-def _close(rules: Iterable[Rule], facts: Facts, judge: Facts) -> None:
-    """Add everything that follows by the rules of one stratum; `judge` decides negations."""
-    changed = True
-    while changed:
-        derived = [substitute_atom(r.head, b) for r in rules for b in solve(r.body, facts, {}, judge)]
-        changed = any([facts.add(atom) for atom in derived])
 
 
 def _open(consequence: Consequence, bindings: Bindings) -> set[Variable]:

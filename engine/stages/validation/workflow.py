@@ -9,7 +9,7 @@ from kb.model.domain import Domain
 from kb.model.plan import START, StepId
 from kb.model.problem import Chain
 from kb.model.workflow import begun, holding, lasting, next_stages, reaches, settled, those_reaching
-from kb.terms import Atom
+from kb.terms import Atom, parts_of
 
 Counters = tuple[int, ...]
 
@@ -18,8 +18,8 @@ Counters = tuple[int, ...]
 class Reached:
     """A stage that is reached once a step has ended, or at the start.
 
-    `held` are the atoms that reached it if they held already and the step does not add them; empty if the step itself
-    reaches the stage, by an event or by what it adds.
+    `held` are the atoms of it that held already and that the step does not add; empty if the step itself reaches the whole
+    stage, by an event or by what it adds.
     """
 
     stage: Atom
@@ -68,9 +68,10 @@ class ChainProgress:
         self, chain: Chain, numbers: range, step: StepId, done: Sequence[Atom], state: Facts
     ) -> Iterator[Reached]:
         for number in numbers:
-            stage = chain.stages[number]
-            own = any(reaches(atom, stage) for atom in done)
-            yield Reached(stage, step, () if own else tuple(those_reaching(stage, state)))
+            parts = parts_of(chain.stages[number])
+            own = [part for part in parts if any(reaches(atom, part) for atom in done)]
+            held = (atom for part in parts if part not in own for atom in those_reaching(part, state))
+            yield Reached(chain.stages[number], step, tuple(held))
 
     def _waiting(self, reading: Counters) -> dict[int, Atom]:
         """The next stage of each chain that may advance."""
@@ -86,7 +87,7 @@ class ChainProgress:
             for chain, n in zip(self.chains, best, strict=True)
             if n < len(chain.stages)
         ]
-        wanted = lasting(self.chains, self.domain).values()
+        wanted = (last for own in lasting(self.chains, self.domain).values() for last in own)
         return [*found, *(f"{last} at the end" for last in wanted if last not in self.state)]
 
     def reached(self) -> dict[str, tuple[Reached, ...]]:

@@ -16,7 +16,7 @@ from engine.model.solid import Facet, Solid
 from engine.model.vision import DepthImage
 from engine.stages.vision.lines import Lines
 from engine.stages.vision.outlines import Region, axes_of
-from engine.stages.vision.symmetry import symmetries
+from engine.stages.vision.symmetry import likenesses, symmetries
 
 ANGLE = np.radians(6)
 LENGTH_M = 0.004
@@ -36,6 +36,11 @@ class Model:
     def symmetries(self) -> tuple[Floats, ...]:
         """The poses in which it looks the same."""
         return symmetries(self.solid)
+
+    @cached_property
+    def likenesses(self) -> tuple[Floats, ...]:
+        """Poses in which much of it looks the same, but not all of it, the likest first."""
+        return likenesses(self.solid, self.symmetries, *self.samples)
 
     @cached_property
     def facets(self) -> list[int]:

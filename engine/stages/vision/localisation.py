@@ -57,6 +57,9 @@ def locate(model: Model, image: DepthImage, ground: Ground, demands: Demands | N
     view = View(image, ground.known)
     apart = _ordered(model, view, _distinct(begun, model, TRIED))[:BETTERED]
     nearer = [refined(model, view, T, 2)[0] for T in apart]
+    nearer += [
+        refined(model, view, T @ S, 2)[0] for T in _ordered(model, view, nearer)[:1] for S in model.likenesses
+    ]
     final: list[tuple[Hypothesis, Floats]] = []
     for T in _distinct(_ordered(model, view, nearer), model, REFINED):
         pose, covariance = refined(model, view, T)

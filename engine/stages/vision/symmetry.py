@@ -1,4 +1,4 @@
-"""The turns that map a solid onto itself."""
+"""The turns that map a solid onto itself, wholly or in part."""
 
 import numpy as np
 
@@ -7,6 +7,12 @@ from engine.model.geometry import Floats
 from engine.model.solid import Facet, Solid
 
 SAME = 1e-4  # of the size
+LIKE_M, LIKE, MOST = (
+    0.003,
+    0.6,
+    6,
+)  # how near a point is to a facet, the share of these, and how many poses are told
+APART = 0.02  # entries of poses that differ by less are of one pose
 
 
 def symmetries(solid: Solid) -> tuple[Floats, ...]:
@@ -30,6 +36,33 @@ def symmetries(solid: Solid) -> tuple[Floats, ...]:
             if all(np.abs(T - other).max() > 10 * SAME for other in found):
                 found.append(T)
     return tuple(found)
+
+
+def likenesses(
+    solid: Solid, known: tuple[Floats, ...], points: Floats, normals: Floats
+) -> tuple[Floats, ...]:
+    """Poses (4, 4) in which most of some points (n, 3) on a solid, with their normals, lie on its facets' planes, but for those that are known.
+    The likest come first.
+
+    What tells such a pose from the true one may be hidden. Each maps an edge of the largest facet onto the line of another edge,
+    beginning at one of its ends.
+    """
+    anchor = max(solid.facets, key=lambda each: float(np.linalg.norm(np.ptp(each.edges, axis=(0, 1)))))
+    back = inverse(_frame(anchor, 0))
+    planes = np.array([facet.normal for facet in solid.facets])
+    offsets = np.array([facet.offset for facet in solid.facets])
+    found: list[tuple[float, Floats]] = []
+    for facet in solid.facets:
+        for n in range(len(facet.edges)):
+            T = _frame(facet, n) @ back
+            near = (np.abs(apply(T, points) @ planes.T - offsets) < LIKE_M) & (
+                normals @ T[:3, :3].T @ planes.T > 1 - 1e-3
+            )
+            share = float(near.any(axis=1).mean())
+            others = [*known, *(other for _, other in found)]
+            if share > LIKE and all(np.abs(T - other).max() > APART for other in others):
+                found.append((share, T))
+    return tuple(T for _, T in sorted(found, key=lambda pair: -pair[0])[:MOST])
 
 
 def _frame(facet: Facet, n: int) -> Floats:

@@ -1,6 +1,7 @@
 """What holds already costs nothing: in words, in stages and in goals."""
 
 from dataclasses import replace
+from itertools import pairwise
 
 import pytest
 
@@ -47,6 +48,41 @@ def test_a_closed_flap_is_not_opened_to_be_closed() -> None:
 def test_what_does_not_hold_when_its_turn_comes_is_done() -> None:
     assert [s.operator.name for s in said("open the flap, then close the flap").steps] == ["press_switch"] * 2
     assert said("heat probe 1 for 15 min and store it again, then close the flap").cost == 10
+
+
+UNDONE_LATER = {
+    "open the drawer, heat probe 1 for 10 min, then close the drawer": (
+        "open_drawer",
+        "heat",
+        "close_drawer",
+    ),
+    "open the drawer, heat probe 1 for 10 min and close the drawer": ("open_drawer", "heat", "close_drawer"),
+    "close the drawer once probe 1 is heated for 5 min, but open the drawer first": (
+        "open_drawer",
+        "heat",
+        "close_drawer",
+    ),
+    "close the drawer, heat probe 1 for 5 min, then open the drawer": ("close_drawer", "heat", "open_drawer"),
+    "take probe 1 out of the drawer, heat probe 2 for 10 min, then put probe 1 back": (
+        "pick(probe_1",
+        "heat(probe_2",
+        "put(probe_1",
+    ),
+    "grip probe 1, heat probe 2 for 5 min, store probe 1": ("pick(probe_1", "heat(probe_2", "put(probe_1"),
+    "open the flap, read the laser, close the flap": ("press", "sense", "press"),
+}
+
+
+@pytest.mark.parametrize("sentence", UNDONE_LATER)
+def test_what_the_sentence_undoes_later_is_undone_after_what_is_said_between(sentence: str) -> None:
+    plan = said(sentence)
+    names = [str(step.operator) for step in plan.steps]
+    places, start = [], 0
+    for name in UNDONE_LATER[sentence]:
+        start = next(n for n in range(start, len(names)) if names[n].startswith(name)) + 1
+        places.append(plan.steps[start - 1].id)
+    before = plan.predecessors()
+    assert all(one in before[other] for one, other in pairwise(places))
 
 
 def test_only_the_probes_that_are_elsewhere_are_stored() -> None:

@@ -32,14 +32,14 @@ def test_of_measurements_that_are_alike_a_few_are_left(tmp_path: Path) -> None:
 
 
 def test_what_is_reached_with_a_few_is_told_of_all(tmp_path: Path) -> None:
-    problem = load_problem(str(imported(tmp_path, rows(160))))
+    problem = load_problem(str(imported(tmp_path, rows(80))))
     small = fewer(problem)
     of_all = small.told_of_all(reachable_atoms(ground(small.problem)))
     assert of_all == reachable_atoms(ground(problem))
 
 
 def test_a_large_problem_with_positions_is_checked_and_nothing_is_wrong(tmp_path: Path) -> None:
-    assert check(str(imported(tmp_path, rows(1000))), reach=False).diagnostics == ()
+    assert check(str(imported(tmp_path, rows(500))), reach=False).diagnostics == ()
 
 
 def test_points_that_differ_in_what_is_known_about_them_are_not_alike(tmp_path: Path) -> None:

@@ -1,11 +1,14 @@
 """Each check of fault bases: a small base that breaks this rule alone, and the same base that keeps it."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
 from kb.check.faults import check_faults
 from kb.diagnostics import Source
+from kb.loader import load
+from kb.loader.faults import load_faults
 from kb.model.faults import Cause, FaultModel, FaultTest, Interruption, Repair
 
 HERE = Source("faults.yaml", 1)
@@ -140,3 +143,12 @@ def test_what_cannot_be_held_is_an_error_and_all_else_a_warning() -> None:
     found = check_faults(everything)
     assert {each.code for each in found} == {"K309", "K903", "K904", "K902"}
     assert all(each.warning for each in found)
+
+
+@pytest.mark.parametrize("domain", ["themse", "bulkhead"])
+def test_the_bundled_fault_bases_know_how_every_operator_can_fail(domain: str) -> None:
+    folder = Path(__file__).parents[3] / "domains" / domain
+    base, _ = load_faults(folder / "domain.yaml")
+    about = {each.operator.name for each in base.exceptions.values() if each.operator is not None}
+    known = load(folder / "domain.yaml").domain
+    assert {each.name for each in known.operators} <= about

@@ -147,7 +147,7 @@ def test_a_violated_constraint_is_reported_at_its_place(cell: Path) -> None:
         planning.plan(planning.problem_of(str(cell / "problems" / "two_items.yaml")))
 
 
-def test_a_predicate_with_too_many_supports_is_reported_at_its_rule(cell: Path) -> None:
+def test_a_predicate_may_be_true_in_very_many_ways(cell: Path) -> None:
     edit(cell / "domain.yaml", "operators:\n", "derived:\n  settled: {}\n\noperators:\n")
     edit(cell / "problems" / "two_items.yaml", "[bolt, plate]", "[i1..12]")
     edit(cell / "problems" / "two_items.yaml", "  - small(bolt)", "  - small(i1)")
@@ -162,4 +162,4 @@ def test_a_predicate_with_too_many_supports_is_reported_at_its_rule(cell: Path) 
         )
         rules.write("lost(I) :- at(I, table).\nlost(I) :- at(I, right).\n")
     edit(cell / "domain.yaml", "  settled: {}", "  settled: {}\n  unsettled(item): {}\n  lost(item): {}")
-    assert "K306" in codes(cell)
+    assert not any(code.startswith("K30") for code in codes(cell))

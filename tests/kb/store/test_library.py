@@ -121,10 +121,11 @@ def test_a_library_of_the_first_schema_is_brought_up_to_date(target: str) -> Non
         tables.metadata.create_all(connection, [tables.versions])
         tables.MIGRATIONS[0](connection)
         connection.execute(tables.versions.insert().values(version=1))
-        old = dict(domain="bulkhead", signature="go/0", name="go", fingerprint="f", steps=1)
         from kb.store import dumps
 
-        connection.execute(tables.macrops.insert().values(document=dumps(macrop("go")), **old))
+        text = dumps(macrop("go"))
+        old = dict(domain="bulkhead", signature="go/0", name="go", steps=1, document=text)
+        connection.execute(tables.macrops.insert().values(fingerprint=tables.fingerprint(text), **old))
         connection.execute(tables.dependencies.insert().values(macrop=1, part="operator move", digest="a"))
     engine.dispose()
     with Library(target) as library:

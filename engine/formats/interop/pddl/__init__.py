@@ -17,6 +17,7 @@ from engine.formats.interop.pddl.scope import typed
 from kb.diagnostics import InvalidInput
 from kb.model.conditions import TRUE, Condition
 from kb.model.problem import Problem
+from kb.numbers import is_count
 from kb.terms import Atom, Function, Number
 
 
@@ -112,7 +113,7 @@ class _ProblemReader:
         """The value of a static function."""
         left, right = part.rest if len(part.rest) == 2 else (part, part)
         head = left.head if isinstance(left, Group) else ""
-        if head not in self.scope.functions or not isinstance(right, Word) or not right.text.isdigit():
+        if head not in self.scope.functions or not isinstance(right, Word) or not is_count(right.text):
             hint = "costs are whole numbers"
             self.document.add(part, "K802", "this initial value is not supported", hint)
         elif head != "total-cost" and isinstance(left, Group):

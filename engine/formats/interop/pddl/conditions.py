@@ -7,6 +7,7 @@ from engine.formats.interop.pddl.scope import Scope
 from kb.diagnostics import nearest
 from kb.model.conditions import TRUE, And, Comparison, Condition, Exists, ForAll, Literal, Not, Or, Parameter
 from kb.model.domain import OBJECT, Effect
+from kb.numbers import is_count
 from kb.terms import Atom, Function, Number, Term, Variable
 
 NUMERIC = {
@@ -183,7 +184,7 @@ class ConditionReader:
         """The cost of an action: a number, or the value of a static function with the literal that gives it."""
         for group in _increases(at):
             value = group.rest[1] if len(group.rest) == 2 else group
-            if isinstance(value, Word) and value.text.isdigit():
+            if isinstance(value, Word) and is_count(value.text):
                 return Number(int(value.text)), None, group
             if isinstance(value, Group) and value.head in self.scope.functions and value.head != "total-cost":
                 signature = self.scope.functions[value.head]

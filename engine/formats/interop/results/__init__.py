@@ -26,4 +26,8 @@ def written(results: Results, form: ResultForm) -> str:
 
 def read(text: str, form: ResultForm) -> Results:
     """The results in a text that `written` made. Raises `ValueError` for another text."""
-    return {ResultForm.CSV: read_csv, ResultForm.JSON: read_json, ResultForm.QIF: read_qif}[form](text)
+    reader = {ResultForm.CSV: read_csv, ResultForm.JSON: read_json, ResultForm.QIF: read_qif}[form]
+    try:
+        return reader(text)
+    except (LookupError, TypeError, AttributeError, RecursionError) as error:
+        raise ValueError(f"not results: {error!r}") from error

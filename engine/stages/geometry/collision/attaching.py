@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from engine.kernels.geometry.layout import Pieces
+from engine.kernels.linear import matmul
 from engine.model.geometry import Floats, Longs, Piece, Scene, Truths
 from engine.stages.geometry.collision.builtin import BuiltinChecker
 from engine.stages.geometry.shapes.packing import bound, joined, pack
@@ -29,7 +30,9 @@ def attached(
     if not mine.any() or not 0 <= carrier < scene.carriers:
         raise ValueError(f"the scene has no body '{body}', or no carrier {carrier}")
     pieces = tuple(
-        replace(piece, carrier=carrier, T_carrier_piece=T_new_old @ piece.T_carrier_piece) if its else piece
+        replace(piece, carrier=carrier, T_carrier_piece=matmul(T_new_old, piece.T_carrier_piece))
+        if its
+        else piece
         for piece, its in zip(scene.pieces, mine, strict=True)
     )
     others = {name for pair in allowed if body in pair for name in pair} - {body}

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
+from engine.kernels.linear import matmul
 from engine.model.geometry import Floats
 from engine.plugins import geometry_backend
 from engine.stages.geometry import transforms
@@ -155,7 +156,7 @@ class CollisionOfContacts:
             for each in contacts:
                 for near, far in ((each.first, each.second), (each.second, each.first)):
                     if near.instance == at and far.instance not in found:
-                        T = found[at] @ self._anchor(near) @ transforms.inverse(self._anchor(far))
+                        T = matmul(found[at], self._anchor(near), transforms.inverse(self._anchor(far)))
                         found[far.instance] = T
                         open_.append(far.instance)
         return {each: T for each, T in found.items() if self._body(each) in self.world.cell.bodies}
@@ -181,7 +182,7 @@ class CollisionOfContacts:
         joint = next((each for each in self.model.permanent.values() if self._moves(each, instance)), None)
         if joint is None or not settings[joint.name]:
             return T
-        moved: Floats = T @ transforms.of_pose(joint.settings[settings[joint.name]])
+        moved: Floats = matmul(T, transforms.of_pose(joint.settings[settings[joint.name]]))
         return moved
 
     @staticmethod

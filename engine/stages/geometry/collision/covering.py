@@ -9,6 +9,7 @@ from itertools import product
 
 import numpy as np
 
+from engine.kernels.linear import matmul
 from engine.model.geometry import Floats, Joints, Longs, Piece, Scene, Truths
 from engine.stages.geometry import transforms
 from engine.stages.geometry.kinematics.arms import carrier_poses
@@ -55,7 +56,9 @@ def _extent(
     turned = np.abs(goal - start)[list(wrist)] / (SAMPLES - 1) / 2
     low, high = np.full(3, np.inf), np.full(3, -np.inf)
     for piece in (scene.pieces[n] for n in np.nonzero(inside)[0]):
-        points = transforms.apply(inward @ carriers[:, piece.carrier] @ piece.T_carrier_piece, piece.vertices)
+        points = transforms.apply(
+            matmul(inward, carriers[:, piece.carrier], piece.T_carrier_piece), piece.vertices
+        )
         room = piece.radius_m + _strays(scene.joints, carriers, inward, points, wrist, turned, piece.radius_m)
         low = np.minimum(low, points.min(axis=(0, 1)) - room)
         high = np.maximum(high, points.max(axis=(0, 1)) + room)
@@ -77,7 +80,7 @@ def _strays(
         if joints.prismatic[joint]:
             total += float(half)
             continue
-        origin = (inward @ carriers[:, joint + 1])[:, None, :3, 3]
+        origin = (matmul(inward, carriers[:, joint + 1]))[:, None, :3, 3]
         away = np.linalg.norm(points - origin, axis=-1).max() + radius_m
         total += float(half) * float(away)
     return total * (1.0 + float(turned.sum()))

@@ -12,6 +12,7 @@ from engine.kernels.geometry.lanes import Narrow
 from engine.kernels.geometry.layout import Pairs, Pieces
 from engine.kernels.geometry.mechanism import Mechanism
 from engine.kernels.geometry.proof import Proof
+from engine.kernels.linear import matmul, norm
 from engine.model.geometry import Contact, Floats, Joints, Scene, Truths
 from engine.ports import CollisionChecker
 from engine.stages.geometry.collision.builtin import BuiltinChecker
@@ -60,7 +61,7 @@ class Ground:
             return Edges(scene, step, margin_m)
 
         def free(first: Floats, second: Floats) -> bool:
-            away = float(np.linalg.norm(second - first))
+            away = norm(second - first)
             share = np.linspace(0.0, 1.0, max(1, math.ceil(away / step)) + 1)[1:, None]
             where = first + share * (second - first)
             if margin_m:
@@ -94,7 +95,7 @@ class Ground:
 
     def travel(self, first: Floats, second: Floats) -> float:
         """A bound on the way (m) of every point that moves on the straight line between two configurations (k,)."""
-        return float((np.abs(second - first) @ self._reach).max(initial=0.0))
+        return float((matmul(np.abs(second - first), self._reach)).max(initial=0.0))
 
     def only(self, pairs: Collection[frozenset[str]]) -> "Ground":
         """The ground on which nothing is checked but some pairs of bodies."""

@@ -6,6 +6,7 @@ from functools import cached_property
 
 import numpy as np
 
+from engine.kernels.linear import matmul
 from engine.model.geometry import Floats, Joints, Truths
 from engine.stages.geometry import transforms
 from kb.model.cell import Arm, JointKind
@@ -47,7 +48,7 @@ def carrier_poses(joints: Joints, q: Floats) -> Floats:
     poses = [np.broadcast_to(np.eye(4), (*q.shape[:-1], 4, 4))]
     for index in range(joints.count):
         moved = joint_motion(joints, index, q[..., index])
-        poses.append(poses[joints.parent[index]] @ joints.T_parent_origin[index] @ moved)
+        poses.append(matmul(poses[joints.parent[index]], joints.T_parent_origin[index], moved))
     return np.stack(poses, axis=-3)
 
 
@@ -72,8 +73,8 @@ class ArmModel:
 
     def flange_pose(self, q: Floats) -> Floats:
         """T_base_flange: q (..., k) gives (..., 4, 4)."""
-        pose: Floats = (
-            carrier_poses(self.joints, np.asarray(q, dtype=float))[..., -1, :, :] @ self.T_last_flange
+        pose: Floats = matmul(
+            carrier_poses(self.joints, np.asarray(q, dtype=float))[..., -1, :, :], self.T_last_flange
         )
         return pose
 
@@ -81,10 +82,10 @@ class ArmModel:
         """Velocity of the flange's origin (m), then angular velocity (rad): (..., k) gives (..., 6, k)."""
         q = np.asarray(q, dtype=float)
         poses = carrier_poses(self.joints, q)
-        origin = (poses[..., -1, :, :] @ self.T_last_flange)[..., :3, 3]
+        origin = (matmul(poses[..., -1, :, :], self.T_last_flange))[..., :3, 3]
         columns = []
         for index in range(self.joints.count):
-            axis = poses[..., index + 1, :3, :3] @ self.joints.axis[index]
+            axis = matmul(poses[..., index + 1, :3, :3], self.joints.axis[index])
             arm = origin - poses[..., index + 1, :3, 3]
             still = np.zeros_like(axis)
             pair = (axis, still) if self.joints.prismatic[index] else (np.cross(axis, arm), axis)

@@ -6,6 +6,7 @@ from enum import Enum
 
 import numpy as np
 
+from engine.kernels.linear import matmul, norm, solved
 from engine.model.geometry import Floats
 from engine.stages.geometry import transforms
 
@@ -85,15 +86,15 @@ def held(h: Floats, o: Floats, joint: int, value: float) -> tuple[Form | None, F
 
 def _without(h: Floats, o: Floats, joint: int, value: float) -> tuple[Floats, Floats, Floats]:
     R = transforms.rotation(h[joint], value)
-    M = transforms.transform(R, o[joint] - R @ o[joint])
+    M = transforms.transform(R, o[joint] - matmul(R, o[joint]))
     behind = np.arange(7) > joint
-    directions = np.where(behind[:, None], h @ R.T, h)
+    directions = np.where(behind[:, None], matmul(h, R.T), h)
     points = np.where(behind[:, None], transforms.apply(M, o), o)
     return np.delete(directions, joint, axis=0), np.delete(points, joint, axis=0), M
 
 
 def _parallel(a: Floats, b: Floats) -> bool:
-    return bool(np.linalg.norm(np.cross(a, b)) < NEAR)
+    return bool(norm(np.cross(a, b)) < NEAR)
 
 
 def _common_point(h: Floats, o: Floats) -> Floats | None:
@@ -102,6 +103,6 @@ def _common_point(h: Floats, o: Floats) -> Floats | None:
     system = across.sum(axis=0)
     if np.linalg.eigvalsh(system)[0] < NEAR:
         return None
-    point: Floats = np.linalg.solve(system, np.einsum("kij,kj->i", across, o))
+    point: Floats = solved(system, np.einsum("kij,kj->i", across, o))
     missed = np.linalg.norm(np.einsum("kij,kj->ki", across, point - o), axis=1)
     return point if missed.max() < NEAR else None

@@ -14,6 +14,7 @@ from itertools import product
 import numpy as np
 
 from engine.kernels.geometry import inverse
+from engine.kernels.linear import matmul
 from engine.model.geometry import Floats, Truths
 from engine.stages.geometry import transforms
 from engine.stages.geometry.kinematics.arms import ArmModel, carrier_poses, wrapped
@@ -56,7 +57,7 @@ class InverseKinematics:
         poses = carrier_poses(model.joints, np.zeros(model.joints.count))
         self._h = np.einsum("kij,kj->ki", poses[1:, :3, :3], model.joints.axis)
         self._o = np.ascontiguousarray(poses[1:, :3, 3])
-        self.T_zero = poses[-1] @ model.T_last_flange  # the flange at the zero configuration
+        self.T_zero = matmul(poses[-1], model.T_last_flange)  # the flange at the zero configuration
         self._T_flange_zero = transforms.inverse(self.T_zero)
         turning = not model.joints.prismatic.any()
         self.redundant = holdable(self._h, self._o) if turning and len(self._h) == 7 else None
@@ -106,7 +107,7 @@ class InverseKinematics:
             form, M = held(self._h, self._o, joint, float(value))
             if form is None:  # two axes have become parallel, or meet
                 continue
-            q, residual = _closed(form, np.ascontiguousarray(poses @ self._T_flange_zero @ M))
+            q, residual = _closed(form, np.ascontiguousarray(matmul(poses, self._T_flange_zero, M)))
             found.append((np.insert(q, joint, value, axis=-1), residual))
         if not found:
             return Branches(np.zeros((len(poses), 0, 7)), np.zeros((len(poses), 0), dtype=bool))
@@ -126,7 +127,7 @@ class InverseKinematics:
     def _closed(self, poses: Floats) -> tuple[Floats, Floats]:
         """Configurations (n, 8, 6) and their residuals (n, 8), infinite where there is no solution."""
         assert self.form is not None
-        return _closed(self.form, np.ascontiguousarray(poses @ self._T_flange_zero))
+        return _closed(self.form, np.ascontiguousarray(matmul(poses, self._T_flange_zero)))
 
 
 def _finite(T_base_flange: Floats) -> tuple[Floats, Truths]:
@@ -148,7 +149,7 @@ def _finite(T_base_flange: Floats) -> tuple[Floats, Truths]:
 def _rigid(poses: Floats, known: Truths) -> tuple[Floats, Truths]:
     """The same for a search; closed forms find by themselves that a matrix is no rotation."""
     R = poses[:, :3, :3]
-    off = np.abs(R @ np.swapaxes(R, 1, 2) - np.eye(3)).max(axis=(1, 2))
+    off = np.abs(matmul(R, np.swapaxes(R, 1, 2)) - np.eye(3)).max(axis=(1, 2))
     rigid: Truths = known & (off < RIGID) & (np.linalg.det(R) > 0)
     return np.where(rigid[:, None, None], poses, np.eye(4)), rigid
 

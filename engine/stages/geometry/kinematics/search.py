@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from engine.kernels.linear import matmul, solved
 from engine.model.geometry import Floats, Truths
 from engine.stages.geometry import transforms
 from engine.stages.geometry.kinematics.arms import ArmModel, wrapped
@@ -58,7 +59,7 @@ def _added(kept: list[Floats], more: Floats, revolute: Truths) -> bool:
 def pose_error(model: ArmModel, T_base_flange: Floats, q: Floats) -> Floats:
     """What is missing from q (n, k) to the poses (n, 4, 4): metres, then a rotation vector in the base frame (n, 6)."""
     reached = model.flange_pose(q)
-    turn = T_base_flange[..., :3, :3] @ np.swapaxes(reached[..., :3, :3], -1, -2)
+    turn = matmul(T_base_flange[..., :3, :3], np.swapaxes(reached[..., :3, :3], -1, -2))
     step = T_base_flange[..., :3, 3] - reached[..., :3, 3]
     return np.concatenate([step, transforms.rotation_vector(turn)], axis=-1)
 
@@ -82,9 +83,11 @@ def polished(model: ArmModel, poses: Floats, q: Floats, iterations: int = 8) -> 
             break
         J = model.jacobian(q[open_])
         size = np.linalg.norm(error[open_], axis=-1)
-        system = np.swapaxes(J, -1, -2) @ J + (damping[open_] * size**2)[:, None, None] * np.eye(J.shape[-1])
+        system = matmul(np.swapaxes(J, -1, -2), J) + (damping[open_] * size**2)[:, None, None] * np.eye(
+            J.shape[-1]
+        )
         system += 1e-13 * np.eye(J.shape[-1])  # at a singularity nothing else keeps it regular
-        step = np.linalg.solve(system, np.swapaxes(J, -1, -2) @ error[open_][..., None])[..., 0]
+        step = solved(system, matmul(np.swapaxes(J, -1, -2), error[open_][..., None])[..., 0])
         tried = q[open_] + np.clip(step, -0.5, 0.5)
         after = pose_error(model, poses[open_], tried)
         better = np.linalg.norm(after, axis=-1) < size

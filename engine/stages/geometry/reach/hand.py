@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from engine.kernels.linear import matmul
 from engine.model.geometry import Floats, Piece, Scene
 from engine.stages.geometry import transforms
 from engine.stages.geometry.kinematics.arms import ArmModel
@@ -21,12 +22,14 @@ class ArmHand:
 
     def poses(self, q: Floats) -> Floats:
         """Where the hand is in the world (n, 4, 4)."""
-        found: Floats = self._base @ self._kinematics.model.flange_pose(q[..., self.own]) @ self._end
+        found: Floats = matmul(self._base, self._kinematics.model.flange_pose(q[..., self.own]), self._end)
         return found
 
     def reaching(self, poses: Floats, near: Floats) -> list[Floats]:
         """The configurations (m, k) within the limits for each pose (n, 4, 4), the nearest to `near` (k,) first."""
-        found = self._kinematics.solve(transforms.inverse(self._base) @ poses @ transforms.inverse(self._end))
+        found = self._kinematics.solve(
+            matmul(transforms.inverse(self._base), poses, transforms.inverse(self._end))
+        )
         return [self._nearest_first(found.of(n), near) for n in range(len(poses))]
 
     def _nearest_first(self, branches: Floats, near: Floats) -> Floats:
@@ -43,7 +46,9 @@ class ArmHand:
 
         It ends before the first pose that has none within the limits.
         """
-        found = self._kinematics.solve(transforms.inverse(self._base) @ poses @ transforms.inverse(self._end))
+        found = self._kinematics.solve(
+            matmul(transforms.inverse(self._base), poses, transforms.inverse(self._end))
+        )
         joints, path = self.model.joints, []
         whole = np.where(joints.prismatic, 0.0, 2 * np.pi)
         turn = np.where(joints.prismatic, 1.0, 2 * np.pi)
@@ -66,7 +71,7 @@ class ArmHand:
 
     def branches(self, pose: Floats) -> Floats:
         """The arm's own configurations (b, own joints) for a pose (1, 4, 4), within its limits or not."""
-        base = transforms.inverse(self._base) @ pose @ transforms.inverse(self._end)
+        base = matmul(transforms.inverse(self._base), pose, transforms.inverse(self._end))
         return self._kinematics.solve(base).of(0)
 
     def boxes(self) -> tuple[Floats, Floats]:
@@ -82,4 +87,4 @@ def _box(piece: Piece) -> tuple[Floats, Floats]:
     low, high = piece.vertices.min(axis=0), piece.vertices.max(axis=0)
     middle = transforms.translation(*((low + high) / 2))
     half: Floats = (high - low) / 2 + piece.radius_m
-    return piece.T_carrier_piece @ middle, half
+    return matmul(piece.T_carrier_piece, middle), half

@@ -12,6 +12,7 @@ from functools import lru_cache
 
 import numpy as np
 
+from engine.kernels.linear import matmul, norm
 from engine.model.geometry import Contact, Floats
 from engine.ports import CollisionChecker, GeometryBackend
 from engine.stages.geometry import transforms
@@ -72,11 +73,11 @@ class Reachability:
         tool.
         """
         base = self._world.pose(f"{place.arm}.base", place.placement.parent)
-        T_base_goal = base @ transforms.of_pose(place.placement.pose)
+        T_base_goal = matmul(base, transforms.of_pose(place.placement.pose))
         angles = np.arange(TURNS if place.turns else 1) * 2 * math.pi / TURNS
         around = transforms.transform(transforms.rotation((0, 0, 1), angles), np.zeros(3))
-        ends = T_base_goal @ around @ transforms.translation(0.0, 0.0, -back_m)
-        poses: Floats = ends @ transforms.inverse(self.flange_to_end(place))
+        ends = matmul(T_base_goal, around, transforms.translation(0.0, 0.0, -back_m))
+        poses: Floats = matmul(ends, transforms.inverse(self.flange_to_end(place)))
         return poses
 
     def flange_to_end(self, place: Place) -> Floats:
@@ -84,7 +85,7 @@ class Reachability:
         T = transforms.of_pose(self._world.cell.arms[place.arm].tool)
         if place.tool:
             tip = transforms.of_pose(self._world.cell.bodies[place.tool].features["tip"])
-            T = T @ transforms.inverse(self._world.grip(place.tool)) @ tip
+            T = matmul(T, transforms.inverse(self._world.grip(place.tool)), tip)
         return T
 
     def _answer(self, place: Place, back_m: float) -> Reached | Unreached:
@@ -145,12 +146,12 @@ class Reachability:
     def _why_too_far(self, place: Place, poses: Floats) -> Unreached:
         """Whether the position alone can be reached, in some orientation."""
         T_flange_end = self.flange_to_end(place)
-        position = (poses[0] @ T_flange_end)[:3, 3]
-        any_way = transforms.transform(_orientations(), position) @ transforms.inverse(T_flange_end)
+        position = matmul(poses[0], T_flange_end)[:3, 3]
+        any_way = matmul(transforms.transform(_orientations(), position), transforms.inverse(T_flange_end))
         if self._kinematics[place.arm].solve(any_way).valid.any():
             reason = f"{place.arm} reaches the position, but not in this orientation"
             return Unreached(reason, "give it another `rpy`, or let the tool turn with `turns: true`")
-        away = f"{float(np.linalg.norm(position)):.2f} m from its base"
+        away = f"{norm(position):.2f} m from its base"
         return Unreached(
             f"it is out of the reach of {place.arm}: {away}", "move the place, or the arm's base"
         )

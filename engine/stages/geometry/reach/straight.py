@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from engine.kernels.linear import matmul, norm
 from engine.model.geometry import Floats
 from engine.stages.geometry import transforms
 from engine.stages.geometry.kinematics.inverse import turns
@@ -80,10 +81,12 @@ def _reach_on(
 def _on(ends: tuple[Floats, Floats], share: float) -> Floats:
     """The pose (4, 4) at a share of the line."""
     start, goal = ends
-    vector = transforms.rotation_vector(start[:3, :3].T @ goal[:3, :3])
-    angle = float(np.linalg.norm(vector))
+    vector = transforms.rotation_vector(matmul(start[:3, :3].T, goal[:3, :3]))
+    angle = norm(vector)
     turned = transforms.rotation(vector / angle, share * angle) if angle > 1e-12 else np.eye(3)
-    return transforms.transform(start[:3, :3] @ turned, start[:3, 3] + share * (goal[:3, 3] - start[:3, 3]))
+    return transforms.transform(
+        matmul(start[:3, :3], turned), start[:3, 3] + share * (goal[:3, 3] - start[:3, 3])
+    )
 
 
 def _next(hand: ArmHand, pose: Floats, q: Floats, share: float) -> Floats | Broken:

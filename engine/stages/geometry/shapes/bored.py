@@ -9,6 +9,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from engine.kernels.geometry.angles import sine_cosine, unit_vectors
 from engine.model.geometry import Floats
 from kb.model.shapes import Hole, Plate, Ring
 
@@ -21,7 +22,7 @@ Rectangle = tuple[float, float, float, float]  # least x and y, greatest x and y
 @lru_cache(maxsize=KNOWN)
 def ring_pieces(ring: Ring) -> list[Floats]:
     """A sector (8, 3) for each side; the outer sides touch the ring from outside."""
-    outer = _around(SIDES) * (ring.radius_m / math.cos(math.pi / SIDES))
+    outer = _around(SIDES) * (ring.radius_m / sine_cosine(math.pi / SIDES)[1])
     return _sectors(_around(SIDES) * ring.inner_m, outer, ring.length_m)
 
 
@@ -40,7 +41,7 @@ def plate_pieces(plate: Plate) -> list[Floats]:
 
 def _around(sides: int) -> Floats:
     angles = (np.arange(sides) + 0.5) * 2 * math.pi / sides
-    return np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    return unit_vectors(angles)
 
 
 def _sectors(inner: Floats, outer: Floats, length_m: float) -> list[Floats]:
@@ -68,7 +69,7 @@ def _framing(hole: Hole, length_m: float) -> list[Floats]:
     found = []
     for quarter in range(4):
         angle = (quarter + 0.5) * math.pi / 2
-        corner = math.sqrt(2.0) * np.array([math.cos(angle), math.sin(angle)])
+        corner = math.sqrt(2.0) * unit_vectors(np.array(angle))
         arc = around[quarter * each : (quarter + 1) * each]
         sides = [_axis(quarter), *arc, _axis(quarter + 1)]
         for first, second in pairwise(sides):
@@ -79,7 +80,7 @@ def _framing(hole: Hole, length_m: float) -> list[Floats]:
 
 def _axis(quarter: int) -> Floats:
     angle = quarter * math.pi / 2
-    return np.array([math.cos(angle), math.sin(angle)])
+    return unit_vectors(np.array(angle))
 
 
 def _block(each: Rectangle, length_m: float) -> Floats:

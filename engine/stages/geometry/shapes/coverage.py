@@ -11,6 +11,7 @@ from functools import cached_property
 
 import numpy as np
 
+from engine.kernels.linear import matmul, norm
 from engine.model.geometry import Floats, Piece, Truths
 from engine.stages.geometry import transforms
 from engine.stages.geometry.shapes.hull import hull_triangles, planes
@@ -50,9 +51,9 @@ def covering(piece: Piece, others: Sequence[Piece]) -> Covered | Hole:
             return Covered(CLOSE)
         if level < LEVELS - 1:
             half = half / 2
-            centres = (centres[:, None] + (2 * CORNERS * half) @ axes).reshape(-1, 3)
+            centres = (centres[:, None] + matmul(2 * CORNERS * half, axes)).reshape(-1, 3)
     away = np.min([each.distances(centres) for each in around], axis=0).clip(min=0.0)
-    return Covered(float(away.max() + np.linalg.norm(half)) + CLOSE)
+    return Covered(float(away.max() + norm(half)) + CLOSE)
 
 
 def _in_any(points: Floats, around: "list[_Convex]") -> Truths:
@@ -64,7 +65,7 @@ def _in_any(points: Floats, around: "list[_Convex]") -> Truths:
 
 def _inside_one(centres: Floats, axes: Floats, half: Floats, around: "list[_Convex]") -> Truths:
     """Which cells lie within one of the others."""
-    corners = (centres[:, None] + (2 * CORNERS * half) @ axes).reshape(-1, 3)
+    corners = (centres[:, None] + matmul(2 * CORNERS * half, axes)).reshape(-1, 3)
     found = np.zeros(len(centres), dtype=bool)
     for each in around:
         found |= each.contains(corners, CLOSE).reshape(-1, 8).all(axis=1)
@@ -92,8 +93,8 @@ class _Convex:
     def planes(self) -> tuple[Floats, Floats]:
         """Outward normals (m, 3) and offsets (m,) of a polytope's sides."""
         if self.piece.box:
-            normals = np.concatenate([np.eye(3), -np.eye(3)]) @ self.piece.T_carrier_piece[:3, :3].T
-            return normals, (self.vertices @ normals.T).max(axis=0)
+            normals = matmul(np.concatenate([np.eye(3), -np.eye(3)]), self.piece.T_carrier_piece[:3, :3].T)
+            return normals, (matmul(self.vertices, normals.T)).max(axis=0)
         return planes(self.vertices, hull_triangles(self.vertices))
 
     def holds(self, other: "_Convex") -> bool:
@@ -118,7 +119,7 @@ class _Convex:
 
     def surely_without(self, centres: Floats, half: Floats) -> Truths:
         """Which cells are surely outside the piece. A cell that is outside but near may be missed."""
-        far: Truths = self._signed(centres) > self.piece.radius_m + float(np.linalg.norm(half)) + CLOSE
+        far: Truths = self._signed(centres) > self.piece.radius_m + norm(half) + CLOSE
         return far
 
     def _signed(self, points: Floats) -> Floats:
@@ -131,7 +132,7 @@ class _Convex:
         if self.piece.radius_m > 0.0:
             return self._measured(points)
         normals, offsets = self.planes
-        height: Floats = (points @ normals.T - offsets).max(axis=1)
+        height: Floats = (matmul(points, normals.T) - offsets).max(axis=1)
         return height
 
     def _measured(self, points: Floats) -> Floats:
@@ -149,7 +150,7 @@ class _Convex:
 
 def _from_segment(points: Floats, ends: Floats) -> Floats:
     along = ends[-1] - ends[0]
-    square = float(along @ along)
-    t = ((points - ends[0]) @ along / square).clip(0.0, 1.0) if square > 0 else np.zeros(len(points))
+    square = float(matmul(along, along))
+    t = (matmul(points - ends[0], along) / square).clip(0.0, 1.0) if square > 0 else np.zeros(len(points))
     distance: Floats = np.linalg.norm(points - ends[0] - t[:, None] * along, axis=1)
     return distance

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from engine.kernels.linear import matmul, norm
 from engine.model.geometry import Floats, Longs
 
 
@@ -49,10 +50,10 @@ def _refuse_flat(points: Floats) -> None:
     line = points[int(np.argmax(np.linalg.norm(points - first, axis=1)))] - first
     across = np.cross(points - first, line)
     normal = np.cross(line, points[int(np.argmax(np.linalg.norm(across, axis=1)))] - first)
-    length = float(np.linalg.norm(normal))
-    if length <= 1e-9 * scale * float(np.linalg.norm(line)):
+    length = norm(normal)
+    if length <= 1e-9 * scale * norm(line):
         raise FlatError("the points lie on one line")
-    if np.abs((points - first) @ normal).max() <= 1e-9 * scale * length:
+    if np.abs(matmul(points - first, normal)).max() <= 1e-9 * scale * length:
         raise FlatError("the points lie in one plane")
 
 

@@ -15,9 +15,12 @@ from pathlib import Path
 
 import numpy as np
 
+from engine.kernels.linear import matmul, norm
 from engine.model.geometry import Floats, Longs
 from engine.stages.geometry.shapes.hull import FlatError, hull_triangles, hull_vertices, planes
 from kb.diagnostics import Diagnostic, InvalidInput, Source
+from kb.files import read_bytes
+from kb.numbers import LARGEST
 
 MAX_BYTES = 256 * 2**20
 MAX_TRIANGLES = 2_000_000
@@ -39,26 +42,32 @@ def read_mesh(path: Path) -> TriangleMesh:
 
     Raises `InvalidInput`.
     """
+    data = _bytes(path)
     try:
-        vertices, triangles = _triangles(_bytes(path), path.suffix.lower().removeprefix("."))
-    except OSError as error:
-        raise _refused(
-            path, f"the mesh cannot be read: {error.strerror}", "is it a file that can be read?"
-        ) from None
+        vertices, triangles = _triangles(data, path.suffix.lower().removeprefix("."))
     except Exception as error:  # what a garbled file makes trimesh raise is not laid down
         said = str(error).splitlines()[0][:80] if str(error) else type(error).__name__
         raise _refused(
             path, f"the mesh cannot be read: {said}", "export it again as STL, OBJ or DAE"
         ) from None
-    if not len(triangles) or not np.isfinite(vertices).all():
+    if not _is_sound(vertices, triangles):
         raise _refused(path, "a mesh without triangles, or with endless ones", "export it again")
     return _cleaned(vertices, triangles)
 
 
+def _is_sound(vertices: Floats, triangles: Longs) -> bool:
+    """Whether there are triangles, between vertices that are there, with coordinates that can be calculated with."""
+    if not len(triangles) or not len(vertices) or not (np.abs(vertices) <= LARGEST).all():
+        return False
+    return bool(triangles.min() >= 0 and triangles.max() < len(vertices))
+
+
 def _bytes(path: Path) -> bytes:
-    if path.stat().st_size > MAX_BYTES:
-        raise ValueError(f"larger than {MAX_BYTES // 2**20} MiB")
-    return path.read_bytes()
+    try:
+        return read_bytes(path, str(path), MAX_BYTES)
+    except InvalidInput as error:
+        said = error.diagnostics[0].message.removeprefix("cannot be read: ")
+        raise _refused(path, f"the mesh cannot be read: {said}", "is it a file that can be read?") from None
 
 
 def _refused(path: Path, message: str, hint: str) -> InvalidInput:
@@ -148,9 +157,9 @@ def is_convex(mesh: TriangleMesh) -> bool:
     normals, offsets = planes(mesh.vertices, hull_triangles(mesh.vertices))
     corners = mesh.vertices[mesh.triangles]
     points = np.concatenate([mesh.vertices, corners.mean(axis=1)])
-    size = float(np.linalg.norm(np.ptp(mesh.vertices, axis=0)))
+    size = norm(np.ptp(mesh.vertices, axis=0))
     chunks = np.array_split(points, 1 + len(points) * len(offsets) // 2**24)
-    depth = max(float((offsets - chunk @ normals.T).min(axis=1).max()) for chunk in chunks)
+    depth = max(float((offsets - matmul(chunk, normals.T)).min(axis=1).max()) for chunk in chunks)
     return depth <= CONVEX * size
 
 

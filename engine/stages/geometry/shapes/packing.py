@@ -17,6 +17,7 @@ from engine.kernels.geometry.layout import (
     Pairs,
     Pieces,
 )
+from engine.kernels.linear import matmul
 from engine.model.geometry import Floats, Longs, Piece, Scene, Truths
 from engine.stages.geometry import transforms
 
@@ -115,7 +116,7 @@ def bound(pieces: Sequence[Piece]) -> Piece:
 
 def extent(piece: Piece, axes: Floats) -> tuple[Floats, Floats]:
     """The least and the greatest coordinates (3,) of a piece along axes (3, 3: columns)."""
-    along = transforms.apply(piece.T_carrier_piece, piece.vertices) @ axes
+    along = matmul(transforms.apply(piece.T_carrier_piece, piece.vertices), axes)
     return along.min(axis=0) - piece.radius_m, along.max(axis=0) + piece.radius_m
 
 
@@ -123,7 +124,7 @@ def block_between(like: Piece, axes: Floats, low: Floats, high: Floats) -> Piece
     """The block between two corners (3,), whose coordinates are along axes (3, 3: columns), with the body and
     the carrier of a piece.
     """
-    T = transforms.transform(axes, axes @ ((low + high) / 2))
+    T = transforms.transform(axes, matmul(axes, (low + high) / 2))
     return Piece(like.body, like.carrier, T, CORNERS * (high - low), 0.0, box=True)
 
 

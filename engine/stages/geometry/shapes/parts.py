@@ -11,6 +11,8 @@ from pathlib import Path
 
 import numpy as np
 
+from engine.kernels.geometry.angles import sine_cosine, unit_vectors
+from engine.kernels.linear import matmul, norm
 from engine.model.geometry import Floats
 from engine.stages.geometry import transforms
 from engine.stages.geometry.shapes.bored import plate_pieces, ring_pieces
@@ -120,8 +122,8 @@ def _corners(box: Box) -> Floats:
 def _prism(cylinder: Cylinder) -> Floats:
     """A prism around a cylinder: its sides touch the cylinder from outside."""
     angles = (np.arange(SIDES) + 0.5) * 2 * math.pi / SIDES
-    radius = cylinder.radius_m / math.cos(math.pi / SIDES)
-    ring = np.stack([radius * np.cos(angles), radius * np.sin(angles)], axis=1)
+    radius = cylinder.radius_m / sine_cosine(math.pi / SIDES)[1]
+    ring = radius * unit_vectors(angles)
     ends = [
         np.column_stack([ring, np.full(SIDES, z)]) for z in (-cylinder.length_m / 2, cylinder.length_m / 2)
     ]
@@ -205,7 +207,7 @@ def _face(name: str, corners: Floats) -> PatchFace:
     Its normal is from Newell's formula, which works if some corners lie on one line.
     """
     normal = np.cross(corners, np.roll(corners, -1, axis=0)).sum(axis=0)
-    return PatchFace(name, corners, normal / np.linalg.norm(normal))
+    return PatchFace(name, corners, normal / norm(normal))
 
 
 def _box_features(box: Box) -> tuple[dict[str, Floats], dict[str, list[str]], dict[str, list[str]]]:
@@ -265,13 +267,13 @@ def check_polyhedron(shape: Polyhedron) -> list[Diagnostic]:
 
 def _face_problem(corners: Floats, size: float, middle: Floats, convex: bool) -> tuple[str, str]:
     normal = np.cross(corners, np.roll(corners, -1, axis=0)).sum(axis=0) if len(corners) > 2 else np.zeros(3)
-    length = float(np.linalg.norm(normal))
+    length = norm(normal)
     if len(corners) < 3 or length < 1e-12 * max(size, 1e-12) ** 2:
         return "has no area", "name three or more of its corners"
-    height = (corners - corners[0]) @ (normal / length)
+    height = matmul(corners - corners[0], normal / length)
     if np.abs(height).max() > 1e-6 * size:
         return "is not planar", "split it into triangles"
-    if convex and (corners[0] - middle) @ normal < 0:
+    if convex and matmul(corners[0] - middle, normal) < 0:
         return "is turned inwards", "name its vertices counter-clockwise as seen from outside"
     return "", ""
 

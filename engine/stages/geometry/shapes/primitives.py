@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from engine.kernels.linear import matmul, norm
 from engine.model.geometry import Floats, Piece
 
 
@@ -10,23 +11,23 @@ def primitive_frame(piece: Piece) -> Floats:
     T = piece.T_carrier_piece.copy()
     if len(piece.vertices) > 2:
         return T
-    T[:3, 3] += T[:3, :3] @ piece.vertices.mean(axis=0)
+    T[:3, 3] += matmul(T[:3, :3], piece.vertices.mean(axis=0))
     if len(piece.vertices) == 2:
-        T[:3, :3] = T[:3, :3] @ _onto(piece.vertices[1] - piece.vertices[0])
+        T[:3, :3] = matmul(T[:3, :3], _onto(piece.vertices[1] - piece.vertices[0]))
     return T
 
 
 def _onto(along: Floats) -> Floats:
     """A rotation (3, 3) that turns the z axis into a direction."""
-    z = along / np.linalg.norm(along)
+    z = along / norm(along)
     x = np.cross(np.eye(3)[int(np.argmin(np.abs(z)))], z)
-    x /= np.linalg.norm(x)
+    x /= norm(x)
     return np.column_stack([x, np.cross(z, x), z])
 
 
 def length_of(piece: Piece) -> float:
     """The distance between the centres of a capsule's two ends."""
-    return float(np.linalg.norm(piece.vertices[1] - piece.vertices[0]))
+    return norm(piece.vertices[1] - piece.vertices[0])
 
 
 def refuse_rounded(piece: Piece, library: str) -> None:

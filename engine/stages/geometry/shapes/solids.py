@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from engine.kernels.linear import matmul, norm
 from engine.kernels.rigid import apply
 from engine.model.geometry import Floats, Longs
 from engine.model.solid import Facet, Solid
@@ -57,14 +58,14 @@ def triangulated(corners: Floats, normal: Floats) -> Floats:
 def _is_ear(corners: Floats, open_: Sequence[int], n: int, normal: Floats) -> bool:
     """Whether corner n is convex, and its triangle holds no other corner."""
     a, b, c = (corners[open_[k % len(open_)]] for k in (n - 1, n, n + 1))
-    if np.cross(b - a, c - b) @ normal <= 0:
+    if matmul(np.cross(b - a, c - b), normal) <= 0:
         return False
     others = np.array([corners[k] for k in open_ if not any((corners[k] == x).all() for x in (a, b, c))])
     if not len(others):
         return True
     inside = np.ones(len(others), dtype=bool)
     for p, q in ((a, b), (b, c), (c, a)):
-        inside &= np.cross(q - p, others - p) @ normal >= 0
+        inside &= matmul(np.cross(q - p, others - p), normal) >= 0
     return not bool(inside.any())
 
 
@@ -113,8 +114,8 @@ def _grouped(corners: Floats, ids: Longs, labels: Sequence[str], size: float) ->
                 other = by_edge.get((int(b), int(a)), -1)
                 if other < 0 or group[other] >= 0 or labels[other] != labels[first]:
                     continue
-                height = np.abs((corners[other] - corners[first, 0]) @ normals[first]).max()
-                if height < 10 * SAME * size and normals[other] @ normals[first] > 1 - 1e-6:
+                height = np.abs(matmul(corners[other] - corners[first, 0], normals[first])).max()
+                if height < 10 * SAME * size and matmul(normals[other], normals[first]) > 1 - 1e-6:
                     group[other] = count
                     stack.append(other)
         count += 1
@@ -132,7 +133,7 @@ def _facet(
 ) -> Facet:
     own = np.nonzero(group == n)[0]
     normal = _normals(corners[own]).sum(axis=0)
-    normal /= np.linalg.norm(normal)
+    normal /= norm(normal)
     directed = [(int(a), int(b)) for t in ids[own] for a, b in zip(t, np.roll(t, -1), strict=True)]
     inside = set(directed)
     rim = _straightened([each for each in directed if each[::-1] not in inside], points)
@@ -142,7 +143,11 @@ def _facet(
     )
     name = labels[int(own[0])] or f"facet_{n + 1}"
     return Facet(
-        name, normal, float(corners[own].reshape(-1, 3).mean(axis=0) @ normal), edges, convex.astype(bool)
+        name,
+        normal,
+        float(matmul(corners[own].reshape(-1, 3).mean(axis=0), normal)),
+        edges,
+        convex.astype(bool),
     )
 
 
@@ -168,8 +173,8 @@ def _straightened(rim: list[tuple[int, int]], points: Floats) -> list[tuple[int,
 
 def _straight(a: Floats, b: Floats, c: Floats) -> bool:
     one, other = b - a, c - b
-    length = np.linalg.norm(one) * np.linalg.norm(other)
-    return bool(one @ other > 0 and np.linalg.norm(np.cross(one, other)) < 1e-5 * length)
+    length = norm(one) * norm(other)
+    return bool(matmul(one, other) > 0 and norm(np.cross(one, other)) < 1e-5 * length)
 
 
 def _falls_back(neighbour: int | None, corners: Floats, along: Floats, normal: Floats) -> bool:
@@ -177,4 +182,4 @@ def _falls_back(neighbour: int | None, corners: Floats, along: Floats, normal: F
     if neighbour is None:
         return True
     other = _normals(corners[neighbour][None])[0]
-    return bool(other @ np.cross(normal, along) < 0)
+    return bool(matmul(other, np.cross(normal, along)) < 0)

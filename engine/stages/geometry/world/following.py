@@ -4,6 +4,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
+from engine.kernels.linear import matmul
 from engine.model.geometry import Floats
 from engine.stages.geometry import transforms
 from engine.stages.geometry.world.model import World
@@ -42,7 +43,7 @@ def _put(world: World, body: str, location: Location, bindings: Substitution) ->
     if at is None:
         return world
     frame, T_frame_grip = at
-    return world.put(body, frame, T_frame_grip @ transforms.inverse(world.grip(body)))
+    return world.put(body, frame, matmul(T_frame_grip, transforms.inverse(world.grip(body))))
 
 
 def _grip_at(world: World, location: Location, bindings: Substitution) -> tuple[str, Floats] | None:

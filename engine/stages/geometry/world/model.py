@@ -10,6 +10,7 @@ from functools import cached_property
 
 import numpy as np
 
+from engine.kernels.linear import matmul
 from engine.model.geometry import Floats, Joints
 from engine.stages.geometry import transforms
 from engine.stages.geometry.kinematics.arms import ArmModel, carrier_poses
@@ -88,7 +89,7 @@ class World:
         if frame in self.placed:
             fixed = self.placed[frame]
             below = self.locate(fixed.parent)
-            return Located(below.carrier, below.T_carrier_frame @ fixed.T_parent_frame)
+            return Located(below.carrier, matmul(below.T_carrier_frame, fixed.T_parent_frame))
         arm, _, part = frame.partition(".")
         if arm not in self.cell.arms:
             raise KeyError(f"no frame '{frame}'")
@@ -99,7 +100,7 @@ class World:
         last = len(mounted.arm.joints)
         if part in ("flange", "tool"):
             T = model.T_last_flange
-            T = T @ transforms.of_pose(mounted.tool) if part == "tool" else T
+            T = matmul(T, transforms.of_pose(mounted.tool)) if part == "tool" else T
             return self._on_arm(arm, last, T)
         for link in mounted.arm.links:
             if link.name == part:
@@ -116,7 +117,7 @@ class World:
     def _on_arm(self, arm: str, carrier: int, T: Floats) -> Located:
         if carrier == 0:
             base = self.locate(f"{arm}.base")
-            return Located(base.carrier, base.T_carrier_frame @ T)
+            return Located(base.carrier, matmul(base.T_carrier_frame, T))
         return Located(self.first_carriers[arm] + carrier, T)
 
     @cached_property
@@ -139,7 +140,7 @@ class World:
         own, base = self.models[name].joints, self.locate(f"{name}.base")
         parent, origins = own.parent + self.first_carriers[name], own.T_parent_origin.copy()
         if own.count:
-            parent[0], origins[0] = base.carrier, base.T_carrier_frame @ origins[0]
+            parent[0], origins[0] = base.carrier, matmul(base.T_carrier_frame, origins[0])
         return replace(own, parent=parent, T_parent_origin=origins)
 
     @cached_property
@@ -154,9 +155,9 @@ class World:
     def pose(self, a: str, b: str) -> Floats:
         """T_a_b (4, 4): the pose of frame b in frame a. Raises `KeyError` for an unknown frame."""
         in_world = [
-            self._carriers[at.carrier] @ at.T_carrier_frame for at in (self.locate(a), self.locate(b))
+            matmul(self._carriers[at.carrier], at.T_carrier_frame) for at in (self.locate(a), self.locate(b))
         ]
-        pose: Floats = transforms.inverse(in_world[0]) @ in_world[1]
+        pose: Floats = matmul(transforms.inverse(in_world[0]), in_world[1])
         return pose
 
     def moved(self, arm: str, q: Floats) -> "World":
@@ -215,7 +216,7 @@ class World:
         else:
             along = transforms.transform(transforms.rotation(guide.axis, value), np.zeros(3))
         placement = known.placement
-        return self.put(body, placement.parent, transforms.of_pose(placement.pose) @ along)
+        return self.put(body, placement.parent, matmul(transforms.of_pose(placement.pose), along))
 
     def grip(self, body: str) -> Floats:
         """T_body_grip (4, 4): where a hand takes a body.

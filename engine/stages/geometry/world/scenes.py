@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from engine.kernels.linear import matmul
 from engine.model.geometry import Floats, Joints, Longs, Piece, Scene
 from engine.stages.geometry import transforms
 from engine.stages.geometry.shapes.parts import cores
@@ -55,7 +56,7 @@ def riding_scene_of(world: World, body: str) -> Scene:
     )
     parent, origin = joints.parent + (joints.parent > 0), joints.T_parent_origin.copy()
     first = (joints.parent == 0) & riding
-    parent[first], origin[first] = 1, T_ride_world @ origin[first]
+    parent[first], origin[first] = 1, matmul(T_ride_world, origin[first])
     found = Joints(
         np.concatenate([[0], parent]).astype(np.int64),
         np.concatenate([transforms.inverse(T_ride_world)[None], origin]),
@@ -80,7 +81,7 @@ def _on_ride(piece: Piece, rides: bool, T_ride_world: Floats) -> Piece:
         return replace(piece, carrier=piece.carrier + 1)
     if not rides:
         return piece
-    return replace(piece, carrier=1, T_carrier_piece=T_ride_world @ piece.T_carrier_piece)
+    return replace(piece, carrier=1, T_carrier_piece=matmul(T_ride_world, piece.T_carrier_piece))
 
 
 def _scene(joints: Joints, pieces: tuple[Piece, ...], allowed: Names, free: bool = False) -> Scene:
@@ -117,7 +118,7 @@ def _allowed(world: World) -> Names:
 
 def _placed(body: str, at: Located, shapes: tuple[PlacedShape, ...]) -> Iterator[Piece]:
     for placed in shapes:
-        T = at.T_carrier_frame @ transforms.of_pose(placed.pose)
+        T = matmul(at.T_carrier_frame, transforms.of_pose(placed.pose))
         for core in cores(placed.shape):
             yield Piece(body, at.carrier, T, core.vertices, core.radius_m, core.box)
 
@@ -145,5 +146,5 @@ def pieces_of_region(world: World, name: str) -> list[Piece]:
     """The convex pieces of a region that the cell declares."""
     region = world.cell.regions[name]
     below = world.locate(region.placement.parent)
-    T: Floats = below.T_carrier_frame @ transforms.of_pose(region.placement.pose)
+    T: Floats = matmul(below.T_carrier_frame, transforms.of_pose(region.placement.pose))
     return list(_placed(name, Located(below.carrier, T), (PlacedShape(region.shape),)))

@@ -20,7 +20,9 @@ def without_irrelevant(task: Task) -> Task:
     wanted = 0
     for goal in task.goals:
         wanted |= goal
-    waiting = list(task.operators)
+    waiting: list[GroundOperator] = list(task.operators)
+    if task.axioms is not None:
+        wanted |= task.axioms.read
     grown = True
     while grown:
         grown, rest = False, []
@@ -51,7 +53,7 @@ def _needs(operator: GroundOperator) -> Bits:
 
 def faithful(task: Task, spares: Sequence[tuple[str, ...]]) -> bool:
     """Whether the shortest plans of a thinned task are as short as those of the whole one, and exist where they exist."""
-    if any(operator.conditional for operator in task.operators):
+    if task.axioms is not None or any(operator.conditional for operator in task.operators):
         return False
     return all(_Reading(task, own).fits() for own in spares if len(own) > 1)
 

@@ -13,7 +13,7 @@ from kb.model.conditions import BodyPart, Literal, goal_parts
 from kb.model.domain import Domain
 from kb.model.normalise import Normaliser
 from kb.model.problem import Problem
-from kb.terms import ANYTHING, Atom, Function, Operation, Substitution, Term, Variable, substitute
+from kb.terms import ANYTHING, Atom, Function, Operation, Substitution, Term, Variable, parts_of, substitute
 
 MOST = 400  # patterns; with more of them, all objects in them are left open
 
@@ -82,7 +82,7 @@ class _Search:
         for disjunct in self.goals:
             self._need(disjunct, {})
         for chain in self.problem.chains:
-            for stage in chain.stages:
+            for stage in (part for each in chain.stages for part in parts_of(each)):
                 self._want(Wanted(_opened(stage, {}), positive=True))
         while self.waiting and (self.blurred or len(self.found.wanted) <= MOST):
             self._supply(self.waiting.pop())

@@ -7,12 +7,11 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 
-from engine.stages.grounding.initial import evaluated_state
+from engine.stages.grounding.initial import initial_state
 from engine.stages.grounding.need.likeness import alike, free_objects, most_at_once, names
 from engine.stages.grounding.need.relevance import relevance
 from engine.stages.grounding.program import Vocabulary
-from kb.asp import Grounder
-from kb.asp.statics import evaluate
+from kb.asp.statics import evaluated
 from kb.asp.vocabulary import VIOLATED
 from kb.model.domain import BUILT_IN_TYPES, NUMERIC_TYPES, Domain
 from kb.model.problem import Problem
@@ -65,13 +64,10 @@ def _plentiful(problem: Problem) -> tuple[dict[str, str], dict[str, int]]:
 
 def _started(problem: Problem, statics: Named | None) -> tuple[Named, tuple[Atom, ...] | None]:
     """The static facts, unless they are known, and the initial state; None for facts that contradict each other."""
-    grounder = Grounder()
-    state, contradicted = evaluated_state(problem, Vocabulary(problem.domain), grounder)
-    if problem.complete and statics is None:
-        evaluate(grounder, problem)
+    state, contradicted = initial_state(problem, Vocabulary(problem.domain))
 
     def named(name: str, arity: int) -> Iterable[Atom]:
-        return (Function(name, each) for each in grounder.atoms(name, arity))
+        return (Function(name, each) for each in evaluated(problem).atoms(name, arity))
 
     return statics or named, None if contradicted else state
 

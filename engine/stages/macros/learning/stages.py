@@ -10,7 +10,7 @@ from kb.model.macro import MacroChain
 from kb.model.plan import GOAL, Step
 from kb.model.problem import Chain, Problem
 from kb.model.workflow import Reached, advanced, begun, holding, lasting, those_reaching
-from kb.terms import Atom, Function, Term, Text, Variable, match, ordered
+from kb.terms import TOGETHER, Atom, Function, Term, Text, Variable, match, ordered
 
 
 def lifted_chains(problem: Problem, proof: Proof) -> tuple[MacroChain, ...]:
@@ -18,6 +18,8 @@ def lifted_chains(problem: Problem, proof: Proof) -> tuple[MacroChain, ...]:
 
     Chains that were finished before the first step are left out.
     """
+    if any(stage.name == TOGETHER for chain in problem.chains for stage in chain.stages):
+        raise NotGeneral("a stage of the workflow has several conditions")
     reached = _reached(problem, proof)
     chains = [chain for chain in problem.chains if any(step is not None for step, _ in reached[chain.name])]
     names = {chain.name: _named(chain.name, proof) for chain in chains}

@@ -63,7 +63,7 @@ def _unfinished(plan: Plan, asked: Query, run: Execution, end: Situation) -> str
     open_ = next((each.name for each in asked.chains if reached[each.name] < len(each.stages)), None)
     if open_ is not None:
         return f"the workflow of {open_} is not finished"
-    wanted = lasting(asked.chains, asked.world.domain).values()
+    wanted = (last for own in lasting(asked.chains, asked.world.domain).values() for last in own)
     return next((f"{last} does not last" for last in wanted if last not in end.facts), "")
 
 

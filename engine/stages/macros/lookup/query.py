@@ -12,7 +12,7 @@ from kb.model.conditions import Condition, Exists, Literal, goal_parts
 from kb.model.macro import Macrop
 from kb.model.problem import Chain, Problem
 from kb.model.workflow import begun, finished, holding, lasting
-from kb.terms import ANYTHING, Atom, substitute_atom
+from kb.terms import ANYTHING, TOGETHER, Atom, substitute_atom
 
 MOST_KEPT = 3
 
@@ -48,7 +48,9 @@ class Query:
 
 
 def query(problem: Problem, situation: Situation) -> Query | None:
-    """The query of a problem; None if a goal is no literal. Chains that are finished at the start are kept so."""
+    """The query of a problem; None if a goal is no literal, or a stage has several. Chains that are finished at the start are kept so."""
+    if any(stage.name == TOGETHER for chain in problem.chains for stage in chain.stages):
+        return None
     goals: dict[bool, dict[Literal, None]] = {False: {}, True: {}}
     for goal in goal_parts(problem.goal):
         literal = goal_literal(goal)
@@ -57,7 +59,7 @@ def query(problem: Problem, situation: Situation) -> Query | None:
         goals[is_met(literal, situation)][literal] = None
     done = finished(problem.chains, begun(problem.chains, holding(situation.facts)))
     lasts = lasting(problem.chains, problem.domain)
-    goals[True] |= {Literal(stage): None for name, stage in lasts.items() if name in done}
+    goals[True] |= {Literal(each): None for name, own in lasts.items() if name in done for each in own}
     chains = tuple(
         replace(chain, after=tuple(name for name in chain.after if name not in done))
         for chain in problem.chains

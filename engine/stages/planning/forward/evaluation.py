@@ -1,15 +1,20 @@
 """Evaluation of states by compiled kernels.
 
-In relaxed plans each conditional effect is an operator of its own, beside the ordinary operators.
+In relaxed plans each conditional effect is an operator of its own, beside the ordinary operators. So is each rule of a derived
+atom; it costs nothing.
 """
 
 from collections.abc import Sequence
 from dataclasses import replace
 
+from engine.model.axioms import Axioms, relaxed
 from engine.model.task import Bits, GroundOperator, indices
 from engine.stages.planning.forward.kernels import RelaxedPlans, Rows
+from kb.terms import Function
 
 DEAREST = 1 << 30  # the largest cost of an operator; higher costs are cut off
+NOBODY = -1  # stands for the operator behind a rule
+_RULE = Function("_rule")
 
 
 def effects(operators: Sequence[GroundOperator]) -> tuple[list[GroundOperator], list[int]]:
@@ -26,17 +31,36 @@ def effects(operators: Sequence[GroundOperator]) -> tuple[list[GroundOperator], 
     return relaxed, owners
 
 
+def rules(axioms: Axioms | None, size: int) -> list[GroundOperator]:
+    """The rules of derived atoms as operators for relaxed plans. They may add atoms of their own, from `size` on."""
+    if axioms is None:
+        return []
+    found = relaxed(axioms, size)
+    return [GroundOperator(_RULE, needs, adds, 0, cost=0 if certain else 1) for needs, adds, certain in found]
+
+
 class Evaluation:
-    """Relaxed plans from any state to one conjunction of goals, over atoms below `size`.
+    """Relaxed plans from any closed state to one conjunction of goals, over atoms below `size`.
 
     With `unit` every operator costs 1, so that plans are short instead of cheap.
     """
 
     def __init__(
-        self, operators: Sequence[GroundOperator], goals: Bits, size: int, *, unit: bool = False
+        self,
+        operators: Sequence[GroundOperator],
+        goals: Bits,
+        size: int,
+        *,
+        unit: bool = False,
+        axioms: Axioms | None = None,
     ) -> None:
         self.operators, self._owners = effects(operators)
         self._plain = len(operators)
+        free = rules(axioms, size)
+        size = max([size, *((rule.preconditions | rule.adds).bit_length() for rule in free)])
+        charges = [1 if unit else min(max(operator.cost, 1), DEAREST) for operator in self.operators]
+        self.operators += free
+        self._owners += [NOBODY] * len(free)
         self._width = (size + 7) // 8
         needs = [tuple(indices(operator.preconditions)) for operator in self.operators]
         adds = [tuple(indices(operator.adds)) for operator in self.operators]
@@ -44,7 +68,8 @@ class Evaluation:
         for number, needed in enumerate(needs):
             for atom in needed:
                 users[atom].append(number)
-        costs = [1 if unit else min(max(operator.cost, 1), DEAREST) for operator in self.operators]
+        costs = [*charges, *(rule.cost for rule in free)]
+        self.size = size
         self._plans = RelaxedPlans(costs, tuple(indices(goals)), Rows(needs), Rows(adds), Rows(users))
 
     def __call__(self, state: Bits) -> tuple[int, list[int], list[int]]:
@@ -56,7 +81,7 @@ class Evaluation:
         found, helpful = self._plans.applicable, self._plans.preferred
         if len(self.operators) > self._plain:
             found = [number for number in found if number < self._plain]
-            helpful = list(dict.fromkeys(self._owners[number] for number in helpful))
+            helpful = self._owned(helpful)
         return estimate, found, helpful
 
     @property
@@ -64,4 +89,10 @@ class Evaluation:
         """The operators in the relaxed plan of the state that was evaluated last."""
         if len(self.operators) == self._plain:
             return self._plans.relaxed
-        return list(dict.fromkeys(self._owners[number] for number in self._plans.relaxed))
+        return self._owned(self._plans.relaxed)
+
+    def _owned(self, numbers: Sequence[int]) -> list[int]:
+        """The given operators behind those of a relaxed plan."""
+        owners = dict.fromkeys(self._owners[number] for number in numbers)
+        owners.pop(NOBODY, None)
+        return list(owners)

@@ -16,18 +16,21 @@ MAX_WORK = 3_000_000  # visits of operators that the fixpoint may take
 
 
 class Landmarks:
-    """The landmarks of a conjunction of goals; `all` is their set of atoms.
+    """The landmarks of a conjunction of goals; `all` is their set of atoms. No atom is `hidden`.
 
     If it takes too much work to find them, only the goals are landmarks. Accepted landmarks are a row of
     bytes, as in `LandmarkCount`.
     """
 
-    def __init__(self, operators: Sequence[GroundOperator], initial: Bits, goals: Bits, size: int) -> None:
+    def __init__(
+        self, operators: Sequence[GroundOperator], initial: Bits, goals: Bits, size: int, hidden: Bits = 0
+    ) -> None:
         self.operators, self.initial, self.goals, self.size = operators, initial, goals, size
         self._before = self._fixpoint()
         self.all = goals
         for goal in indices(goals):
             self.all |= self._before[goal] or 0
+        self.all &= ~hidden
         self._width = (size + 7) // 8
         self._count = self._numbered(self._just_before())
         self.none = bytes((self.all.bit_count() + 7) // 8)

@@ -10,8 +10,9 @@ import random
 from collections.abc import Sequence
 from typing import NamedTuple
 
+from engine.model.axioms import Axioms
 from engine.model.outcome import Offer
-from engine.model.task import Bits, GroundOperator, Task, progress
+from engine.model.task import Bits, GroundOperator, Task, after
 from engine.stages.planning.composites import Pattern
 from engine.stages.planning.effort import NO_PLAN, Effort, SearchResult
 from engine.stages.planning.forward.evaluation import Evaluation
@@ -66,12 +67,13 @@ class Forward:
         *,
         landmarks: bool = False,
         patterns: Sequence[Pattern] = (),
+        axioms: Axioms | None = None,
     ) -> None:
-        self.goals, self.initial = goals, initial
+        self.goals, self.initial, self._axioms = goals, initial, axioms
         self._suggestions = Suggestions(operators, patterns) if patterns else None
         self.operators = self._suggestions.operators if self._suggestions else operators
-        self.evaluate = Evaluation(operators, goals, size, unit=landmarks)
-        self._landmarks = Landmarks(self.evaluate.operators, initial, goals, size) if landmarks else None
+        self.evaluate = Evaluation(operators, goals, size, unit=landmarks, axioms=axioms)
+        self._landmarks = self._found_landmarks(size) if landmarks else None
         self._counter = itertools.count()
         self._random = random.Random(seed) if seed else None
         self._queues: list[list[Batch]] = [
@@ -81,6 +83,10 @@ class Forward:
         self._nodes: list[Node] = []
         self._closed: set[Bits] = set()
         self._best = [UNKNOWN, UNKNOWN]
+
+    def _found_landmarks(self, size: int) -> Landmarks:
+        hidden = (1 << self.evaluate.size) - (1 << size)
+        return Landmarks(self.evaluate.operators, self.initial, self.goals, self.evaluate.size, hidden)
 
     def run(self, effort: Effort) -> SearchResult | None:
         """Searches until there is an answer or the effort is spent.
@@ -94,7 +100,7 @@ class Forward:
             if entry is None:
                 return NO_PLAN
             parent, operator = entry
-            state = progress(self._nodes[parent].state, self.operators[operator])
+            state = after(self._axioms, self._nodes[parent].state, self.operators[operator])
             if state not in self._closed and self._expand(state, parent, operator, effort):
                 return self._answer()
         return None
@@ -183,4 +189,13 @@ def forward(task: Task, seed: int, *, landmarks: bool = False, patterns: Sequenc
     if len(goals) != 1:
         meet = (GroundOperator(_MEETS, goal, 1 << size, 0, cost=0) for goal in goals)
         operators, goals, size = (*operators, *meet), (1 << size,), size + 1
-    return Forward(operators, task.initial, goals[0], size, seed, landmarks=landmarks, patterns=patterns)
+    return Forward(
+        operators,
+        task.initial,
+        goals[0],
+        size,
+        seed,
+        landmarks=landmarks,
+        patterns=() if task.axioms else patterns,
+        axioms=task.axioms,
+    )

@@ -16,6 +16,12 @@ cdef class Graph:
     @cython.locals(city=int, total=double)
     cpdef double weigh(self, const double[::1] penalty, int[::1] degree, double floor) except? -1
 
+    @cython.locals(count=int, city=int, place=int, edge=int, a=int, b=int)
+    cpdef int span(self, const double[::1] penalty, int cities, int[::1] found) except -1
+
+    @cython.locals(city=int, place=int, at=int)
+    cpdef int clusters(self, const int[::1] joining, int[::1] cluster) except -1
+
     @cython.locals(least=double, greatest=double, weight=double, edge=int)
     cdef long long _weights(self, const double[::1] penalty) noexcept
 

@@ -37,6 +37,37 @@ class Graph:
             total -= 2.0 * penalty[city]
         return total
 
+    def span(self, penalty: Floats, cities: int, found: Ints) -> int:
+        """Write the edges of a shortest tree of the first `cities`, the lightest first; returns how many they are."""
+        if len(penalty) != self.n or not 0 < cities <= self.n or len(found) < cities:
+            raise ValueError(f"penalties of {self.n} cities and room for a tree were expected")
+        self._sort(self._weights(penalty))
+        count = 0
+        for city in range(self.n):
+            self.root[city] = city
+        for place in range(self.edges):
+            edge = self.order[place]
+            a, b = self.first[edge], self.second[edge]
+            if a < cities and b < cities and not self._joined(a, b):
+                found[count] = edge
+                count += 1
+        return count
+
+    def clusters(self, joining: Ints, cluster: Ints) -> None:
+        """Write for each city (n,) a city of its cluster, the same for all of them, if some edges join cities."""
+        _check_edges(joining, self.edges)
+        if len(cluster) != self.n:
+            raise ValueError(f"room for {self.n} cities was expected")
+        for city in range(self.n):
+            self.root[city] = city
+        for place in range(len(joining)):
+            self._joined(self.first[joining[place]], self.second[joining[place]])
+        for city in range(self.n):
+            at = city
+            while self.root[at] != at:
+                at = self.root[at]
+            cluster[city] = at
+
     def _weights(self, penalty: Floats) -> int:
         """Write weights and keys, which are whole numbers of the same order. Returns the greatest key."""
         least, greatest = 0.0, 0.0
@@ -124,3 +155,10 @@ def _check(first: Ints, second: Ints, cost: Floats, n: int) -> None:
         raise ValueError("two ends (m,) and a cost (m,) of one edge or more were expected")
     if min(a.min(), b.min()) < 0 or max(a.max(), b.max()) >= n:
         raise ValueError(f"cities are numbered 0 to {n - 1}")
+
+
+def _check_edges(numbers: Ints, count: int) -> None:
+    """Raises ValueError if some numbers are not those of edges."""
+    given = np.asarray(numbers)
+    if len(given) and (given.min() < 0 or given.max() >= count):
+        raise ValueError(f"edges are numbered 0 to {count - 1}")

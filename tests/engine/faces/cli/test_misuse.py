@@ -167,13 +167,16 @@ def test_ctrl_c_at_a_terminal_ends_a_preparation_quietly(tmp_path: Path, presses
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("jobs", ["1", "2"])
-def test_at_the_first_ctrl_c_a_preparation_tells_of_every_problem(tmp_path: Path, jobs: str) -> None:
+@pytest.mark.parametrize(("jobs", "after"), [("1", 0.0), ("1", 0.2), ("1", 0.6), ("2", 0.0), ("2", 0.6)])
+def test_at_the_first_ctrl_c_a_preparation_tells_of_every_problem(
+    tmp_path: Path, jobs: str, after: float
+) -> None:
+    """Also while it still reads the first problem, where no search hears it."""
     words = ("prepare", "themse", "--store", str(tmp_path / "store.db"), "--jobs", jobs, "--format", "json")
     with subprocess.Popen([*COMMAND, *words], stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
         while not (tmp_path / "store.db").exists():
             time.sleep(0.01)
-        time.sleep(0.6)
+        time.sleep(after)
         process.send_signal(signal.SIGINT)
         told, _ = process.communicate(timeout=60)
     problems = json.loads(told)["data"]["problems"]

@@ -1,10 +1,15 @@
 """A proof that there is no path is told with its joints and what they cannot pass."""
 
+from types import SimpleNamespace
+from typing import cast
+
 import numpy as np
 
+from engine.formats.report.motion_pictures import _shown
 from engine.formats.report.motion_reasons import content_of, text_of
 from engine.model.geometry import Contact
 from engine.model.motion import Blocked, Severed
+from engine.pipelines.motion.moving import Motion
 
 CONTACT = Contact("link 1", "post", -0.04, np.zeros(3), np.zeros(3), np.array([1.0, 0.0, 0.0]))
 
@@ -17,3 +22,13 @@ def test_what_cannot_pass_what_is_said_and_written() -> None:
     written = content_of(answer, ["base", "elbow"])["severed"]
     assert written["joints"] == ["base"]
     assert written["contacts"][0]["between"] == ["link 1", "post"]
+
+
+def test_a_picture_shows_the_start_and_what_cuts_the_goal_off() -> None:
+    start, at = np.array([0.0, 1.0]), np.array([0.9, 1.0])
+    proof = Severed((0,), 2048, at, (CONTACT,))
+    answer = Blocked(np.zeros((2, 2)), 1.0, 10, (1, 1), np.zeros(2), (), severed=proof)
+    motion = cast("Motion", SimpleNamespace(answer=answer, start=start))
+    drawn, contacts = _shown(motion)
+    assert np.array_equal(drawn, [start, at])
+    assert contacts == (CONTACT,)

@@ -6,6 +6,8 @@ from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
 
+import pytest
+
 from engine.model.execution import Finish, Record
 from engine.pipelines.execution import Execution, Orders, Timed, Wanted, begin, named, resume
 from engine.pipelines.execution.compiling import situation_of
@@ -15,7 +17,9 @@ from engine.pipelines.planning import problem_of
 from engine.pipelines.simulation import World
 from engine.pipelines.simulator import HiddenCell, Injection, Simulator
 from engine.pipelines.simulator.driver import Settings, fault_base
+from kb.diagnostics import InvalidInput
 from kb.model.problem import Problem
+from kb.store.journal import Journal
 
 BEGIN = sys.modules["engine.pipelines.execution.begin"]
 
@@ -65,7 +69,8 @@ def killed_and_resumed(
 ) -> tuple[Finish | None, list[str]]:
     """A run whose process is gone at one group of records, before or after it is written, and is then taken up again.
 
-    What the cell itself says that it did comes with it; None if the run was over before.
+    What the cell itself says that it did comes with it; None if the run was over before. A kill behind the record of the end
+    leaves nothing to resume: the journal tells how the run ended.
     """
     problem, ready = planned(target)
     options = {"log": str(folder / "cell.jsonl")} | ({"fault": fault} if fault else {})
@@ -88,7 +93,7 @@ def killed_and_resumed(
         begin(wanted, problem, Timed())
     except Killed:
         BEGIN.Ledger.append = ledger
-        ending = resume(wanted.store, wanted.run, Timed())
+        ending = ended(wanted) or resume(wanted.store, wanted.run, Timed())
     finally:
         BEGIN.Ledger.append, BEGIN.first = ledger, plan
     log = Path(wanted.options["log"]).read_text(encoding="utf-8").splitlines()
@@ -96,3 +101,14 @@ def killed_and_resumed(
     return ending if isinstance(ending, Finish) else None, [
         f"{each['ended']} {each['action']}" for each in did
     ]
+
+
+def ended(wanted: Wanted) -> Finish | None:
+    """How a run ended for good, as its journal tells; None if it did not. `resume` must refuse what is over."""
+    with Journal(wanted.store) as journal:
+        told = [line.content for line in journal.lines(wanted.run, kinds=["end"])]
+    if not told or told[-1]["outcome"] not in BEGIN.OVER:
+        return None
+    with pytest.raises(InvalidInput, match=f"is over: {told[-1]['outcome']}"):
+        resume(wanted.store, wanted.run, Timed())
+    return Finish(wanted.run, told[-1]["outcome"], goals=tuple(told[-1]["goals"]))

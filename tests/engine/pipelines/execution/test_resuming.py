@@ -1,14 +1,15 @@
 """A run that is killed is taken up again: it reaches the same goals, and nothing is done twice."""
 
+import itertools
 from pathlib import Path
 
 import pytest
 
-from engine.model.execution import Order
+from engine.model.execution import Order, Record, RecordKind
 from engine.pipelines.execution import Given, Timed, Wanted, begin, named, resume
 from kb.diagnostics import InvalidInput
 from kb.store.journal import Journal
-from tests.engine.pipelines.execution.cells import killed_and_resumed, planned
+from tests.engine.pipelines.execution.cells import ended, killed_and_resumed, planned
 
 FAULT = "pick(probe_1, slot(drawer, 1))=not_gripped"
 
@@ -38,15 +39,29 @@ def test_a_run_goes_on_from_a_checkpoint(
 
 
 @pytest.mark.slow
-def test_a_run_can_be_killed_at_every_group_of_records(tmp_path: Path) -> None:
-    group = 2
-    while True:
-        for written in (False, True):
-            folder = tmp_path / f"{group}{written}"
-            folder.mkdir()
-            if not check(folder, group, written, FAULT):
-                return
-        group += 1
+def test_a_run_can_be_killed_at_any_group_of_records(tmp_path: Path) -> None:
+    """At every third group, before or after it is written in turn; `benchmarks/kills.py` kills at every one."""
+    for group in itertools.count(2, 3):
+        folder = tmp_path / str(group)
+        folder.mkdir()
+        if not check(folder, group, group % 2 == 0, FAULT):
+            return
+
+
+def test_a_run_that_is_killed_behind_its_end_is_over(tmp_path: Path) -> None:
+    problem, _ = planned("themse/one")
+    wanted = named(Wanted("themse/one", store=str(tmp_path / "j.db")), problem)
+    groups = 0
+
+    def count(record: Record) -> None:
+        nonlocal groups
+        groups += record.kind is RecordKind.END
+
+    assert begin(wanted, problem, Timed(), [count]).outcome == "reached"
+    assert groups == 1
+    ending = ended(wanted)
+    assert ending is not None
+    assert ending.outcome == "reached"
 
 
 def test_a_stopped_run_is_taken_up_again(tmp_path: Path) -> None:

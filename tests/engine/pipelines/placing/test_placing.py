@@ -78,7 +78,7 @@ def test_a_feature_that_is_not_there_is_told() -> None:
 
 def test_a_relation_may_name_a_third_body() -> None:
     scene = related(*SCENE.relations[:2], said("distance", "angle.heel", "table.front", 0.2))
-    goal = goal_of(scene, World.of(scene.cell), "angle", "base")
+    goal = goal_of(scene, World.of(scene.cell), ("angle",), "base")
     assert not hasattr(goal, "relations")
 
 

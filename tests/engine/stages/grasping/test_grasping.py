@@ -148,6 +148,52 @@ def test_a_block_and_a_triangle_meet_when_points_of_both_do(seed: int) -> None:
     assert met <= near
 
 
+def _meets_plainly(corners: Floats, half: Floats) -> Truths:
+    """Whether triangles (..., 3, 3) meet a block about the origin (...)."""
+    low, high = corners.min(axis=-2), corners.max(axis=-2)
+    near = ((low < half) & (high > -half)).all(axis=-1)
+    found: Truths = near
+    if near.any():
+        found[near] = ~_separated_plainly(corners[near], half)
+    return found
+
+
+def _separated_plainly(corners: Floats, half: Floats) -> Truths:
+    """Whether the triangle's plane, or a plane along an edge of it and one of the block, separates them (n,)."""
+    edges = np.roll(corners, -1, axis=1) - corners
+    normal = np.cross(edges[:, 0], edges[:, 1])
+    apart = np.abs((normal * corners[:, 0]).sum(axis=1)) > np.abs(normal) @ half
+    axes = np.cross(edges[:, :, None], np.eye(3)).reshape(len(corners), 9, 3)
+    heights = np.einsum("nai,nci->nac", axes, corners)
+    reach = np.abs(axes) @ half
+    long = np.linalg.norm(axes, axis=2) > 1e-12
+    beyond = (heights.min(axis=2) >= reach) | (heights.max(axis=2) <= -reach)
+    found: Truths = apart | (beyond & long).any(axis=1)
+    return found
+
+
+@settings(max_examples=60, deadline=None)
+@given(seed=st.integers(0, 10**6))
+def test_compiled_loops_say_what_the_plain_computation_says(seed: int) -> None:
+    """Also on whole numbers, where sides just touch, and for triangles that are lines."""
+    random = np.random.default_rng(seed)
+    T = np.array(
+        [transform(turned(random.normal(size=3) * (seed % 3)), random.uniform(-2, 2, 3)) for _ in range(4)]
+    )
+    triangles = random.uniform(-3, 3, (20, 1, 3)) + random.uniform(-1, 1, (20, 3, 3))
+    middles, halves = random.uniform(-1, 1, (2, 3)), random.uniform(0.1, 0.5, (2, 3))
+    if seed % 2:
+        triangles[:, 2] = triangles[:, 1]
+    if seed % 3 == 0:
+        T[:, :3, 3], triangles = np.round(T[:, :3, 3]), np.round(triangles)
+        middles, halves = np.round(middles), np.full((2, 3), 0.5)
+    local = (triangles[None] - T[:, None, None, :3, 3]) @ T[:, None, :3, :3]
+    plainly = np.zeros(4, dtype=bool)
+    for middle, half in zip(middles, halves, strict=True):
+        plainly |= _meets_plainly(local - middle, half).any(axis=1)
+    np.testing.assert_array_equal(meet(T, middles, halves, triangles), plainly)
+
+
 def plane(*points: tuple[float, float, float]) -> GraspPlane:
     """A grasp of 40 mm among some points."""
     return GraspPlane(np.array(points).reshape(-1, 3), JAWS, 0.04)

@@ -1,6 +1,7 @@
 """Ground steps worked out once say of every state what executing the operator there says."""
 
 import random
+from pathlib import Path
 
 import pytest
 from macro_cells import GOLDEN, Example, golden
@@ -9,8 +10,6 @@ from engine.stages.macros.lifted.execution import Execution
 from engine.stages.macros.lifted.situation import Situation
 from kb.model.plan import Step, StepId
 from kb.terms import Function, Term
-
-EXAMPLES = [golden(path) for path in GOLDEN]
 
 
 def _steps(found: Example, draw: random.Random) -> list[Function]:
@@ -25,8 +24,9 @@ def _steps(found: Example, draw: random.Random) -> list[Function]:
     return own + mixed
 
 
-@pytest.mark.parametrize("found", EXAMPLES, ids=[path.stem for path in GOLDEN])
-def test_a_ground_step_does_in_every_state_what_its_operator_does(found: Example) -> None:
+@pytest.mark.parametrize("path", GOLDEN, ids=[path.stem for path in GOLDEN])
+def test_a_ground_step_does_in_every_state_what_its_operator_does(path: Path) -> None:
+    found = golden(path)
     draw = random.Random(1)
     here = Situation.of(found.world, found.initial)
     compared = 0

@@ -1,8 +1,10 @@
 """Lookup misses nothing that fits, and its fast check accepts no plan that the independent checker refuses."""
 
 import dataclasses
+import functools
 import random
 from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 from hypothesis import HealthCheck, given, settings
@@ -22,8 +24,12 @@ from kb.model.plan import Plan, Step
 from kb.model.problem import Problem
 from kb.terms import ordered
 
-EXAMPLES = [golden(path) for path in GOLDEN]
-ids = {"ids": [path.stem for path in GOLDEN]}
+each_golden = pytest.mark.parametrize("path", GOLDEN, ids=[path.stem for path in GOLDEN])
+
+
+def examples() -> list[Example]:
+    """All golden plans, and what was learned from each."""
+    return list(map(golden, GOLDEN))
 
 
 def situation(found: Example) -> Situation:
@@ -36,10 +42,11 @@ def asked(found: Example, problem: Problem | None = None) -> Query:
     return made
 
 
-@pytest.mark.parametrize("found", EXAMPLES, **ids)
-def test_the_problem_that_taught_a_macrop_is_served_by_it(found: Example) -> None:
+@each_golden
+def test_the_problem_that_taught_a_macrop_is_served_by_it(path: Path) -> None:
+    found = golden(path)
     index = Index()
-    for key, each in enumerate(EXAMPLES):
+    for key, each in enumerate(examples()):
         index.add(key, each.learned.macrop)
     hit = look_up(index, asked(found))
     assert hit is not None
@@ -63,14 +70,18 @@ def goals_of(found: Example) -> list[Literal]:
     return [Literal(each) for each in ordered({a for here in states(found) for a in here.facts})]
 
 
-PLAIN = [each for each in EXAMPLES if not each.problem.chains] + [bundled("themse/lid_on_stand")]
+@functools.cache
+def chainless() -> tuple[Example, ...]:
+    """Those without chains, and the plan with a lid."""
+    found = [each for each in examples() if not each.problem.chains]
+    return (*found, bundled("themse/lid_on_stand"))
 
 
 @pytest.mark.slow
 @given(data=st.data())
 @settings(max_examples=20, deadline=None, suppress_health_check=list(HealthCheck))
 def test_the_index_offers_every_macrop_that_matches(data: st.DataObject) -> None:
-    found = data.draw(st.sampled_from(PLAIN))
+    found = data.draw(st.sampled_from(chainless()))
     here = data.draw(st.sampled_from(states(found)))
     goals = data.draw(st.lists(st.sampled_from(goals_of(found)), min_size=1, max_size=2, unique=True))
     problem = dataclasses.replace(found.problem, goal=And(tuple(goals)), chains=())
@@ -93,7 +104,7 @@ def test_the_index_offers_every_macrop_that_matches(data: st.DataObject) -> None
 @given(data=st.data())
 @settings(max_examples=20, deadline=None, suppress_health_check=list(HealthCheck))
 def test_goals_with_few_choices_first_gives_the_bindings_of_the_plain_join(data: st.DataObject) -> None:
-    found = data.draw(st.sampled_from(PLAIN))
+    found = data.draw(st.sampled_from(chainless()))
     here = data.draw(st.sampled_from(states(found)))
     goals = data.draw(st.lists(st.sampled_from(goals_of(found)), min_size=1, max_size=3, unique=True))
     whole = query(dataclasses.replace(found.problem, goal=And(tuple(goals)), chains=()), here)
@@ -114,9 +125,10 @@ def test_goals_with_few_choices_first_gives_the_bindings_of_the_plain_join(data:
             assert fast == plain
 
 
+@functools.cache
 def _lessons() -> list[object]:
     """MACROPs of the plans and of their last parts."""
-    return [macrop for each in PLAIN for macrop in _parts(each)]
+    return [macrop for each in chainless() for macrop in _parts(each)]
 
 
 _known: dict[int, list[object]] = {}
@@ -177,18 +189,20 @@ def _without(steps: list[Step], place: int) -> list[Step]:
     ]
 
 
-@pytest.mark.parametrize("found", EXAMPLES, **ids)
+@each_golden
 @given(data=st.data())
 @settings(max_examples=12, deadline=None, suppress_health_check=list(HealthCheck))
-def test_the_fast_check_accepts_only_what_the_checker_accepts(found: Example, data: st.DataObject) -> None:
+def test_the_fast_check_accepts_only_what_the_checker_accepts(path: Path, data: st.DataObject) -> None:
+    found = golden(path)
     plan = data.draw(spoilt(found.plan))
     accepted = isinstance(check(plan, asked(found)), Situation)
     problem = found.problem.replace(ordered(found.initial))
     assert not (accepted and validate(problem, plan))
 
 
-@pytest.mark.parametrize("found", EXAMPLES, **ids)
-def test_the_fast_check_accepts_plans_and_knows_where_they_lead(found: Example) -> None:
+@each_golden
+def test_the_fast_check_accepts_plans_and_knows_where_they_lead(path: Path) -> None:
+    found = golden(path)
     after = check(found.plan, asked(found))
     assert isinstance(after, Situation)
     assert after.state == states(found)[-1].state
@@ -221,7 +235,7 @@ def test_lookup_does_not_hang_on_the_order_in_which_macrops_were_learned() -> No
     plans = set()
     for seed in range(3):
         index = Index()
-        macrops = [each.learned.macrop for each in EXAMPLES]
+        macrops = [each.learned.macrop for each in examples()]
         random.Random(seed).shuffle(macrops)
         for key, macrop in enumerate(macrops):
             index.add(key, macrop)

@@ -31,7 +31,9 @@ def test_every_strategy_agrees_with_brute_force(strategy: str, problem: Problem)
 
 
 @pytest.mark.parametrize("strategy", sorted(STRATEGIES))
-@pytest.mark.parametrize("target", ["bulkhead/both_tools", "themse/one"])
+@pytest.mark.parametrize(
+    "target", ["bulkhead/both_tools", pytest.param("themse/one", marks=pytest.mark.slow)]
+)
 def test_every_strategy_solves_the_cells_and_repeats(strategy: str, target: str) -> None:
     problem = load_problem(target)
     first, second = (planning.plan(problem, Limits(strategy=strategy)) for _ in range(2))

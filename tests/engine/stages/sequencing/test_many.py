@@ -6,11 +6,13 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import connected_components, minimum_spanning_tree
 
 from engine.model.metric import KINDS, Metric
 from engine.model.outcome import GaveUp
 from engine.model.tour import Tour, TourProblem, Visit, cost_of, violations
-from engine.stages.sequencing import Limits, heldkarp, kernels, merging, sequence, symmetric
+from engine.stages.sequencing import Limits, candidates, heldkarp, kernels, merging, sequence, symmetric
 from engine.stages.sequencing.costs import Costs, of_matrix
 from engine.stages.sequencing.curve import along_hilbert
 from engine.stages.sequencing.kernels import bounds, distances, graphs, trees
@@ -122,6 +124,38 @@ def test_trees_of_few_edges_and_without_a_matrix_weigh_what_trees_of_all_edges_d
             assert every.weigh(penalty, degree, 1e300) == weight
             assert degree.sum() == 2 * n
         assert every.weigh(penalty, degree, float(rng.integers(-10, 100))) <= weight
+
+
+@settings(max_examples=15, deadline=None)
+@given(st.integers(3, 30), seeds)
+def test_shortest_trees_and_their_clusters_are_those_of_scipy(n: int, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    a, b = (each.astype(np.int32) for each in np.triu_indices(n, 1))
+    cost, penalty = rng.permutation(len(a)).astype(float), rng.integers(-500, 500, n) / 64
+    cities, kept = int(rng.integers(2, n + 1)), int(rng.integers(0, n))
+    weight = cost + penalty[a] + penalty[b]
+    own = (a < cities) & (b < cities)
+    least = weight.min() - 1  # a weight of 0 would be no edge
+    matrix = csr_array((weight[own] - least, (a[own], b[own])), shape=(n, n))
+    plain = np.sort(minimum_spanning_tree(matrix).data) + least
+    for module in (graphs, PLAIN["graphs"]):
+        graph, found, cluster = module.Graph(a, b, cost, n), np.zeros(n, np.int32), np.zeros(n, np.int32)
+        tree = found[: graph.span(penalty, cities, found)]
+        assert np.allclose(weight[tree], plain)
+        graph.clusters(tree[:kept], cluster)
+        some = tree[:kept]
+        _, labels = connected_components(
+            csr_array((np.ones(len(some)), (a[some], b[some])), shape=(n, n)), False
+        )
+        assert ((cluster[:, None] == cluster) == (labels[:, None] == labels)).all()
+
+
+def test_few_points_find_the_neighbours_that_a_tree_finds(monkeypatch: pytest.MonkeyPatch) -> None:
+    points = np.random.default_rng(5).uniform(0, 1e4, (300, 3))
+    costs = Costs(None, Metric("rounded", points))
+    few = candidates.quadrant(points, costs)
+    monkeypatch.setattr(candidates, "FEW", 0)
+    assert (few == candidates.quadrant(points, costs)).all()
 
 
 def test_a_graph_of_few_edges_says_no_more_than_all_edges_allow() -> None:

@@ -13,6 +13,7 @@ from engine.pipelines import planning
 from engine.stages.validation import validate
 from kb.model.plan import Step
 from kb.model.problem import Chain, Problem
+from kb.terms import Atom, together
 from tests.engine.stages.validation.plans import atom, problem, step, wrong
 
 DOMAIN = """domain: bell
@@ -41,7 +42,8 @@ DOES: dict[
 ENDS = {"lower(a, one)": "up(a, one)"}
 Chains = tuple[tuple[tuple[str, ...], bool], ...]  # stages, and whether it comes after the chain before it
 Reading = tuple[int, ...]
-stage = st.sampled_from(("rung(a)", "rung(a)", "rung(b)", "up(a, one)", "up(a, two)"))
+BOTH = "up(a, one) & up(a, two)"
+stage = st.sampled_from(("rung(a)", "rung(a)", "rung(b)", "up(a, one)", "up(a, two)", BOTH))
 chains = st.lists(
     st.tuples(st.lists(stage, min_size=1, max_size=3).map(tuple), st.booleans()), min_size=1, max_size=3
 ).map(tuple)
@@ -63,7 +65,7 @@ def readings(
 def held(chains: Chains, done: Reading, up: frozenset[str]) -> Reading:
     """How far the chains are when all that hold have moved them, one after another."""
     for i in range(len(chains)):
-        if waits(chains, done, i) in up:
+        if (waited := waits(chains, done, i)) and up.issuperset(waited.split(" & ")):
             return held(chains, tuple(n + (i == j) for j, n in enumerate(done)), up)
     return done
 
@@ -86,10 +88,16 @@ def waits(chains: Chains, done: Reading, i: int) -> str:
 def posed(chains: Chains) -> Problem:
     """The problem of these chains, each about something of its own."""
     made = [
-        Chain(f"c{i}", tuple(map(atom, stages)), (f"c{i - 1}",) if follows and i else (), atom(f"s{i}"))
+        Chain(f"c{i}", tuple(map(read, stages)), (f"c{i - 1}",) if follows and i else (), atom(f"s{i}"))
         for i, (stages, follows) in enumerate(chains)
     ]
     return dataclasses.replace(problem("", (), DOMAIN), chains=tuple(made))
+
+
+def read(stage: str) -> Atom:
+    """A stage of one atom or of several."""
+    found = [atom(each) for each in stage.split(" & ")]
+    return found[0] if len(found) == 1 else together(found)
 
 
 def sequence(*operators: str) -> tuple[Step, ...]:
@@ -105,7 +113,7 @@ def test_a_sequence_is_accepted_if_some_reading_of_it_finishes_every_chain(
     finished = tuple(len(stages) for stages, _ in chains)
     possible = finished in set(readings(chains, steps, tuple(0 for _ in chains)))
     found = wrong(posed(chains), sequence(*steps))
-    lost = any(stages[-1] == "up(a, one)" for stages, _ in chains) and not lasts(steps)
+    lost = any("up(a, one)" in stages[-1] for stages, _ in chains) and not lasts(steps)
     assert (found == []) == (possible and not lost)
     assert all(each.startswith("K506") for each in found)
 
@@ -173,3 +181,13 @@ def test_a_chain_that_comes_after_another_begins_after_its_end() -> None:
     assert wrong(told, (step(1, "ring(a)"), step(2, "ring(b)"), last)) == [
         "K506: steps 1 and 2 must be ordered: c1 comes after c0"
     ]
+
+
+def test_what_is_reached_together_is_reached_when_all_of_it_holds() -> None:
+    told = posed((((BOTH, "rung(a)"), False),))
+    one, two = step(1, "raise(a, one)"), step(2, "raise(a, two)", 1)
+    assert wrong(told, (one, two, step(3, "ring(a)", 2))) == []
+    assert wrong(told, (one, step(2, "ring(a)", 1), step(3, "raise(a, two)", 2))) != []
+    lowered = step(2, "lower(a, one)", 1), step(3, "raise(a, two)", 2), step(4, "ring(a)", 3)
+    assert wrong(told, (one, *lowered)) != []
+    assert wrong(posed((((BOTH,), False),)), (one, step(2, "raise(a, two)"))) == []

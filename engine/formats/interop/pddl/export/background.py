@@ -5,8 +5,8 @@ from collections.abc import Iterable, Iterator
 from functools import cached_property
 
 from engine.model.task import Task
-from kb.asp import AspError
-from kb.asp.statics import evaluated
+from kb.asp import AspError, Grounder
+from kb.asp.statics import evaluate
 from kb.asp.vocabulary import guard
 from kb.model.conditions import Body, Parameter
 from kb.model.domain import NUMERIC_TYPES, OBJECT, Kind
@@ -26,7 +26,8 @@ class Background:
     def __init__(self, problem: Problem, task: Task) -> None:
         self.problem, self.domain, self.task = problem, problem.domain, task
         self.kinds = {name: predicate.kind for name, predicate in self.domain.predicates.items()}
-        self._grounder = evaluated(problem)
+        self._grounder = Grounder()
+        evaluate(self._grounder, problem)
         self.facts: dict[str, list[Atom]] = defaultdict(list)
         for fact in self._grounder.everything():
             self.facts[fact.name].append(fact)

@@ -7,7 +7,7 @@ from kb.model.conditions import And, Condition, Literal, Parameter
 from kb.model.domain import Effect, Kind, Operator
 from kb.model.problem import Chain
 from kb.model.workflow import Listed, begun, holding, lasting, reaches
-from kb.terms import Atom, Function, Number, Text, is_ground
+from kb.terms import TOGETHER, Atom, Function, Number, Text, is_ground
 
 REACHED, BEGIN, REACH = "_reached", "_begin", "_reach"
 Happening = tuple[Condition, tuple[Parameter, ...], tuple[Effect, ...]]
@@ -29,6 +29,8 @@ class Stages:
     def __init__(self, background: Background, fresh: Fresh) -> None:
         self.background, self.fresh = background, fresh
         self.chains = background.problem.chains
+        if any(stage.name == TOGETHER for chain in self.chains for stage in chain.stages):
+            raise NotLiftable("a stage of several conditions")
         stages = dict.fromkeys(stage.name for chain in self.chains for stage in chain.stages)
         self.fluents = [name for name in stages if background.kinds.get(name) is not Kind.EVENT]
         self.begun = begun(self.chains, holding(Listed(background.task.names(background.task.initial))))
@@ -74,7 +76,7 @@ class Stages:
         for chain in self.chains:
             yield Literal(reached(chain, len(chain.stages)))
             if chain.name in lasts:
-                yield Literal(lasts[chain.name])
+                yield from map(Literal, lasts[chain.name])
 
     def happening(self, number: int, event: Atom) -> Happening:
         """The condition that an event is the next stage of some chain, with its parameters and the effects on the chain."""

@@ -1,0 +1,92 @@
+"""Scripted operators: half of them bring a wheel to its goal, the others spoil that on the way, each in one of three ways."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from engine.kernels.arrays import Floats
+from engine.kernels.rigid import rotation, transform
+from engine.pipelines.placing.answers import Placed
+from engine.pipelines.placing.holding import Reach, with_hand
+from engine.pipelines.placing.looking import look
+from engine.pipelines.placing.placing import place
+from engine.pipelines.placing.site import Site
+from engine.pipelines.placing.watching import Act, Event, Jaws, Shifted, Watched
+from engine.pipelines.placing.ways import possible
+from engine.stages.geometry import transforms
+from engine.stages.geometry.shapes.solids import solid_of
+from engine.stages.geometry.world.model import World
+from engine.stages.grasping.placements import placements, volume_and_centre
+from kb.loader.scene import load_scene
+from kb.model.cell import Placement
+from kb.model.scene import Scene
+from kb.targets import BUNDLED
+
+SCENE = load_scene(BUNDLED / "handey" / "scenes" / "turning.yaml")
+WHEEL = solid_of(SCENE.cell.bodies["wheel"])
+RESTS = {each.facet: each.T_table_part for each in placements(WHEEL, volume_and_centre(WHEEL)[1])}
+SPOILS = ("a grasp that cannot place", "laid down wrongly", "something on the goal")
+
+
+@dataclass(frozen=True)
+class Script:
+    """The world at first, and what happens then; `spoils` says how it is spoilt (empty: it is not)."""
+
+    state: Watched
+    events: tuple[Event, ...]
+    spoils: str
+
+
+def script(seed: int) -> Script:
+    """An operator's run; every other seed spoils."""
+    random = np.random.default_rng(seed)
+    while True:
+        scene = _lying(random, str(random.choice(["south", "south_east"])))
+        found, _ = place(scene, "wheel", "base", seed)
+        if isinstance(found, Placed) and len(found.carries) == 1:
+            break
+    world = World.of(scene.cell)
+    site = Site.of(scene, world, look(scene, world, (), seed), {"wheel": found.T_world_part})
+    state = Watched(site, "wheel", found.T_world_goal, found.T_world_part)
+    legs = found.carries[0].legs
+    taken, let_go = Act(legs[1].path[-1], Jaws.CLOSE), Act(legs[4].path[-1], Jaws.OPEN)
+    above = Act(legs[3].path[len(legs[3].path) // 2])
+    spoils = SPOILS[seed // 2 % 3] if seed % 2 else ""
+    way: tuple[Event, ...] = (taken, above, let_go)
+    if spoils == "a grasp that cannot place":
+        q = _useless(state)
+        spoils, way = (SPOILS[1], way) if q is None else (spoils, (Act(q, Jaws.CLOSE),))
+    if spoils == "laid down wrongly":
+        way = (taken, above, Shifted("wheel", _table(random) @ RESTS["north"]))
+    if spoils == "something on the goal":
+        T = state.T_goal.copy()
+        T[:3, 3] += [random.uniform(-0.02, 0.02), random.uniform(-0.02, 0.02), 0.0]
+        way = (taken, Shifted("brick", transform(np.eye(3), T[:3, 3] + [0.05, 0.0, 0.04])), above)
+    return Script(state, way, spoils)
+
+
+def _table(random: np.random.Generator) -> Floats:
+    T = rotation((0, 0, 1), float(random.uniform(-0.6, 0.6)))
+    return transform(T, np.array([random.uniform(0.4, 0.48), random.uniform(0.1, 0.17), 0.0]))
+
+
+def _lying(random: np.random.Generator, facet: str) -> Scene:
+    bodies = SCENE.cell.bodies
+    at = Placement("world", transforms.to_pose(_table(random) @ RESTS[facet]))
+    return replace(
+        SCENE,
+        cell=replace(SCENE.cell, bodies={**bodies, "wheel": replace(bodies["wheel"], placement=at)}),
+    )
+
+
+def _useless(state: Watched) -> Floats | None:
+    """A configuration with which the wheel is held so that it cannot be let go at its goal; None if all grasps can."""
+    task = state.site.task("wheel", (state.T_world_part, state.T_goal))
+    useless = possible(task, state.T_world_part) & ~possible(task, state.T_goal)
+    for n in np.nonzero(useless)[0]:
+        width = task.holds.grasps[task.holds.grasp_of[n]].width_m
+        reach = Reach(with_hand(task.world, task.scene, task.holds.jaws, width), task.scene.hand.arm)
+        found = reach.configurations(state.T_world_part @ task.holds.poses[n], task.world.configuration)
+        if len(found):
+            return found[0]
+    return None

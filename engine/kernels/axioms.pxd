@@ -1,0 +1,26 @@
+# The types with which Cython compiles axioms.py. That file says what they mean.
+import cython
+
+@cython.final
+cdef class Closure:
+    cdef int rules, depth, first, last
+    cdef int[::1] heads, layers, needed, derived, user_starts, user_items, atom_starts, atom_items, other_items
+    cdef int[::1] watched, missing, queue
+    cdef readonly int[::1] by
+
+    @cython.locals(rule=int, layer=int, after="unsigned char[::1]")
+    cpdef bytes close(self, const unsigned char[::1] state)
+
+    @cython.locals(place=int, atom=int, rule=int)
+    cdef void _begin(self, unsigned char[::1] after) noexcept
+
+    @cython.locals(place=int, atom=int, other=int)
+    cdef void _negate(self, int layer, unsigned char[::1] after) noexcept
+
+    cdef void _note(self, int atom) noexcept
+
+    @cython.locals(head=int)
+    cdef void _fire(self, int rule, unsigned char[::1] after) noexcept
+
+    @cython.locals(atom=int, place=int, rule=int)
+    cdef void _spread(self, int layer, unsigned char[::1] after) noexcept

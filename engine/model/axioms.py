@@ -1,0 +1,137 @@
+"""Derived atoms that stay in a ground task: their rules in layers, and why one of them is true or false in a state.
+
+An atom may depend on others of its own layer, but needs only those of earlier layers to be false (Apt, Blair & Walker 1988).
+A state is `closed` if exactly those derived atoms are in it that follow from its fluents.
+"""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+from engine.kernels.axioms import Closure
+from engine.kernels.bits import Bits, bitset, indices
+
+
+@dataclass(frozen=True)
+class Axiom:
+    """A ground rule: `head` is true where all atoms in `body` are."""
+
+    head: int
+    body: Bits
+
+
+@dataclass(frozen=True)
+class Axioms:
+    """The derived atoms of a task with `size` atoms.
+
+    `layers` has the layer of each derived atom: atoms that depend on one another have the same one. `rules` are in the order of the layers of their heads. `complements` leads
+    from each atom that has a complementary atom to it; those of derived atoms are derived, too.
+    """
+
+    size: int
+    rules: tuple[Axiom, ...]
+    layers: Mapping[int, int]
+    complements: Mapping[int, int]
+
+    @cached_property
+    def derived(self) -> Bits:
+        """The derived atoms and their complementary atoms."""
+        return bitset(self.layers) | bitset(
+            [self.complements[a] for a in self.layers if a in self.complements]
+        )
+
+    @cached_property
+    def read(self) -> Bits:
+        """The fluents on which derived atoms depend."""
+        found = 0
+        for rule in self.rules:
+            found |= rule.body
+        return found & ~self.derived
+
+    @cached_property
+    def by_head(self) -> Mapping[int, list[Axiom]]:
+        """The rules of each derived atom."""
+        found: dict[int, list[Axiom]] = {atom: [] for atom in self.layers}
+        for rule in self.rules:
+            found[rule.head].append(rule)
+        return found
+
+    @cached_property
+    def opposite(self) -> Mapping[int, int]:
+        """For each atom with a complementary atom the latter; and the reverse."""
+        return {**self.complements, **{other: atom for atom, other in self.complements.items()}}
+
+    @cached_property
+    def _width(self) -> int:
+        return (self.size + 7) // 8
+
+    @cached_property
+    def _closure(self) -> Closure:
+        negated: list[list[tuple[int, int]]] = [[] for _ in range(1 + max(self.layers.values(), default=0))]
+        for atom, layer in self.layers.items():
+            if atom in self.complements:
+                negated[layer].append((atom, self.complements[atom]))
+        heads = [rule.head for rule in self.rules]
+        bodies = [indices(rule.body) for rule in self.rules]
+        layers = [self.layers[head] for head in heads]
+        return Closure(self.size, heads, bodies, layers, negated, indices(self.derived))
+
+    def closed(self, state: Bits) -> Bits:
+        """The state with the derived atoms that follow from its fluents, and no others."""
+        return int.from_bytes(self._closure.close(state.to_bytes(self._width, "little")), "little")
+
+    def support(self, state: Bits, conditions: Bits) -> Bits:
+        """Fluents of a closed state which make its atoms `conditions` true in every state that has these fluents."""
+        self.closed(state)
+        by = self._closure.by
+        found, seen, waiting = 0, 0, conditions
+        while waiting:
+            own = waiting & self.derived
+            found |= waiting & ~own
+            seen |= own
+            waiting = 0
+            for atom in indices(own):
+                reasons = (
+                    self.rules[by[atom]].body
+                    if atom in self.layers
+                    else self._broken(atom, state, found | seen)
+                )
+                waiting |= reasons & ~seen
+        return found
+
+    def _broken(self, complement: int, state: Bits, given: Bits) -> Bits:
+        """What is true in a state and breaks every rule of the derived atom with a complementary atom.
+
+        What is `given` anyway is preferred, then fluents.
+        """
+        found = 0
+        for rule in self.by_head[self.opposite[complement]]:
+            against = bitset([self.opposite[atom] for atom in indices(rule.body & ~state)])
+            if not against & (given | found):
+                choice = against & ~self.derived or against
+                found |= choice & -choice
+        return found
+
+
+def relaxed(axioms: Axioms, first: int) -> Iterator[tuple[Bits, Bits, bool]]:
+    """What derived atoms follow from if nothing ever becomes false: (conditions, what they make true, whether for certain).
+
+    A derived atom is false where each of its rules is broken. Whether a rule is broken are new atoms from `first` on. A rule
+    that needs an atom of its own layer is taken as broken: this may be wrong, so that the atom is not false for certain.
+    """
+    for rule in axioms.rules:
+        yield rule.body, 1 << rule.head, True
+    for atom, rules in axioms.by_head.items():
+        if atom not in axioms.complements:
+            continue
+        needed, certain = 0, True
+        for rule in rules:
+            body = indices(rule.body)
+            if any(axioms.layers.get(each) == axioms.layers[atom] for each in body):
+                certain = False
+                continue
+            for each in body:
+                yield 1 << axioms.opposite[each], 1 << first, True
+            needed |= 1 << first
+            first += 1
+        yield needed, 1 << axioms.complements[atom], certain

@@ -1,0 +1,184 @@
+"""How far a run is, and what its steps do to that: commands are posted, the world model follows, everything is noted."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+from engine.model.execution import Command, CommandKind, Phase, RecordKind, Reply, RunState
+from engine.pipelines.execution.compiling import Compiled
+from engine.pipelines.execution.orders import Given, Orders
+from engine.pipelines.execution.recorder import Recorder
+from engine.pipelines.execution.replies import Replies
+from engine.pipelines.measuring import Measuring
+from engine.pipelines.simulation import Achievement, World
+from engine.pipelines.simulation.world import achievement
+from engine.ports import Driver
+from engine.stages import execution as executive
+from engine.stages.execution import Failure, Standing
+from kb.terms import Atom
+
+EVERY = 5_000  # records from one checkpoint to the next
+NOTICED_MS = (
+    30_000  # by which a step may end later or sooner than forecast before the plan is looked at again
+)
+OTHERWISE = "steps take longer or less than was forecast"
+VERDICT = ("of", "quantity", "value", "unit", "nominal", "lower", "upper", "passed", "tool")
+
+
+@dataclass(frozen=True, slots=True)
+class Turn:
+    """Why the loop came back: every step is done, something failed, an order needs more than the table, the rest of the plan
+    is to be reviewed, or the run is over.
+    """
+
+    phase: Phase
+    failures: tuple[Failure, ...] = ()
+    given: Given | None = None
+    why: str = ""
+    review: bool = False
+
+
+@dataclass
+class Progress:
+    """How far the execution of programs, one after another, is in one world."""
+
+    run: str
+    driver: Driver
+    recorder: Recorder
+    orders: Orders
+    world: World
+    compiled: Compiled
+    standing: Standing
+    history: list[Achievement] = field(default_factory=list)
+    keeps_history: bool = True
+    measuring: Measuring | None = None
+    done: set[int] = field(default_factory=set)
+    outbox: list[Command] = field(default_factory=list)
+    pending: list[Given] = field(default_factory=list)  # orders that came while an exception was handled
+    sent: dict[int, tuple[dict[str, Any], int]] = field(
+        default_factory=dict
+    )  # under way, as noted, since when
+    plan_number: int = 0  # of the record of the program
+    noted: int = 0  # the last checkpoint
+    every: int = EVERY
+    checkpoint: Callable[[], dict[str, Any]] | None = None
+    turn: Turn | None = None
+    review: str = ""  # why what is left of the plan is to be looked at again
+    off_ms: int = 0  # how far behind its forecast the run was when the plan was made, or last reviewed
+    since: dict[Atom, int] = field(default_factory=dict)  # when facts became true, where stays are limited
+    look: Callable[[RunState], None] | None = None
+
+    def __post_init__(self) -> None:
+        self.replies = Replies(self.compiled)
+
+    def follow(self, compiled: Compiled, standing: Standing) -> None:
+        """Go on with another program."""
+        self.compiled, self.standing = compiled, standing
+        self.replies = Replies(compiled)
+        self.done, self.review, self.off_ms = set(), "", 0
+        self.sent = {number: self._renumbered(number) for number in standing.running}
+        self.plan_number = self.recorder.last
+
+    def _renumbered(self, number: int) -> tuple[dict[str, Any], int]:
+        """What was noted of a command that is under way, for the number that its step has now."""
+        content, at_ms = self.sent[number]
+        return {**content, "step": self.standing.running[number].activity}, at_ms
+
+    def post(self, command: Command, step: int | None = None) -> None:
+        """Note a command, to be sent once the note is on the disk."""
+        record = self.recorder.note(
+            RecordKind.COMMAND,
+            command=command.number,
+            command_kind=command.kind.value,
+            stream=command.stream,
+            action=command.action,
+            says=command.says,
+            expects=command.expects,
+            choices=list(command.choices),
+            lasts_ms=command.lasts_ms,
+            timeout_ms=command.timeout_ms,
+            about=command.about,
+            asks=command.asks,
+            step=step,
+        )
+        self.sent[command.number] = (dict(record.content), record.at_ms)
+        self.outbox.append(command)
+
+    def dispatch(self, sent: executive.Dispatch) -> None:
+        """Post the command of an activity, a WAIT or a CONTINUE."""
+        if sent.activity is None:
+            kind = CommandKind.WAIT if sent.about is None else CommandKind.CONTINUE
+            self.post(Command(sent.number, kind, sent.stream, kind.value, about=sent.about))
+            return
+        each = self.compiled.program.activities[sent.activity]
+        command = Command(
+            sent.number,
+            CommandKind.STEP,
+            each.stream,
+            each.action,
+            each.says,
+            each.expects,
+            lasts_ms=each.lasts_ms,
+            timeout_ms=each.timeout_ms,
+            asks=each.asks,
+        )
+        self.post(command, each.id)
+
+    def ended(self, ended: executive.Done) -> None:
+        """Let the world model follow a step that has ended, and note what it has changed."""
+        activity, change = ended.activity, self.compiled.changes[ended.activity]
+        new = [atom for atom in (*change.adds, *change.events) if atom not in self.world.facts]
+        moved = self.world.apply(change)
+        self.done.add(activity)
+        if self.compiled.program.timed:
+            self.since.update(dict.fromkeys(new, self.standing.now_ms))
+        self._look_at_the_forecast(activity)
+        self.sent.pop(ended.number, None)
+        if self.keeps_history:
+            step = self.replies.step(activity)
+            self.history.append(achievement(len(self.history) + 1, step, new, moved))
+        self.recorder.note(
+            RecordKind.DONE,
+            step=activity,
+            command=ended.number,
+            action=self.compiled.program.activities[activity].action,
+            started_ms=ended.started_ms,
+            adds=[str(each) for each in change.adds],
+            ends=[str(each) for each in change.ends],
+            events=[str(each) for each in change.events],
+            moved=[[chain, number, str(atom)] for chain, number, atom in moved],
+        )
+        for chain, _, atom in moved:
+            self.recorder.note(RecordKind.GOAL, goal=f"{atom} of {chain}")
+
+    def _look_at_the_forecast(self, activity: int) -> None:
+        """Ask for a review of the plan if this step has ended much later, or sooner, than it was forecast to."""
+        each = self.compiled.program.activities[activity]
+        off = self.standing.now_ms - (each.start_ms + each.lasts_ms)
+        if abs(off - self.off_ms) >= max(NOTICED_MS, each.lasts_ms // 10):
+            self.off_ms, self.review = off, self.review or OTHERWISE
+
+    def result(self, activity: int, reply: Reply) -> None:
+        """Note the fact that a reply gives, and the value that was measured with its verdict."""
+        said, step = self.replies.result(activity, reply.text), self.replies.step(activity)
+        found = self.measuring.heard(step, reply.text, reply.at_ms) if self.measuring is not None else None
+        if said is None and found is None:
+            return
+        verdict = {} if found is None else {name: getattr(found, name) for name in VERDICT}
+        action = self.compiled.program.activities[activity].action
+        fact = "" if said is None else str(said)
+        self.recorder.note(RecordKind.RESULT, command=reply.number, action=action, result=fact, **verdict)
+
+    def threatened(self, threat: executive.Threatened) -> None:
+        """Tell that something stays too long, or will."""
+        target = self.compiled.program.activities[threat.dwell.target]
+        said = "it stays too long" if threat.over else "as things stand, it will stay too long"
+        self.recorder.note(
+            RecordKind.EXCEPTION,
+            exception="stays_too_long",
+            known=True,
+            step=threat.dwell.target,
+            action=target.action,
+            command=None,
+            reply=f"{said}: by {round(threat.late_ms / 1000, 3)} s at least",
+        )

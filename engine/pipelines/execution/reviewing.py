@@ -1,0 +1,169 @@
+"""Looks again at what is left of a plan when reality has left its forecast, or when something is about to stay too long.
+
+The steps that are left are scheduled anew, and where something would stay too long, a plan is made that first takes it away.
+Another plan is followed only if it pays.
+"""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+
+from engine.model.cases import Revision
+from engine.model.outcome import Found
+from engine.pipelines import planning
+from engine.pipelines.execution.joining import Joined, ahead, joined, left_behind
+from engine.pipelines.execution.planned import SHORT, Ready, again, ready
+from engine.pipelines.execution.progress import Progress
+from engine.pipelines.execution.scope import Scope
+from engine.pipelines.simulation import Dynamics, WorldState
+from engine.pipelines.timetable import keeping, operators_of
+from engine.pipelines.troubleshooting.recovery import recover
+from engine.stages.execution import Program, Standing
+from engine.stages.grounding import ground
+from engine.stages.planning import Limits
+from engine.stages.planning.improvement.deorder import deorder
+from engine.stages.scheduling.blocks import Unstructured
+from kb.diagnostics import InvalidInput
+from kb.model.conditions import And, Literal
+from kb.model.plan import Plan, Step, StepId, in_sequence
+from kb.model.problem import Problem
+
+PAYS_MS = 10_000  # by which another plan has to be done sooner
+SHARE = 50  # or this part of what is left, if that is more
+
+
+@dataclass(frozen=True, slots=True)
+class Prospect:
+    """What will come of a program as things stand: by how much things stay too long in all, and when all is done."""
+
+    late_ms: int
+    end_ms: int
+
+
+@dataclass(frozen=True, slots=True)
+class Better:
+    """A better way to go on, and what is better about it."""
+
+    joined: Joined
+    why: str
+
+
+def reviewed(course: Progress, scope: Scope, limits: Limits) -> Better | None:
+    """A better plan for what is left, with what is under way as it is; None if there is none."""
+    now = course.driver.now_ms()
+    present = prospect(course.compiled.program, course.standing, now)
+    best: tuple[Prospect, Joined] | None = None
+    for made in _others(course, scope, limits, present.late_ms > 0):
+        new = joined(course, scope, made)
+        found = prospect(new.ready.compiled.program, new.standing, now)
+        if best is None or _value(found) < _value(best[0]):
+            best = found, new
+    if best is None or not _pays(present, best[0], now):
+        return None
+    return Better(best[1], _said(present, best[0]))
+
+
+def _value(found: Prospect) -> tuple[int, int]:
+    return found.late_ms, found.end_ms
+
+
+def _pays(present: Prospect, other: Prospect, now_ms: int) -> bool:
+    """Whether it is worth it to follow another plan."""
+    if other.late_ms != present.late_ms:
+        return other.late_ms < present.late_ms
+    return present.end_ms - other.end_ms > max(PAYS_MS, (present.end_ms - now_ms) // SHARE)
+
+
+def _said(present: Prospect, other: Prospect) -> str:
+    if other.late_ms < present.late_ms:
+        saved = (present.late_ms - other.late_ms) / 1000
+        return f"things stay {saved:g} s less than before beyond what they may"
+    return f"all is done {(present.end_ms - other.end_ms) / 1000:g} s sooner"
+
+
+def prospect(program: Program, standing: Standing, now_ms: int) -> Prospect:
+    """What will come of a program if all goes as forecast from now on, in the order of the forecast."""
+    begins, ends = _times(program, standing, now_ms)
+    late = 0
+    for dwell in program.dwells:
+        until = standing.dwelling.get(dwell)
+        if until is None and dwell.source in ends:
+            until = ends[dwell.source] + dwell.most_ms
+        if until is not None and dwell.target in begins:
+            late += max(0, begins[dwell.target] - until)
+    return Prospect(late, max(ends.values(), default=now_ms))
+
+
+def _times(program: Program, standing: Standing, now_ms: int) -> tuple[Mapping[int, int], Mapping[int, int]]:
+    """When each activity that has not begun will begin, and when each that has not ended will end."""
+    under_way = {each.activity: each.since_ms for each in standing.running.values()}
+    lasts = {each: program.activities[each].lasts_ms for each in program.activities}
+    ends = {each: max(now_ms, since + lasts[each]) for each, since in under_way.items()}
+    free = {r: ends[each] for each in under_way for r in program.activities[each].resources}
+    begins: dict[int, int] = {}
+    for each in _open(program, standing):
+        activity = program.activities[each]
+        times = [now_ms, *(ends[b] for b in activity.after if b in ends)]
+        times += [free[r] for r in activity.resources if r in free]
+        begins[each] = max([*times, activity.start_ms] if program.timed else times)
+        ends[each] = begins[each] + lasts[each]
+        free |= dict.fromkeys(activity.resources, ends[each])
+    return begins, ends
+
+
+def _open(program: Program, standing: Standing) -> list[int]:
+    """The activities that have not begun, in the order of the forecast."""
+    order = {each: place for place, each in enumerate(program.activities)}
+    waiting, found = list(standing.ready), set(standing.ready)
+    waiting += [each.activity for each in standing.running.values()]
+    while waiting:
+        fresh = [each for each in program.successors[waiting.pop()] if each not in found]
+        found.update(fresh)
+        waiting += fresh
+    found -= {each.activity for each in standing.running.values()}
+    return sorted(found, key=lambda each: (program.activities[each].start_ms, order[each]))
+
+
+def _others(course: Progress, scope: Scope, limits: Limits, late: bool) -> Iterator[Ready]:
+    """Other plans for what is left, from the world on that will be when what is under way has ended."""
+    state, left, now = ahead(course), left_behind(course), course.driver.now_ms()
+    if not left.steps:
+        return
+    rest = scope.rest(state)
+    try:
+        if len(left.steps) <= SHORT:
+            yield again(rest, left, now, limits, course.since)
+        if late and (plan := _taken_away(course, scope, state, limits)) is not None:
+            yield ready(rest, plan, keeping(rest, plan).starts, now, since=course.since)
+    except InvalidInput:
+        return  # what is left has no schedule: the plan stays as it is
+
+
+def _taken_away(course: Progress, scope: Scope, state: WorldState, limits: Limits) -> Plan | None:
+    """A plan that first takes away what would stay too long; None if there is none."""
+    waiting = sorted(course.standing.dwelling.items(), key=lambda each: (each[1], each[0].target))
+    if not waiting:
+        return None
+    rest = scope.rest(state)
+    goal = And(tuple(map(Literal, course.compiled.changes[waiting[0][0].target].adds)))
+    first = planning.plan(replace(rest, goal=goal, chains=()), limits)
+    if not isinstance(first, Found):
+        return None
+    dynamics, after = Dynamics(rest), WorldState(state.facts, {chain.name: 0 for chain in rest.chains})
+    for step in first.plan.steps:
+        after = dynamics.after(step.operator, after)
+    reached = {name: state.reached[name] + more for name, more in after.reached.items()}
+    then = scope.rest(WorldState(after.facts, {**state.reached, **reached}))
+    second = recover(then, Revision(), limits, None, after.facts)
+    if not isinstance(second.outcome, Found) or second.given_up:
+        return None
+    return _one(rest, (*first.plan.steps, *second.outcome.plan.steps))
+
+
+def _one(rest: Problem, steps: tuple[Step, ...]) -> Plan:
+    """One plan of steps in a sequence, with the orders that it needs."""
+    plan = in_sequence(Plan(tuple(replace(s, id=StepId(n + 1), after=()) for n, s in enumerate(steps))))
+    task = ground(rest)
+    try:
+        return deorder(task, *operators_of(task, plan))
+    except Unstructured:
+        return plan

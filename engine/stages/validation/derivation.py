@@ -1,0 +1,161 @@
+"""Derived atoms of many states: rules are instantiated once, semi-naively, over all fluents that were ever seen, and then
+evaluated in each state by counting what their instances still miss.
+
+The checker's own: it shares no code with grounding or search.
+"""
+
+from collections.abc import Collection, Iterable, Iterator, Sequence
+from dataclasses import dataclass, field
+
+from engine.stages.validation.datalog import Bindings, Facts, solve
+from kb.model.conditions import Body, Literal
+from kb.model.domain import Rule
+from kb.terms import Atom, is_ground, match, substitute_atom
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Instance:
+    """An instance of a rule: `head` follows where all of `needs` are true and all of `excludes` are false.
+
+    An excluded atom that is not ground stands for all atoms that match it.
+    """
+
+    head: Atom
+    needs: tuple[Atom, ...]
+    excludes: tuple[Atom, ...]
+
+
+@dataclass
+class _Stratum:
+    """The rules of predicates that depend on one another, and their instances."""
+
+    rules: Sequence[Rule]
+    instances: list[Instance] = field(default_factory=list)
+    users: dict[Atom, list[Instance]] = field(default_factory=dict)
+    known: set[tuple[Atom, tuple[Atom, ...], tuple[Atom, ...]]] = field(default_factory=set)
+
+
+class Derivation:
+    """The rules of a domain in strata, over static facts; `dynamic` are the predicates that can change.
+
+    A state that has atoms which no state before had makes more instances of rules.
+    """
+
+    def __init__(self, strata: Iterable[Sequence[Rule]], statics: Facts, dynamic: Collection[str]) -> None:
+        self._strata = [_Stratum(rules) for rules in strata]
+        self._dynamic = dynamic
+        self._possible = Facts((), statics)
+        self._started = False
+        bodies = [rule.body for stratum in self._strata for rule in stratum.rules]
+        heads = {rule.head.name for stratum in self._strata for rule in stratum.rules}
+        self._read = sorted({p.atom.name for body in bodies for p in body if isinstance(p, Literal)} - heads)
+
+    def add(self, state: Facts) -> None:
+        """Add to a state, which has fluents only, the derived atoms that follow."""
+        self._meet(state)
+        for stratum in self._strata:
+            _spread(stratum, state, state)
+
+    def bound(self, lower: Facts, upper: Facts) -> None:
+        """Add to `lower` what follows in every state between two sets of fluents, and to `upper` what follows in some."""
+        self._meet(upper)
+        for stratum in self._strata:
+            _spread(stratum, lower, upper)
+            _spread(stratum, upper, lower)
+
+    def _meet(self, state: Facts) -> None:
+        """Instantiate the rules over fluents that are new."""
+        names = [name for name in self._read if name in self._dynamic]
+        fresh = [atom for name in names for atom in state.extent(name) if self._possible.add(atom)]
+        if fresh or not self._started:
+            for stratum in self._strata:
+                fresh += self._instantiate(stratum, fresh)
+            self._started = True
+
+    def _instantiate(self, stratum: _Stratum, fresh: Sequence[Atom]) -> list[Atom]:
+        """Make the instances that have a new atom among what they need. Returns the derived atoms that are new."""
+        found: list[Atom] = []
+        waiting = list(fresh)
+        if not self._started:
+            for rule in stratum.rules:
+                body = self._static(rule.body)
+                if not any(map(self._changes, body)):
+                    found += self._note(stratum, rule, solve(body, self._possible, {}))
+            waiting += found
+        while waiting:
+            by_name: dict[str, list[Atom]] = {}
+            for atom in waiting:
+                by_name.setdefault(atom.name, []).append(atom)
+            waiting = [atom for rule in stratum.rules for atom in self._follow(stratum, rule, by_name)]
+            found += waiting
+        return found
+
+    def _follow(self, stratum: _Stratum, rule: Rule, fresh: dict[str, list[Atom]]) -> list[Atom]:
+        """What is new by a rule with one of its conditions among fresh atoms."""
+        found: list[Atom] = []
+        body = self._static(rule.body)
+        for place, part in enumerate(body):
+            if (
+                isinstance(part, Literal)
+                and part.positive
+                and part.atom.name in fresh
+                and self._changes(part)
+            ):
+                rest = body[:place] + body[place + 1 :]
+                for atom in fresh[part.atom.name]:
+                    bindings = match(part.atom, atom, {})
+                    if bindings is not None:
+                        found += self._note(stratum, rule, solve(rest, self._possible, bindings))
+        return found
+
+    def _note(self, stratum: _Stratum, rule: Rule, found: Iterator[Bindings]) -> list[Atom]:
+        """Keep the instances of a rule under some bindings. Returns the heads that are new."""
+        fresh = []
+        literals = [part for part in rule.body if isinstance(part, Literal) and self._changes(part)]
+        for bindings in list(found):
+            head = substitute_atom(rule.head, bindings)
+            needs = tuple(substitute_atom(part.atom, bindings) for part in literals if part.positive)
+            excludes = tuple(substitute_atom(part.atom, bindings) for part in literals if not part.positive)
+            if (head, needs, excludes) in stratum.known:
+                continue
+            stratum.known.add((head, needs, excludes))
+            made = Instance(head, needs, excludes)
+            stratum.instances.append(made)
+            for atom in set(needs):
+                stratum.users.setdefault(atom, []).append(made)
+            if self._possible.add(head):
+                fresh.append(head)
+        return fresh
+
+    def _changes(self, part: object) -> bool:
+        return isinstance(part, Literal) and part.atom.name in self._dynamic
+
+    def _static(self, body: Body) -> Body:
+        """The conditions without those that something which can change be false."""
+        return tuple(p for p in body if not (isinstance(p, Literal) and not p.positive and self._changes(p)))
+
+
+def _spread(stratum: _Stratum, facts: Facts, judge: Facts) -> None:
+    """Add everything that follows by the instances of one stratum; `judge` decides what is false."""
+    missing: dict[Instance, int] = {}
+    waiting: list[Instance] = []
+    for each in stratum.instances:
+        left = sum(atom not in facts for atom in set(each.needs))
+        missing[each] = left
+        if not left:
+            waiting.append(each)
+    while waiting:
+        each = waiting.pop()
+        if any(_among(atom, judge) for atom in each.excludes) or not facts.add(each.head):
+            continue
+        for user in stratum.users.get(each.head, ()):
+            missing[user] -= 1
+            if not missing[user]:
+                waiting.append(user)
+
+
+def _among(atom: Atom, facts: Facts) -> bool:
+    """Whether an atom, or one that matches it, is among facts."""
+    if is_ground(atom):
+        return atom in facts
+    return any(match(atom, other, {}) is not None for other in facts.matching(atom))

@@ -1,0 +1,123 @@
+"""Orders, lateness and limited stays while steps are under way: what has begun ends as it began, the rest is planned anew."""
+
+import shutil
+from functools import cache
+from pathlib import Path
+
+import pytest
+
+from engine.model.execution import Finish, Order, Record, RecordKind
+from engine.pipelines.execution import Execution, Given, Timed, Wanted, begin, named, resume
+from engine.pipelines.execution.compiling import situation_of
+from engine.pipelines.execution.planned import Ready, first
+from engine.pipelines.execution.recorder import Recorder
+from engine.pipelines.simulation import World
+from engine.pipelines.simulator import HiddenCell, Simulator
+from engine.pipelines.simulator.driver import Settings
+from kb.loader import bundled, load_problem
+from kb.model.problem import Problem
+from kb.store.journal import Journal
+from tests.engine.pipelines.execution.cells import Kept, executed, planned
+
+FURTHER = Given(Order.ADD, "process probe_2 in the furnace for 5 min")
+
+
+def of(records: list[Record], kind: RecordKind) -> list[Record]:
+    return [each for each in records if each.kind is kind]
+
+
+@pytest.mark.parametrize("at_ms", [3_000, 100_000, 930_000])
+def test_a_further_command_joins_while_steps_are_under_way_and_touches_none_of_them(at_ms: int) -> None:
+    ending, records, cell = executed("themse/one", orders=Timed([(at_ms, FURTHER)]))
+    assert ending.outcome == "reached"
+    assert "heated(probe_2, 300) of probe_2" in ending.goals
+    assert cell.world.reached == {"1:probe_1": 3}
+    sent, done = of(records, RecordKind.COMMAND), of(records, RecordKind.DONE)
+    assert sorted(each.content["command"] for each in sent) == sorted(
+        each.content["command"] for each in done
+    )
+    assert ending.steps == len(done)
+    (joined,) = [each for each in of(records, RecordKind.PLAN) if each.content["why"] == "add"]
+    under_way = {number for number, _ in joined.content["running"]}
+    begun = {each.content["command"] for each in sent if each.number < joined.number}
+    ended = {each.content["command"] for each in done if each.number < joined.number}
+    assert under_way == begun - ended
+    assert {each.content["action"] for each in sent if each.content["command"] in under_way} == {
+        each["step"] for each in joined.content["steps"][: len(under_way)]
+    }
+
+
+def test_what_makes_no_sense_is_refused_and_the_run_goes_on() -> None:
+    ending, records, _ = executed("themse/one", orders=Timed([(3_000, Given(Order.ADD, "dance"))]))
+    assert ending.outcome == "reached"
+    assert [each.content["what"] for each in of(records, RecordKind.DECISION)][-1] == "add refused"
+
+
+def test_a_command_at_a_pause_waits_until_the_run_goes_on() -> None:
+    orders = [(10_000, Given(Order.INTERRUPT)), (100_000, FURTHER), (300_000, Given(Order.CONTINUE))]
+    ending, records, _ = executed("themse/one", orders=Timed(orders))
+    assert ending.outcome == "reached"
+    assert not [each for each in of(records, RecordKind.COMMAND) if 100_000 <= each.at_ms < 300_000]
+
+
+def test_a_run_that_stops_behind_a_further_command_takes_it_up_again(tmp_path: Path) -> None:
+    problem, _ = planned("themse/one")
+    wanted = named(Wanted("themse/one", store=str(tmp_path / "j.db")), problem)
+    stop = Given(Order.STOP)
+    assert begin(wanted, problem, Timed([(100_000, FURTHER), (101_000, stop)])).outcome == "stopped"
+    ending = resume(wanted.store, wanted.run, Timed())
+    assert ending.outcome == "reached"
+    assert len(ending.goals) == 4
+    with Journal(wanted.store) as journal:
+        done = [line.content["action"] for line in journal.lines(wanted.run, kinds=["done"])]
+    assert done.count("pick(probe_1, slot(drawer, 1))") == 1
+
+
+@cache
+def short_stays(folder: Path, most: int) -> tuple[Problem, Ready]:
+    """Two probes, and a furnace in which nothing may stay for longer than so many seconds."""
+    home = folder / "lab"
+    shutil.copytree(bundled()["themse"], home, ignore=shutil.ignore_patterns("golden", "problems"))
+    domain = home / "domain.yaml"
+    text = domain.read_text("utf-8").replace("\nstatics:", "\nstatics:\n  longest_stay(unit, time): {}", 1)
+    domain.write_text(text, "utf-8")
+    (home / "problems").mkdir()
+    text = f"problem: two\ndomain: ..\nstatics:\n  - longest_stay(furnace, {most})\nworkflow:\n"
+    text += "  - for: {P: [probe_1, probe_2]}\n    stages: heated(P, 15 min), cooled(P, 5 min), stored(P)\n"
+    (home / "problems" / "two.yaml").write_text(text, "utf-8")
+    problem = load_problem(str(home / "problems" / "two.yaml"))
+    found = first(problem)
+    assert isinstance(found, Ready)
+    return problem, found
+
+
+def run(problem: Problem, ready: Ready, settings: Settings) -> tuple[Finish, list[Record]]:
+    driver, kept = Simulator(HiddenCell(problem, None), settings), Kept()
+    execution = Execution("r", problem, driver, Recorder(kept, driver.now_ms), Timed())
+    return execution.start(ready, World.of(problem, situation_of(problem).state)), kept.records
+
+
+def stays(records: list[Record]) -> list[int]:
+    """How long each probe was in the furnace, from the end of the step that brought it to the start of the next."""
+    brought, found = {}, []
+    for each in of(records, RecordKind.DONE):
+        name, _, rest = each.content["action"].partition("(")
+        probe = rest.partition(",")[0]
+        if name == "put" and "furnace" in rest:
+            brought[probe] = each.at_ms
+        elif name == "pick" and "furnace" in rest:
+            found.append(each.content["started_ms"] - brought[probe])
+    return found
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(4))
+def test_no_stay_is_too_long_without_being_told(tmp_path: Path, seed: int) -> None:
+    problem, ready = short_stays(tmp_path, 960)
+    ending, records = run(problem, ready, Settings(seed, spread=0.2))
+    assert ending.outcome == "reached"
+    told = [
+        each for each in of(records, RecordKind.EXCEPTION) if each.content["exception"] == "stays_too_long"
+    ]
+    assert all(stay <= 960_000 for stay in stays(records)) or told
+    assert len(stays(records)) == 2

@@ -1,0 +1,101 @@
+"""Regrasps through PLACE: a wheel that only its two ends can be held at, and a hand that can lean little."""
+
+from dataclasses import replace
+from itertools import pairwise, product
+
+import numpy as np
+import pytest
+
+from engine.kernels.arrays import Truths
+from engine.kernels.rigid import rotation, transform
+from engine.model.grasping import Regrasps, Unplaceable
+from engine.pipelines.placing.answers import NotPlaced, Placed
+from engine.pipelines.placing.looking import look
+from engine.pipelines.placing.placing import place
+from engine.pipelines.placing.site import Site
+from engine.pipelines.placing.task import Task
+from engine.pipelines.placing.ways import possible, reached, rests, serving, shortest
+from engine.stages.geometry import transforms
+from engine.stages.geometry.shapes.solids import solid_of
+from engine.stages.geometry.world.model import World
+from engine.stages.grasping.placements import placements, volume_and_centre
+from kb.loader.scene import load_scene
+from kb.model.cell import Placement
+from kb.model.scene import Scene
+from kb.targets import BUNDLED
+
+SCENE = load_scene(BUNDLED / "handey" / "scenes" / "turning.yaml")
+WHEEL = solid_of(SCENE.cell.bodies["wheel"])
+RESTS = {each.facet: each for each in placements(WHEEL, volume_and_centre(WHEEL)[1])}
+
+
+def lying(facet: str) -> Scene:
+    """The wheel lies on a facet."""
+    T = transform(rotation((0, 0, 1), 0.3), np.array([0.43, 0.15, 0.0])) @ RESTS[facet].T_table_part
+    body = replace(SCENE.cell.bodies["wheel"], placement=Placement("world", transforms.to_pose(T)))
+    return replace(SCENE, cell=replace(SCENE.cell, bodies={**SCENE.cell.bodies, "wheel": body}))
+
+
+def regrasps_of(scene: Scene) -> int:
+    """How many regrasps PLACE plans; each carry begins where the one before it has ended."""
+    found, _ = place(scene, "wheel", "base")
+    assert isinstance(found, Placed)
+    legs = [leg for carry in found.carries for leg in carry.legs]
+    assert all(np.array_equal(a.path[-1], b.path[0]) for a, b in pairwise(legs))
+    for one, other in zip(found.carries, found.carries[1:], strict=False):
+        np.testing.assert_array_equal(one.T_world_to, other.T_world_from)
+    return len(found.carries) - 1
+
+
+def test_the_bundled_wheel_is_turned_over_with_three_regrasps() -> None:
+    assert regrasps_of(SCENE) == 3
+
+
+@pytest.mark.parametrize(
+    ("facet", "count"), [("south", 0), ("west", 1), pytest.param("north_west", 2, marks=pytest.mark.slow)]
+)
+def test_a_wheel_that_lies_further_round_takes_more_regrasps(facet: str, count: int) -> None:
+    assert regrasps_of(lying(facet)) == count
+
+
+def test_a_hand_that_cannot_lean_cannot_turn_the_wheel_at_all() -> None:
+    scene = lying("north")
+    found, _ = place(replace(scene, hand=replace(scene.hand, cross_m=(0.14, 0.5, 0.03))), "wheel", "base")
+    assert isinstance(found, NotPlaced)
+    assert found.step == "regrasp"
+
+
+def task_of(facet: str) -> Task:
+    """The task from a facet to the goal: lying on `south`."""
+    scene = lying(facet)
+    world = World.of(scene.cell)
+    start = world.pose("world", "wheel")
+    goal = transform(np.eye(3), np.array([0.4, -0.3, 0.02]))
+    return Site.of(scene, world, look(scene, world, (), 0), {"wheel": start}).task("wheel", (start, goal))
+
+
+def fewest(start: Truths, goal: Truths, table: Truths) -> int | None:
+    """The least number of rests, tried one after the other, by looking at all sequences of their kinds."""
+    kinds = np.unique(table, axis=1).T
+    for count in range(1, 4):
+        for sequence in product(kinds, repeat=count):
+            held = start
+            for rest in sequence:
+                held = rest & (held & rest).any()
+            if (held & goal).any():
+                return count
+    return None
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("facet", ["west", "north_west", "north"])
+def test_asking_for_the_arm_late_finds_the_fewest_regrasps(facet: str) -> None:
+    task = task_of(facet)
+    poses = [T for _, T in rests(task)]
+    start, goal = possible(task, task.T_start), possible(task, task.T_goal)
+    table = serving(task, poses)
+    found = shortest(task, (start, goal), poses, table.copy())
+    whole = np.array([reached(task, T, table[:, n]) for n, T in enumerate(poses)]).T
+    least = fewest(start, goal, whole)
+    assert not isinstance(found, Unplaceable) or least is None
+    assert not isinstance(found, Regrasps) or len(found.then) == least

@@ -1,0 +1,97 @@
+"""What campaigns of mutated inputs have found stays mended, and some more cases of each reader are tried."""
+
+from pathlib import Path
+
+import campaign
+import pytest
+from fuzz_guards import batch
+from fuzz_readers import PARSERS, REFUSALS, Reader
+
+FOUND = {
+    "notation": [b"at(arm, " + b"9" * 5000 + b")"],
+    "term": [b'p("\xed\xa0\x80")', b"9" * 5000],
+    "PDDL problem": [
+        b"(define (problem p) (:domain workshop) (:init (= (way bin shelf) "
+        + b"9" * 5000
+        + b")) (:goal (and)))",
+        "(define (problem p) (:domain workshop) (:init (= (way bin shelf) \u00b2)) (:goal (and)))".encode(),
+    ],
+    "simulator log": [
+        b"[]\n",
+        b'{"at_ms": "x"}\n',
+        b'{"at_ms": 1, "sent": [{}]}\n',
+        b"\xff\n",
+        b"[" * 100_000,
+    ],
+    "MACROPs": [
+        b'{"version": 1, "macrops": [{"macrop": "a", "domain": "b", "plan": [{"id": 1e400}]}]}',
+        b'{"version": 1, "macrops": [{"macrop": "a", "domain": "b", "goals": ["'
+        + b"f(" * 5000
+        + b'"], "plan": []}]}',
+    ],
+    "controller": [
+        b'{"type": "send", "commands": [{"number": 1, "kind": "step", "stream": "a", "action": "b", "choices": 3}]}'
+    ],
+    "results json": [b'{"version": 1}', b"[" * 100_000],
+    "results qif": [b'<?xml version="1.0" encoding="UTF-nan"?><a/>'],
+    "OBJ": [b"f 1 2 3\n", b"v 0 0 0\nf 1 2 9\n", b"v 1e308 0 0\nv -1e308 0 0\nv 0 1 0\nf 1 2 3\n"],
+    "results csv": [b"run,started,at_ms,of,quantity,value,unit,nominal,lower,upper,passed,tool,action\na\n"],
+}
+"""By reader, inputs that once ended in an exception which no reader promises."""
+
+READERS = {each.name: each for each in PARSERS}
+
+
+def _answers(reader: Reader, data: bytes, folder: Path) -> bool:
+    for name, text in reader.beside.items():
+        (folder / name).write_text(text, "utf-8")
+    (folder / reader.file).write_bytes(data)
+    try:
+        reader.read(folder / reader.file)
+    except REFUSALS:
+        return False
+    return True
+
+
+@pytest.mark.parametrize("name", FOUND)
+def test_what_was_found_is_answered(name: str, tmp_path: Path) -> None:
+    for data in FOUND[name]:
+        _answers(READERS[name], data, tmp_path)
+
+
+@pytest.mark.parametrize("name", READERS)
+def test_mutated_inputs_are_read_or_refused(name: str, tmp_path: Path) -> None:
+    case = campaign.case_of(READERS[name], 7, tmp_path)
+    for number in range(5):
+        case(number)
+
+
+def test_a_case_is_known_by_its_number(tmp_path: Path) -> None:
+    reader = READERS["plan"]
+    first = campaign.written(reader, 3, 17, tmp_path).read_bytes()
+    assert campaign.written(reader, 3, 17, tmp_path).read_bytes() == first
+    assert campaign.written(reader, 3, 18, tmp_path).read_bytes() != first
+
+
+def test_a_batch_goes_on_behind_a_case_that_ends_its_process() -> None:
+    import os
+
+    def case(number: int) -> bool:
+        if number == 2:
+            os._exit(3)
+        if number == 3:
+            raise ValueError("three")
+        return number > 3
+
+    found = batch(range(6), case)
+    assert (found.cases, found.refused, found.accepted) == (6, 2, 2)
+    assert sorted(found.failures) == [2, 3]
+    assert "three" in found.failures[3]
+
+
+def test_a_campaign_goes_on_where_it_stopped(tmp_path: Path) -> None:
+    for cases in (1, 2):
+        state = campaign.State(tmp_path, 5)
+        campaign.run(state, 5, 0.001, "number")
+        assert len(campaign.State(tmp_path, 5).tallies) == 1
+        assert campaign.State(tmp_path, 5).tallies["number"].cases >= cases

@@ -1,0 +1,117 @@
+"""Whatever happens to the file of a library, each command that uses it answers, and never with a bug."""
+
+import json
+import random
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from engine.faces.cli import app
+
+COMMANDS = [
+    ["macros", "list"],
+    ["macros", "stats"],
+    ["macros", "show", "1"],
+    ["plan", "bulkhead/one_point"],
+    ["diagnose", "bulkhead", "--history"],
+    ["sequence", "bulkhead/one_point", "--next"],
+    ["results", "r"],
+    ["store", "check"],
+]
+
+
+@pytest.fixture(scope="module")
+def sound(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A library with MACROPs, a kept sequence, closed cases and a journal."""
+    folder = tmp_path_factory.mktemp("sound")
+    file = folder / "library.db"
+    counts = folder / "counts.json"
+    counts.write_text('{"probe_not_seated": {}}')
+    for each in (
+        ["plan", "bulkhead/one_point"],
+        ["plan", "bulkhead/both_tools"],
+        ["sequence", "bulkhead/one_point"],
+        ["diagnose", "bulkhead", "--history"],
+        ["run", "bulkhead/one_point", "--name", "r", "--factor", "0"],
+    ):
+        told = CliRunner().invoke(app, [*each, "--store", str(file)])
+        assert told.exit_code in (0, 2), told.output
+    _closed(file)
+    return file
+
+
+def _closed(file: Path) -> None:
+    from kb.store.cases import Cases, ClosedCase
+    from kb.store.engines import connected
+
+    with Cases(str(file)) as cases:
+        cases.add([ClosedCase("bulkhead", "lost", ("slipped",), 1.0, (("look", "seen"),))] * 3)
+    engine = connected(str(file))
+    with engine.connect() as connection:
+        connection.exec_driver_sql("PRAGMA wal_checkpoint(TRUNCATE)")
+    engine.dispose()
+
+
+def corrupted(sound: Path, folder: Path, seed: int) -> Path:
+    """A copy with bits turned, bytes overwritten, pages exchanged, zeroed or cut off."""
+    chance, file = random.Random(seed), folder / "library.db"
+    for each in folder.iterdir():
+        each.unlink()
+    shutil.copy(sound, file)
+    data = bytearray(file.read_bytes())
+    for _ in range(chance.choice((1, 1, 3, 30))):
+        _spoil(chance, data)
+    file.write_bytes(data)
+    return file
+
+
+def _spoil(chance: random.Random, data: bytearray) -> None:
+    page, pages = 4096, max(len(data) // 4096, 1)
+    at, one, other = (
+        chance.randrange(len(data)),
+        page * chance.randrange(pages),
+        page * chance.randrange(pages),
+    )
+    match chance.randrange(7):
+        case 0:
+            data[at] ^= 1 << chance.randrange(8)
+        case 1:
+            data[at : at + 8] = chance.randbytes(8)
+        case 2:
+            data[one : one + page] = data[other : other + page]
+        case 3:
+            data[one : one + page] = bytes(page)
+        case 4 if len(data) > page:
+            del data[at:]
+            data.extend(b"\0" * chance.choice((0, 100)) or b"\0")
+        case 5:
+            data[chance.randrange(min(100, len(data)))] = chance.randrange(256)
+        case _:
+            start = one + chance.randrange(120)
+            data[start : start + 4] = chance.randbytes(4)
+
+
+def bugs(sound: Path, folder: Path, seeds: range) -> Iterator[str]:
+    """The internal errors of commands on corrupted copies."""
+    for seed in seeds:
+        chance = random.Random(-seed - 1)
+        command = chance.choice(COMMANDS)
+        file = corrupted(sound, folder, seed)
+        told = CliRunner().invoke(app, [*command, "--store", str(file), "--format", "json"])
+        said = json.loads(told.stdout) if told.stdout else {}
+        if told.exit_code not in (0, 1, 2, 10, 12) or said.get("status") == "internal error":
+            yield f"{seed} {command} {told.exit_code}: {told.stdout[-300:]} {told.exception!r}"
+        if told.exit_code == 2 and not said["diagnostics"]:
+            yield f"{seed} {command}: no diagnostic"
+
+
+def test_damage_ends_with_diagnostics(sound: Path, tmp_path: Path) -> None:
+    assert list(bugs(sound, tmp_path, range(15))) == []
+
+
+@pytest.mark.slow
+def test_much_more_damage_ends_with_diagnostics(sound: Path, tmp_path: Path) -> None:
+    assert list(bugs(sound, tmp_path, range(1000, 1120))) == []
