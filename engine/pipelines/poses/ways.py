@@ -57,8 +57,8 @@ class Ways:
 
     def _is_crowded(self, q: Floats) -> bool:
         """Whether enough ways end in the branch of a configuration (k,): the last joint does not make another branch."""
-        same = (np.abs(path[-1][:-1] - q[:-1]).max(initial=0.0) <= JUMP for path in self.ways)
-        return sum(same) >= OF_A_BRANCH
+        same = [np.abs(path[-1][:-1] - q[:-1]).max(initial=0.0) <= JUMP for path in self.ways]
+        return same.count(True) >= OF_A_BRANCH
 
     def _see(self, upto: int) -> None:
         self.looked += list(self.poses[self._seen : upto])

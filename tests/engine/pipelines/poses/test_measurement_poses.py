@@ -96,7 +96,7 @@ def test_a_block_before_one_point_touches_only_the_poses_near_it_and_takes_the_p
     assert any(fact.name == "impossible" and str(fact.arguments[0]) == "a1" for fact in told.statics)
 
 
-def at_value(world: World, value: float, q: np.ndarray, kinematics: dict[str, InverseKinematics]) -> bool:  # type: ignore[type-arg]
+def at_value(world: World, value: float, q: np.ndarray, kinematics: dict[str, InverseKinematics]) -> bool:
     """Whether the arm touches something while it stands there."""
     room = Room(world.guided("carriage", value), geometry_backend(), kinematics)
     return bool(room.free("t3_746").collides(q[None])[0])
