@@ -96,18 +96,27 @@ def planned(problem: Problem, limits: Limits = Limits(), macros: Macros = NO_MAC
 
 
 def searched(
-    problem: Problem, limits: Limits = Limits(), macros: Macros = NO_MACROS, statics: Named | None = None
+    problem: Problem,
+    limits: Limits = Limits(),
+    macros: Macros = NO_MACROS,
+    statics: Named | None = None,
+    proves: bool = True,
 ) -> tuple[Outcome, Task]:
     """An outcome that the gate has not seen, and the task that was searched; `statics` are the problem's, if known already.
 
     Only what the goals can need is grounded. The whole problem is, if something that was left out might shorten a plan. A
-    problem too large for that is planned without it first. Raises `InvalidInput`.
+    problem too large for that is planned without it first; unless it `proves`, nobody asks then whether that plan is the
+    shortest. Raises `InvalidInput`.
     """
     started = time.perf_counter()
     small = thinned(problem, statics)
     if not small.left_out:
         return _searched(ground(problem), limits, macros, started)
     task = replace(without_irrelevant(ground(small.problem)), whole=False)
+    if not proves and size(problem) > LARGE:
+        outcome, _ = _searched(task, limits, macros, started)
+        if isinstance(outcome, Found):
+            return replace(outcome, optimal=False), task
     sure = faithful(task, small.spares)
     if sure or size(problem) > LARGE:
         outcome, _ = _searched(task, limits, macros, started)

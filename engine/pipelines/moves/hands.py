@@ -1,6 +1,6 @@
 """The arms of a cell as they go along: where each is, the ways that it takes, and how long it takes for them."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -11,9 +11,10 @@ from engine.pipelines.moves.rooms import Room
 from engine.stages.geometry.world.model import World
 from engine.stages.motion.planner import plan as plan_way
 from engine.stages.motion.trajectory import Limits, fastest
-from kb.model.cell import Cell, Place
+from kb.model.cell import BodyKind, Cell, Place
 
 BUDGET = 400_000  # configurations that the search for a way looks at
+CARRYING = 0.5  # of the full speed and acceleration: for a part that friction alone holds
 UNKNOWN_SPEED = 1.0  # rad/s or m/s
 SWIFT, ABRUPT = 4.0, 10.0  # 1/s: acceleration of the full speed, jerk of the full acceleration
 
@@ -89,15 +90,36 @@ class Hands:
             moving=tuple(range(first, first + count)),
         )
         answer = plan_way(room.free(arm), query)
+        if isinstance(answer, Blocked):
+            answer = self._by_rest(room, arm, query) or answer
         if isinstance(answer, Moved):
             path = answer.path[:, first : first + count]
-            return self.leg(LegKind.WAY, arm, path, room, answer.proved)
+            factor = CARRYING if _holds_part(world, arm) else 1.0
+            return self.leg(LegKind.WAY, arm, path, room, answer.proved, factor)
         return answer if isinstance(answer, Blocked) else None
+
+    def _by_rest(self, room: Room, arm: str, query: Query) -> Moved | None:
+        """The way over where the arm rests, which is open on most sides; None if there is none, or if the arm rests now."""
+        home = room.whole(arm, self._home[arm][None])[0]
+        if np.abs(home - query.start).max() < 1e-9:
+            return None
+        back = plan_way(room.free(arm), replace(query, goals=home[None]))
+        if not isinstance(back, Moved):
+            return None
+        on = plan_way(room.free(arm), replace(query, start=home))
+        if not isinstance(on, Moved):
+            return None
+        path = np.concatenate([back.path, on.path[1:]])
+        return replace(on, path=path, proved=back.proved and on.proved)
 
 
 def held(world: World, arm: str) -> tuple[str, ...]:
     """The bodies that an arm carries."""
     return tuple(body for body in world.cell.bodies if _rides(world, body, arm))
+
+
+def _holds_part(world: World, arm: str) -> bool:
+    return any(world.cell.bodies[body].kind is BodyKind.PART for body in held(world, arm))
 
 
 def _rides(world: World, body: str, arm: str) -> bool:

@@ -91,14 +91,17 @@ class StepMotion:
         return self._no_way(blocked) if fronts else self._no_straight(free)
 
     def _as_known(self) -> MovedStep | None:
-        """The step by one of the straight ways that are known; None if none serves it now."""
+        """The step by one of the straight ways that are known, the nearest first; None if none serves it now."""
         now = self.hands.now(self.arm)
         near = sorted(self.known, key=lambda path: float(np.abs(path[0] - now).max()))
-        ready = [path for path in near[:KNOWN] if self._serves(path)]
-        if not ready:
-            return None
-        found = self.hands.way(self.before, self.arm, np.array([path[0] for path in ready]), BUDGET[0])
-        return self._arrived(found, ready) if isinstance(found, Leg) else None
+        for ways, budget in zip((near[:KNOWN], near), BUDGET, strict=True):
+            ready = [path for path in ways if self._serves(path)]
+            if not ready:
+                continue
+            found = self.hands.way(self.before, self.arm, np.array([path[0] for path in ready]), budget)
+            if isinstance(found, Leg):
+                return self._arrived(found, ready)
+        return None
 
     def _free_poses(self) -> Floats | Unmoved:
         """The configurations (n, k) at the place that touch nothing; none are needed if the arm only goes before it."""
@@ -238,6 +241,7 @@ class StepMotion:
             touched = set(self._touched_along(path)) if path is not None else set()
             sure = sure and (path is None or bool(touched))
             culprits |= touched
+        sure = sure and not self.known  # those that are known may be tilted
         past = f" past {', '.join(sorted(culprits))}" if culprits else ""
         reason = f"there is no straight way in and out{past}"
         return self._unmoved("approach", reason, tuple(sorted(culprits)), sure)

@@ -149,8 +149,8 @@ class Walk:
         return MovedStep(step.id, step.operator, body, tuple(legs), takes)
 
     def _whole(self, room: Room, arm: str) -> Floats:
-        found: Floats = room.whole(arm, self.hands.now(arm)[None])[0]
-        return found
+        whole: Floats = room.whole(arm, self.hands.now(arm)[None])[0]
+        return whole
 
     def _known_ways(self, place: Place, state: State) -> Sequence[Floats]:
         """The straight ways into a place that are known for where the arm stands."""

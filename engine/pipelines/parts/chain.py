@@ -81,7 +81,7 @@ class Chain:
         """The planner's answer, of which a MACROP is learned."""
         started = time.perf_counter()
         own = own.replace(tuple(self.here.facts))
-        outcome, task = searched(own, self.limits, statics=self._statics)
+        outcome, task = searched(own, self.limits, statics=self._statics, proves=False)
         spent = time.perf_counter() - started
         self.counts["parts planned"] += 1
         self.counts["operators"] = max(self.counts["operators"], len(task.operators))

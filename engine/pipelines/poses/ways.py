@@ -6,11 +6,14 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from engine.model.geometry import Floats, Truths
-from engine.pipelines.moves.rooms import Room
+from engine.pipelines.moves.rooms import JUMP, Room
 from kb.model.cell import Place
 
 KEPT = 6  # ways that are kept of a place
 TRIED = 48  # free configurations whose way in is looked at
+OF_A_BRANCH = (
+    2  # ways that are kept of one branch: an arm with a large tool may not get from one branch to another
+)
 AT_ONCE = 8  # of them, those that are looked at together
 
 
@@ -24,18 +27,22 @@ class Ways:
     ways: list[Floats] = field(default_factory=list)
     looked: list[Floats] = field(default_factory=list)
     _next: int = 0
+    _asked: int = 0
     _seen: int = 0
 
     def candidates(self) -> Iterator[int]:
         """The next free configurations whose ways are looked at; none if enough are known."""
-        if len(self.ways) < KEPT:
-            numbers = np.nonzero(self.free)[0][self._next : min(self._next + AT_ONCE, TRIED)]
-            self._next += len(numbers)
-            yield from map(int, numbers)
+        numbers, asked = np.nonzero(self.free)[0], 0
+        while len(self.ways) < KEPT and asked < AT_ONCE and self._asked < TRIED and self._next < len(numbers):
+            number = int(numbers[self._next])
+            self._next += 1
+            if not self._is_crowded(self.poses[number]):
+                asked, self._asked = asked + 1, self._asked + 1
+                yield number
 
     def take(self, number: int, path: Floats | None, free: bool) -> None:
         """Note what was found for one candidate; candidates come in order, and what is not needed is not looked at."""
-        if len(self.ways) == KEPT:
+        if len(self.ways) == KEPT or self._is_crowded(self.poses[number]):
             return
         self._see(number + 1)
         if path is not None:
@@ -47,6 +54,11 @@ class Ways:
         """Unless enough ways were found before the end, the answer rests on every configuration."""
         if len(self.ways) < KEPT:
             self._see(len(self.poses))
+
+    def _is_crowded(self, q: Floats) -> bool:
+        """Whether enough ways end in the branch of a configuration (k,): the last joint does not make another branch."""
+        same = [np.abs(path[-1][:-1] - q[:-1]).max(initial=0.0) <= JUMP for path in self.ways]
+        return same.count(True) >= OF_A_BRANCH
 
     def _see(self, upto: int) -> None:
         self.looked += list(self.poses[self._seen : upto])

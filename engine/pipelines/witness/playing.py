@@ -90,7 +90,9 @@ class _Stage:
     def _aim(self, joint: str, value: float) -> None:
         """Aim the servo of a joint, and those of all that follow it."""
         bodies = self.world.cell.bodies
-        same = (name for name, body in bodies.items() if body.guide is not None and body.guide.follows == joint)
+        same = (
+            name for name, body in bodies.items() if body.guide is not None and body.guide.follows == joint
+        )
         for name in (joint, *same):
             number = mujoco.mj_name2id(self.model, mujoco.mjtObj.mjOBJ_ACTUATOR, name)
             if number >= 0:

@@ -1,0 +1,42 @@
+"""The witness's model of a cell: it can be read by the physics engine, and everything stays where it stands."""
+
+import xml.etree.ElementTree as ET
+
+import numpy as np
+import pytest
+
+from engine.pipelines.witness.model import written
+from engine.stages.geometry.pictures.view import cell_of
+from engine.stages.geometry.world.model import World
+
+SETTLING = 150  # steps of the engine
+
+
+@pytest.fixture(scope="module")
+def world() -> World:
+    return World.of(cell_of("themse/one"))
+
+
+def test_every_body_is_in_the_model_and_both_fingers_are_driven(world: World) -> None:
+    model = ET.fromstring(written(world))
+    names = {each.get("name") for each in model.iter("body")}
+    assert set(world.cell.bodies) <= names
+    driven = {each.get("joint") for each in model.iter("position")}
+    assert {"finger_left", "finger_right", "flap"} <= driven
+    assert "drawer" not in driven
+
+
+def test_parts_stay_where_they_stand(world: World) -> None:
+    mujoco = pytest.importorskip("mujoco")
+    model = mujoco.MjModel.from_xml_string(written(world))
+    data = mujoco.MjData(model)
+    for name, body in world.cell.bodies.items():
+        if body.kind.value == "part":
+            data.joint(name).qpos[:3] = world.pose("world", name)[:3, 3]
+    for joint, value in zip(world.cell.arms["manutec_r3"].arm.joints, world.configuration, strict=True):
+        data.joint(f"manutec_r3/{joint.name}").qpos[0] = value
+        data.actuator(f"manutec_r3/{joint.name}").ctrl[0] = value
+    for _ in range(SETTLING):
+        mujoco.mj_step(model, data)
+    for name in ("probe_1", "probe_2", "probe_3", "probe_4", "lid"):
+        assert np.linalg.norm(data.body(name).xpos - world.pose("world", name)[:3, 3]) < 0.003

@@ -1,0 +1,138 @@
+"""Poses of measurements: found together as alone, kept as long as nothing near them changes, and refused with a reason."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from engine.pipelines import poses
+from engine.pipelines.moves.rides import Ride
+from engine.pipelines.moves.rooms import Room
+from engine.pipelines.planning import problem_of
+from engine.pipelines.poses import Knowledge, known_poses, with_stations
+from engine.plugins import geometry_backend
+from engine.stages.geometry.kinematics.inverse import InverseKinematics
+from engine.stages.geometry.pictures.view import cell_of
+from engine.stages.geometry.world.model import World
+from engine.stages.grounding.need import thinned
+from kb.model.cell import Body, BodyKind, Cell, Placement
+from kb.model.conditions import And, goal_parts
+from kb.model.problem import Problem
+from kb.model.shapes import Box, PlacedShape, Pose
+from kb.terms import Function
+
+PROBLEM = "bulkhead/three_stations"
+
+
+@pytest.fixture(scope="module")
+def problem() -> Problem:
+    return problem_of(PROBLEM)
+
+
+@pytest.fixture(scope="module")
+def cell() -> Cell:
+    return cell_of(PROBLEM)
+
+
+@pytest.fixture(scope="module")
+def known(problem: Problem, cell: Cell) -> Knowledge:
+    return known_poses(problem, cell, geometry_backend())
+
+
+def with_block(cell: Cell, at: tuple[float, float, float], size: float = 0.1) -> Cell:
+    """The cell with one block more, in the frame of the bulkhead."""
+    body = Body(
+        "block",
+        BodyKind.FIXTURE,
+        Placement("bulkhead", Pose(at, (0.0, 0.0, 0.0))),
+        (PlacedShape(Box((size, size, size))),),
+    )
+    return replace(cell, bodies={**cell.bodies, "block": body})
+
+
+def test_poses_that_are_found_together_are_those_that_are_found_alone(
+    problem: Problem, cell: Cell, known: Knowledge, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(poses, "TOGETHER", 1)
+    alone = known_poses(problem, cell, geometry_backend())
+    assert alone.poses.keys() == known.poses.keys()
+    for key, each in alone.poses.items():
+        other = known.poses[key]
+        assert (each.reason, each.boxes, each.own, each.near) == (
+            other.reason,
+            other.boxes,
+            other.own,
+            other.near,
+        )
+        for one, same in zip(each.straight, other.straight, strict=True):
+            assert np.array_equal(one, same)
+
+
+def test_nothing_is_found_again_where_nothing_has_changed(
+    problem: Problem, cell: Cell, known: Knowledge
+) -> None:
+    again = known_poses(problem, cell, geometry_backend(), known.poses)
+    assert (again.kept, again.made) == (len(known.poses), 0)
+    far = known_poses(problem, with_block(cell, (0.0, 0.0, 3.0)), geometry_backend(), known.poses)
+    assert far.made == 0
+
+
+def test_a_block_before_one_point_touches_only_the_poses_near_it_and_takes_the_point_away(
+    problem: Problem, cell: Cell, known: Knowledge
+) -> None:
+    x, y = next(
+        (float(fact.arguments[1].value) * 1e-6, float(fact.arguments[2].value) * 1e-6)  # type: ignore[union-attr]
+        for fact in problem.statics
+        if fact.name == "position" and str(fact.arguments[0]) == "a1"
+    )
+    changed = with_block(cell, (x, y, -0.1))
+    again = known_poses(problem, changed, geometry_backend(), known.poses)
+    assert 0 < again.made < len(known.poses)
+    fresh = known_poses(problem, changed, geometry_backend())
+    assert again.unreached() == fresh.unreached()
+    assert set(again.unreached()) == {"a1"}
+    assert "block" in again.unreached()["a1"]
+    told = with_stations(problem, again)
+    assert any(fact.name == "impossible" and str(fact.arguments[0]) == "a1" for fact in told.statics)
+
+
+def at_value(world: World, value: float, q: np.ndarray, kinematics: dict[str, InverseKinematics]) -> bool:
+    """Whether the arm touches something while it stands there."""
+    room = Room(world.guided("carriage", value), geometry_backend(), kinematics)
+    return bool(room.free("t3_746").collides(q[None])[0])
+
+
+def test_a_ride_looks_at_what_the_world_at_each_place_of_it_looks_like(cell: Cell) -> None:
+    world = World.of(with_block(cell, (-0.8, 1.2, -0.5), 0.3))
+    kinematics = {name: InverseKinematics(model) for name, model in world.models.items()}
+    ride = Ride.of(Room(world, geometry_backend(), kinematics), "carriage", -1.6, 1.6)
+    q = world.configurations["t3_746"]
+    values = np.linspace(-1.6, 1.6, 9)
+    alone = [at_value(world, float(value), q, kinematics) for value in values]
+    along = np.hstack([values[:, None], np.repeat(q[None], len(values), axis=0)])
+    assert ride.ground.collides(along).tolist() == alone
+    assert any(alone)
+    assert not all(alone)
+    assert ride.touched(q)
+    assert not ride.proved(q)
+
+
+def test_stations_do_not_keep_measurements_from_being_left_out() -> None:
+    problem = problem_of("bulkhead/twelve_points")
+    serves = tuple(
+        Function("serves", (Function(station), Function(f"m{n}")))
+        for n, station in zip(range(1, 13), ["left", "right", "middle"] * 4, strict=True)
+    )
+    asked = replace(problem, statics=(*problem.statics, *serves))
+    one = replace(asked, goal=And((goal_parts(asked.goal)[0],)), chains=())
+    many = {f"n{n}": "measurement" for n in range(20)}
+    more = tuple(
+        fact
+        for name in many
+        for fact in (
+            Function("serves", (Function("left"), Function(name))),
+            Function("needs", (Function(name), Function("thickness"))),
+        )
+    )
+    wide = replace(one, objects={**one.objects, **many}, statics=(*one.statics, *more))
+    assert len(thinned(wide).left_out) >= 15
