@@ -65,7 +65,19 @@ class Shared:
         return 200, {"said": f"{run}: {order} {text}".strip(), **state}
 
 
-ORDERS = ("stop", "interrupt", "continue", "skip", "retry", "back", "correct", "abort", "add", "answer", "approve")
+ORDERS = (
+    "stop",
+    "interrupt",
+    "continue",
+    "skip",
+    "retry",
+    "back",
+    "correct",
+    "abort",
+    "add",
+    "answer",
+    "approve",
+)
 
 
 def _initial(store: str, run: str) -> tuple[str, ...]:

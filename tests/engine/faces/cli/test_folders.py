@@ -45,7 +45,10 @@ JOBS = {
 }
 """One small job of every verb, on the files of a desk."""
 REFUSED = {
-    **{verb: f"{verb} nosuch" for verb in ("abort", "answer", "approve", "continue", "interrupt", "retry", "stop")},
+    **{
+        verb: f"{verb} nosuch"
+        for verb in ("abort", "answer", "approve", "continue", "interrupt", "retry", "stop")
+    },
     **{verb: f"{verb} nosuch 1" for verb in ("add", "back", "correct", "skip")},
     **{verb: f"{verb} nosuch --store runs.db" for verb in ("resume", "results")},
     "driver": "driver nosuch",
