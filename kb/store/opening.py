@@ -17,8 +17,13 @@ _opened: dict[str, None] = {}
 
 
 def opened_so_far() -> tuple[str, ...]:
-    """The libraries that this process has opened."""
+    """The libraries that this process has opened since the command began."""
     return tuple(_opened)
+
+
+def begin_anew() -> None:
+    """Forget the libraries that were opened: another command begins in this process."""
+    _opened.clear()
 
 
 def reading(target: str) -> Engine:

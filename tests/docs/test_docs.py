@@ -65,7 +65,7 @@ def written() -> list[str]:
             r"(?<!`)`(cellwright [^`]*)`", re.sub(r"^```.*?^```", "", page, flags=re.M | re.S)
         )
         found |= dict.fromkeys(" ".join(each.split()) for each in [*indented, *inline])
-    return list(found)
+    return [line for line in found if not line.startswith("cellwright monitor")]  # it serves until Ctrl-C
 
 
 def run(line: str) -> Result:
@@ -84,6 +84,7 @@ def furnished(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (folder / "points.csv").write_text(POINTS)
     (folder / "part.qif").write_text(PART)
     (folder / "set.json").write_text('{"problems": [{"from": "home", "to": "meas(m2)"}]}')
+    (folder / "acts.json").write_text('[{"joints": [0, -90, 90, -90, -90, 0], "jaws": "stay"}]')
     with contextlib.chdir(folder):
         run("cellwright macros list --store STORE")
         run("cellwright import qif part.qif --output inspection.yaml")

@@ -145,9 +145,11 @@ def missing(ended: Ended, recovery: Recovery) -> Iterator[str]:
     for chain in problem.chains:
         left = chain.stages[world.state.reached[chain.name] :]
         yield from (str(s) for s in left if f"{s} of {chain.name}" not in given_up)
+    stages = {chain.name: chain.stages[-1] for chain in problem.chains}
     for name, last in lasting(problem.chains, problem.domain).items():
-        if last not in facts and f"{last} of {name}" not in given_up:
-            yield f"{last} at the end"
+        said = f"{stages[name]} of {name}"
+        if said not in given_up and not all(each in facts for each in last):
+            yield f"{said} at the end"
 
 
 def random_work(seed: int) -> Work:

@@ -129,6 +129,8 @@ def _hearing() -> Iterator[None]:
 def _answered(make: Callable[[], Answer]) -> Answer:
     """The answer, also if it is interrupted while it is refused."""
     watch = current() or Watch()
+    if (opening := sys.modules.get("kb.store.opening")) is not None:
+        opening.begin_anew()
     try:
         watch.asked = True
         answer = _made(make)

@@ -23,12 +23,16 @@ from kb.diagnostics import Diagnostic, InvalidInput, Source
 
 ASKED_S = 0.1  # how long a wait for an order is
 PATIENCE_S = 5.0
+ROOM = (
+    100 - 50 - len("/cellwright-")
+)  # characters of a folder: the path of a socket may have about 100, its name has 50
 LONGEST = 65_536  # bytes of an order
 
 
 def folder() -> Path:
     """The folder of the sockets, which only its owner can enter. Raises `InvalidInput` if somebody else made it."""
-    given = os.environ.get("XDG_RUNTIME_DIR")
+    given = os.environ.get("XDG_RUNTIME_DIR", "")
+    given = given if len(given) <= ROOM else ""
     name = "cellwright" if given else f"cellwright-{os.getuid()}"
     place = Path(given or tempfile.gettempdir()) / name
     place.mkdir(mode=0o700, exist_ok=True)

@@ -92,7 +92,7 @@ def test_internal_errors_exit_with_70_and_no_traceback(monkeypatch: pytest.Monke
 
     monkeypatch.setattr("engine.pipelines.planning.problem_of", broken)
     result = run(app, ["plan", "bulkhead/one_point"])
-    assert result.exit_code == 70
+    assert result.exit_code == 70, result.output
     assert "internal error: RuntimeError: a bug" in result.stderr
     assert "Traceback" not in result.stderr
 

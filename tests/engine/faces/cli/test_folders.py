@@ -40,6 +40,7 @@ JOBS = {
     "schema": "schema domain",
     "sequence": "sequence square.tsp",
     "states": "states themse",
+    "store": "store check --store known.db",
     "test": "test mine",
     "validate": "validate plan.json",
 }
@@ -52,6 +53,8 @@ REFUSED = {
     **{verb: f"{verb} nosuch 1" for verb in ("add", "back", "correct", "skip")},
     **{verb: f"{verb} nosuch --store runs.db" for verb in ("resume", "results")},
     "driver": "driver nosuch",
+    "handey": "handey nosuch",
+    "monitor": "monitor nosuch --store runs.db",
     "place": "place nosuch on nosuch",
     "run": "run nosuch",
 }

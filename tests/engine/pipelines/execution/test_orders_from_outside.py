@@ -1,5 +1,7 @@
 """Orders reach the run that they are for, from another process or thread, with who gave them and when."""
 
+import tempfile
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -11,10 +13,15 @@ from kb.diagnostics import InvalidInput
 
 
 @pytest.fixture(autouse=True)
-def own_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    place = tmp_path / "x"
-    place.mkdir()
-    monkeypatch.setenv("XDG_RUNTIME_DIR", str(place))
+def own_folder(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    with tempfile.TemporaryDirectory() as place:  # with a short name: that of a socket is bounded
+        monkeypatch.setenv("XDG_RUNTIME_DIR", place)
+        yield
+
+
+def test_a_folder_with_a_long_name_is_passed_by(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("XDG_RUNTIME_DIR", "/run/" + 100 * "x")
+    assert len(str(address("a" * 200, "b" * 200))) < 107
 
 
 def test_two_runs_of_one_name_in_two_stores_go_on_side_by_side(tmp_path: Path) -> None:

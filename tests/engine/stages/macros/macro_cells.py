@@ -22,7 +22,8 @@ HERE = Path(__file__).parent
 GOLDEN = sorted(
     path
     for path in DOMAINS.glob("*/golden/*.json")
-    if '"status": "infeasible"' not in path.read_text(encoding="utf-8")
+    if "handey" not in path.parts  # its operators have conditions on all parts, which no MACROP can have
+    and '"status": "infeasible"' not in path.read_text(encoding="utf-8")
 )
 
 
