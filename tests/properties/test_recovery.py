@@ -57,7 +57,10 @@ def test_the_law_holds_for_fault_bases_that_nobody_would_write(seed: int, object
 
 
 def _case(name: str, exception: str, cause: str, objective: Objective) -> Ended:
-    step = random.Random(f"{name} {exception} {cause}").choice(interruptions(work(name), exception))
+    steps = interruptions(work(name), exception)
+    if not steps:
+        pytest.skip("no step of this plan ends with this exception: only tests do")
+    step = random.Random(f"{name} {exception} {cause}").choice(steps)
     return case(work(name), exception, step, cause, objective)
 
 

@@ -75,6 +75,9 @@ class Channel:
         before = os.umask(0o177)
         try:
             self._server.bind(str(place))
+        except OSError:
+            self._server.close()
+            raise
         finally:
             os.umask(before)
         self._server.listen()
