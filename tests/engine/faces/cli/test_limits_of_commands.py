@@ -59,9 +59,15 @@ def test_the_end_of_the_time_is_told_as_data(cell: Path) -> None:
 @pytest.mark.slow
 def test_a_preparation_whose_time_is_over_tells_of_every_problem(tmp_path: Path) -> None:
     words = ["prepare", "themse", "--jobs", "1", "--store", str(tmp_path / "s.db"), "--format", "json"]
-    ran = subprocess.run([*COMMAND, *words, "--time-limit", "8"], capture_output=True, text=True, check=False)
-    assert ran.returncode == 23
-    assert len(json.loads(ran.stdout)["data"]["problems"]) == 8
+    for seconds in ("4", "8", "16"):  # a busy machine has no answer at all after few seconds
+        ran = subprocess.run(
+            [*COMMAND, *words, "--time-limit", seconds], capture_output=True, text=True, check=False
+        )
+        assert ran.returncode == 23
+        told = json.loads(ran.stdout)["data"].get("problems", ())
+        if told:
+            break
+    assert len(told) == 8
 
 
 def test_ctrl_c_ends_a_command_that_grounds(cell: Path) -> None:
