@@ -176,9 +176,12 @@ def test_it_agrees_with_brute_force_on_solvability(problem: Problem) -> None:
     if result.plan is not None:
         assert SequentialPlanValidator().validate(problem, result.plan)
         if problem.quality_metrics:
-            assert result.status is Status.SOLVED_OPTIMALLY  # problems as small as these are searched through
             found = SequentialPlanValidator().validate(problem, result.plan)
-            assert found.metric_evaluations[problem.quality_metrics[0]] == cheapest(problem)
+            cost = found.metric_evaluations[problem.quality_metrics[0]]
+            if result.status is Status.SOLVED_OPTIMALLY:  # not where derived predicates stay in the task as axioms
+                assert cost == cheapest(problem)
+            else:
+                assert cost >= cheapest(problem)
 
 
 @given(problems(), st.data())
