@@ -96,24 +96,31 @@ def _looked(ground: MotionGround, nodes: Floats, edges: Longs, step: float, marg
 
     ground.lines(step, margin_m)  # packs the scene once, before threads ask for it
     stretches = [edges[n : n + LINES_AT_ONCE] for n in range(0, len(edges), LINES_AT_ONCE)]
+    if len(stretches) == 1:
+        return look(edges)
     with ThreadPoolExecutor(CORES) as pool:
         found = list(pool.map(look, stretches))
     return np.concatenate([np.zeros(0, dtype=bool), *found])
 
 
 def repaired(roadmap: Roadmap, before: MotionGround, ground: MotionGround) -> tuple[Roadmap, int]:
-    """The roadmap that held on the ground `before`, for `ground`; and how many edges had to be looked at again.
-
-    An edge that does not come near what has changed is what it was. Where the joints have changed, all are looked at again.
-    """
-    near = ground.changed_since(before)
-    touched = np.ones(len(roadmap.edges), dtype=bool)
-    if near is not None:
-        room = roadmap.margin_m + _farthest(near, roadmap.step) + _farthest(near, FINEST_M)
-        touched = ~_looked(near, roadmap.nodes, roadmap.edges, roadmap.step, room)
+    """The roadmap that held on the ground `before`, for `ground`; and how many edges had to be looked at again."""
+    touched = stale(roadmap, before, ground)
     free = roadmap.free.copy()
     free[touched] = _proved(ground, roadmap.nodes, roadmap.edges[touched], roadmap.step, roadmap.margin_m)
     return replace(roadmap, free=free), int(touched.sum())
+
+
+def stale(roadmap: Roadmap, before: MotionGround, ground: MotionGround) -> Truths:
+    """Which edges (e,) come near what is not the same on two grounds; all others are free on both, or on none.
+
+    Where the joints differ, all edges count as near.
+    """
+    near = ground.changed_since(before)
+    if near is None:
+        return np.ones(len(roadmap.edges), dtype=bool)
+    room = roadmap.margin_m + _farthest(near, roadmap.step) + _farthest(near, FINEST_M)
+    return ~_looked(near, roadmap.nodes, roadmap.edges, roadmap.step, room)
 
 
 def _farthest(ground: MotionGround, step: float) -> float:
