@@ -27,11 +27,10 @@ from rich.table import Table
 from engine import plugins
 from engine.model.geometry import Floats
 from engine.model.motion import Blocked, Moved, Query, Strategy
+from engine.pipelines.files import initial_facts
 from engine.pipelines.motion.moving import limits_of
 from engine.pipelines.motion.stations import near_one_another, stations
-from engine.pipelines.planning import initial_facts
 from engine.stages.geometry.collision.ground import Ground
-from engine.stages.geometry.pictures.view import cell_of
 from engine.stages.geometry.reach.hand import ArmHand
 from engine.stages.geometry.reach.reach import Reachability, Reached
 from engine.stages.geometry.world.following import following
@@ -39,6 +38,7 @@ from engine.stages.geometry.world.model import World
 from engine.stages.motion.planner import plan
 from engine.stages.motion.refining import refined
 from engine.stages.motion.roadmap import mapped, neighbours, travels
+from kb.loader.cell import cell_of
 from kb.model.cell import Place
 from kb.model.shapes import Pose
 

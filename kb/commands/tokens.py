@@ -1,5 +1,6 @@
 """The pieces of a sentence: words, numbers, punctuation marks; and the times that begin at a piece."""
 
+import functools
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -28,7 +29,7 @@ _STOP = r"(?:\.(?=\s*(?:[,;]|(?:and|then)\b)))?"
 _PIECE = rf"{_AMOUNT}{_UNIT}{_STOP}"
 _PART = r"(?:half\s+an?|an?\s+half|(?:an?\s+|three\s+)?quarters?(?:\s+of)?\s+an?)\s+(?:hour|minute)(?!\w)"
 _HALF = rf"(?:{_AMOUNT}(?:and\s+a\s+half\s+){_UNIT}|an?\s+(?:hour|minute)\s+and\s+a\s+half)(?!\w)"
-_TIME = re.compile(rf"{_HALF}|{_PART}|{_PIECE}(?:\s*,?\s*(?:and\s+)?{_PIECE})*", re.IGNORECASE)
+_TIME = rf"{_HALF}|{_PART}|{_PIECE}(?:\s*,?\s*(?:and\s+)?{_PIECE})*"
 _TOKEN = re.compile(
     r"(?P<number>\d+(?![\w.]*\w))"
     r"|(?P<range>(?P<range_low>[^\W\d_]\w*)(?P<range_dash>-|\.\.\.?)(?P<range_high>[^\W\d_]\w*\d|\d{1,9}))"
@@ -72,9 +73,15 @@ def _piece(text: str, offset: int, kind: str = "") -> Piece:
     return Piece(kind or WORD, text, offset, None if value is None else Fraction(value))
 
 
+@functools.cache
+def _time() -> re.Pattern[str]:
+    """The form of a time. It is long, and compiled only when there is a sentence."""
+    return re.compile(_TIME, re.IGNORECASE)
+
+
 def time_at(sentence: str, offset: int) -> tuple[int, Fraction] | None:
     """The end and the seconds of the time that begins at a character; None if none does."""
-    found = _TIME.match(sentence, offset)
+    found = _time().match(sentence, offset)
     return (found.end(), seconds(found[0])) if found else None
 
 
