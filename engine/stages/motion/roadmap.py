@@ -11,6 +11,7 @@ import numpy as np
 
 from engine.kernels.geometry.edges import free_edges
 from engine.kernels.geometry.proof import proved as proved_lines
+from engine.kernels.linear import norm
 from engine.model.geometry import Floats, Longs, Truths
 from engine.model.motion import FINEST_M, Moved, Query
 from engine.ports import MotionGround
@@ -119,14 +120,14 @@ def stale(roadmap: Roadmap, before: MotionGround, ground: MotionGround) -> Truth
     near = ground.changed_since(before)
     if near is None:
         return np.ones(len(roadmap.edges), dtype=bool)
-    room = roadmap.margin_m + _farthest(near, roadmap.step) + _farthest(near, FINEST_M)
+    room = roadmap.margin_m + _farthest(near, roadmap.step) + 2.0 * FINEST_M
     return ~_looked(near, roadmap.nodes, roadmap.edges, roadmap.step, room)
 
 
 def _farthest(ground: MotionGround, step: float) -> float:
-    """How far (m) any point moves at most while every joint moves by a step (rad, m)."""
-    one = np.full(ground.scene.joints.count, step)
-    return ground.travel(np.zeros_like(one), one)
+    """How far (m) any point moves at most on a line of this length (rad, m) in the space of the joints."""
+    none, each = np.zeros(ground.scene.joints.count), np.diag(np.full(ground.scene.joints.count, step))
+    return norm(np.array([ground.travel(none, one) for one in each]))
 
 
 def travels(
