@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import Enum
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 from kb.diagnostics import NOWHERE, Source
@@ -188,6 +189,13 @@ class Phrase:
     where: Source = field(default=NOWHERE, compare=False)
 
 
+@lru_cache(maxsize=64)
+def _conventions(renamed: tuple[tuple[str, str], ...]) -> "Conventions":
+    from kb.model.conventions import Conventions  # only measurements and schedules use them
+
+    return Conventions(**dict(renamed))
+
+
 @dataclass(frozen=True, slots=True)
 class Domain:
     """One kind of cell. Mappings keep the order of declaration."""
@@ -215,9 +223,7 @@ class Domain:
     @property
     def conventions(self) -> "Conventions":
         """This domain's names for the conventions of the engine."""
-        from kb.model.conventions import Conventions  # only measurements and schedules use them
-
-        return Conventions(**self.renamed)
+        return _conventions(tuple(self.renamed.items()))
 
     def is_subtype(self, name: str, ancestor: str) -> bool:
         """Whether type `name` is `ancestor` or below it.
