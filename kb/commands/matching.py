@@ -27,7 +27,8 @@ class Book:
 class Match:
     """A form that was found: the place after it, what fills its slots, and its cost.
 
-    `again` means that it is said in short, for an act that was said before: "once heated".
+    `again` means that it is said in short, for an act that was said before: "once heated". `passive` means that it says what
+    should be done: "probe 1 must be heated".
     """
 
     end: int
@@ -35,6 +36,7 @@ class Match:
     values: tuple[Words, ...]
     cost: int = 0
     again: bool = False
+    passive: bool = False
 
 
 @dataclass(slots=True)

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from fractions import Fraction
 
-from kb.commands.clauses import LINKED, Clause, NotUnderstood, read_clauses
+from kb.commands.clauses import FIRST, LINKED, Clause, NotUnderstood, read_clauses
 from kb.commands.exclusion import Exclusion
 from kb.commands.explain import explain
 from kb.commands.matching import Book
@@ -87,6 +87,7 @@ class _Sentence:
             raise InvalidInput(
                 [Diagnostic(self.place(error.offset), "K603", error.message, error.hint)]
             ) from None
+        _say_once(clauses, asked)
         in_time = in_order_of_time(clauses, referred)
         acts = [act for number, clause in enumerate(in_time) for act in _placed(number, clause, asked)]
         exclusion = Exclusion(self.domain, self.vocabulary.objects, self.facts)
@@ -247,6 +248,17 @@ def _referred(clauses: Sequence[Clause], asked: dict[int, list[Act]]) -> dict[in
             asked[clause.offset] = [known[key][0] for key in keys]
             found[clause.offset] = frozenset(known[key][1] for key in keys)
     return found
+
+
+def _say_once(clauses: Sequence[Clause], asked: dict[int, list[Act]]) -> None:
+    """Take out what is only said again to put it first: "store all probes, but probe 2 first" stores probe 2 once."""
+    for number, clause in enumerate(clauses):
+        if clause.link not in FIRST:
+            continue
+        first = {act.literals for act in asked[clause.offset]}
+        for each in clauses[:number]:
+            left = [act for act in asked[each.offset] if act.literals not in first]
+            asked[each.offset] = left or asked[each.offset]
 
 
 def _key(act: Act, again: bool) -> object:
