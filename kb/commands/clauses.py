@@ -10,11 +10,11 @@ from dataclasses import dataclass, field, replace
 from kb.commands.joints import Joint, before, behind, closes, joints, linking
 from kb.commands.linked import again, linked, wished
 from kb.commands.matching import LEFT_OUT, MOVED, Book, Match, Matcher, along
-from kb.commands.mentions import Words
 from kb.commands.patterns import PREPOSITIONS, Slot, Word
 from kb.commands.phrasebook import Form
 from kb.commands.reading import Said
 from kb.commands.tokens import Piece
+from kb.commands.words import Words
 from kb.model.domain import NUMERIC_TYPES
 
 LINKED = ("after", "before")
@@ -136,7 +136,10 @@ class Search:
         if earlier is None or joint.marked or link:
             goes_on = earlier is not None and not joint.stop
             for begin, polite, place in before(self.said, joint.end, goes_on):
-                said = (*self.matcher.forms(begin), *wished(self.matcher, begin, earlier is not None and earlier.clause.passive))
+                said = (
+                    *self.matcher.forms(begin),
+                    *wished(self.matcher, begin, earlier is not None and earlier.clause.passive),
+                )
                 for match in (*said, *self._short(earlier, begin)):
                     if earlier is not None or not place:
                         yield from self._ended(earlier, joint, begin, match, place, polite)

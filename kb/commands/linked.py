@@ -4,10 +4,10 @@ from collections.abc import Collection, Iterable, Iterator
 from dataclasses import replace
 
 from kb.commands.matching import LEFT_OUT, Match, Matcher
-from kb.commands.mentions import Words
 from kb.commands.patterns import PREPOSITIONS, Slot
 from kb.commands.phrasebook import PARTICLES, Form, Node, gerunds, participles
 from kb.commands.reading import Said
+from kb.commands.words import Words
 
 SUBJECTS = ("you", "we", "i", "they", "robot", "cell")
 HAVE = ("have", "has", "had")
@@ -15,11 +15,11 @@ BE = tuple(
     tuple(each.split())
     for each in ["is", "are", "was", "were", "has been", "have been", "had been", "gets", "get"]
 )
-SHOULD = tuple(
-    tuple(each.split())
-    for each in ["should be", "must be", "shall be", "is to be", "are to be", "has to be", "have to be", "ought to be"]
-    + ["needs to be", "need to be", "will be", "should get", "must get"]
+_SHOULD = (
+    "should be,must be,shall be,is to be,are to be,has to be,have to be,ought to be,needs to be,need to be,will be"
+    ",should get,must get"
 )
+SHOULD = tuple(tuple(each.split()) for each in _SHOULD.split(","))
 
 Named = tuple[int, tuple[Words, ...]]
 """The place after an act that was said before, and what fills its slots now."""
@@ -31,9 +31,9 @@ def linked(matcher: Matcher, begin: int) -> Iterator[Match]:
         for verb, node in root.words.items():
             for end in _verbs(matcher.said, begin, verb):
                 yield from matcher.walk(node, end, ())
-    for verb, node in _verb_nodes(matcher):
-        yield from _passive(matcher, verb, node, begin, BE)
-        yield from _participles_alone(matcher, verb, node, begin)
+    for words, node in _verb_nodes(matcher):
+        yield from _passive(matcher, words, node, begin, BE)
+        yield from _participles_alone(matcher, words, node, begin)
 
 
 def wished(matcher: Matcher, begin: int, goes_on: bool) -> Iterator[Match]:
@@ -44,7 +44,9 @@ def wished(matcher: Matcher, begin: int, goes_on: bool) -> Iterator[Match]:
         found = _passive(matcher, verb, node, begin, SHOULD)
         yield from (replace(each, passive=True) for each in found)
         if goes_on:
-            yield from (replace(each, passive=True) for each in _participles_alone(matcher, verb, node, begin))
+            yield from (
+                replace(each, passive=True) for each in _participles_alone(matcher, verb, node, begin)
+            )
 
 
 def _says_should(said: Said) -> bool:
@@ -67,9 +69,7 @@ def _passive(
             yield from matcher.walk(following, end, values)
 
 
-def _participles_alone(
-    matcher: Matcher, verb: tuple[str, ...], node: Node, begin: int
-) -> Iterator[Match]:
+def _participles_alone(matcher: Matcher, verb: tuple[str, ...], node: Node, begin: int) -> Iterator[Match]:
     """Acts of which only the participle is said, for objects that were named before: "... and cooled for 3 min"."""
     for words, following in _left_out(matcher, node, begin):
         for end in _participle(matcher.said, begin, verb):

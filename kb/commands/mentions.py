@@ -1,50 +1,51 @@
 """How a sentence names the objects of a slot: by numbers, names, ranges, "all", "both", "the others", pronouns."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 from kb.commands.reading import A_NAME, Said
 from kb.commands.tokens import DASHES, WORD, Piece
 from kb.commands.vocabulary import Nouns, Vocabulary
+from kb.commands.words import Mention, Words
 
 PRONOUNS = ("it", "them", "they", "these", "those", "both", "each")
 POINTING = ("this", "that", "these", "those", "same")
 ALL = ("all", "each", "every", "everything")
 UNTIL = ("to", "through", *DASHES)
 OTHERS = ("other", "remaining")
-BUT = (("except",), ("but",), ("besides",), ("apart", "from"), ("other", "than"), ("except", "for"), ("excluding",), ("but", "not"))
-BUT_BEHIND_A_COMMA = (("except",), ("except", "for"), ("but", "not"), ("not",), ("apart", "from"), ("excluding",))
-ORDINALS = ("first", "second", "third", "fourth", "fifth", "sixth", "seventh", "eighth", "ninth", "tenth", "last")
+BUT = (
+    ("except",),
+    ("but",),
+    ("besides",),
+    ("apart", "from"),
+    ("other", "than"),
+    ("except", "for"),
+    ("excluding",),
+    ("but", "not"),
+)
+BUT_BEHIND_A_COMMA = (
+    ("except",),
+    ("except", "for"),
+    ("but", "not"),
+    ("not",),
+    ("apart", "from"),
+    ("excluding",),
+)
+ORDINALS = (
+    "first",
+    "second",
+    "third",
+    "fourth",
+    "fifth",
+    "sixth",
+    "seventh",
+    "eighth",
+    "ninth",
+    "tenth",
+    "last",
+)
 MOST_NOTED = 50  # nouns that a message could show
 NUMBERED = (("number",), ("no",), ("no", "."), ("nr",), ("nr", "."), ("#",))
-
-
-@dataclass(frozen=True, slots=True)
-class Mention:
-    """One part of a list: how it names objects, the owner of its noun (a type, or an object with its own words), and its ends.
-
-    `how` is `numbered`, `numbers` (a range), `named`, `names` (a range), `sole` (a noun alone), `called`, `counted`
-    (a number before a noun, or a number in words alone) or `ranked` ("the first two": an ordinal, and how many).
-    """
-
-    how: str
-    owner: str
-    ends: tuple[Piece, ...]
-    pieces: tuple[Piece, ...]
-
-
-@dataclass(frozen=True, slots=True)
-class Words:
-    """The content of a slot. `how` is `list`, `all`, `bare` ("all" without a noun), `both`, `others`, `pronoun`, `omitted` or `value`.
-
-    An `omitted` one was not said at all. `owner` is the type whose noun was said with it; `but` holds what "except" leaves out.
-    """
-
-    how: str
-    pieces: tuple[Piece, ...]
-    mentions: tuple[Mention, ...] = ()
-    owner: str = ""
-    but: tuple[Mention, ...] = ()
 
 
 class Mentions:
@@ -86,7 +87,11 @@ class Mentions:
 
     def _without(self, type_: str, place: int, end: int, words: Words) -> Iterator[tuple[int, Words]]:
         """The same objects without some that are named behind "except"."""
-        if words.how == "list" and len(words.mentions) == 1 and words.mentions[0].how not in ("numbers", "names"):
+        if (
+            words.how == "list"
+            and len(words.mentions) == 1
+            and words.mentions[0].how not in ("numbers", "names")
+        ):
             return
         behind = [self.said.words(end, each) for each in BUT]
         if (comma := self.said.word(end, ",")) is not None:

@@ -4,21 +4,14 @@ import re
 from collections.abc import Iterator, Sequence
 from fractions import Fraction
 
-from kb.commands.mentions import ORDINALS, Mention, Words
+from kb.commands.rows import chosen
 from kb.commands.tokens import Piece
 from kb.commands.vocabulary import Vocabulary
+from kb.commands.words import Mention, Unclear, Words
 from kb.diagnostics import nearest
 from kb.terms import Function, natural_key
 
 ENDING = re.compile(r"(.*?)(\d+)")
-
-
-class Unclear(Exception):
-    """A part of a sentence names nothing, or is ambiguous. `offset` is its place."""
-
-    def __init__(self, offset: int, message: str, hint: str = "") -> None:
-        super().__init__(message)
-        self.offset, self.message, self.hint = offset, message, hint
 
 
 class References:
@@ -87,7 +80,9 @@ class References:
             raise Unclear(offset, f"there is no {_plain(words.owner)}")
         named = {name for names in self.named for name in names if self._is(name, words.owner)}
         if words.how == "bare" and named and named != set(found):
-            message = f"'all' can mean those that were named ({', '.join(sorted(named))}), or all that there are"
+            message = (
+                f"'all' can mean those that were named ({', '.join(sorted(named))}), or all that there are"
+            )
             raise Unclear(offset, message, "say 'them', 'all of them', or 'all' with a noun")
         return found
 
@@ -170,10 +165,8 @@ class References:
         match mention.how, mention.ends:
             case "called", _:
                 return [mention.owner]
-            case "sole" | "counted", ends:
-                return self._sole(mention, type_) if not ends else self._counted(mention, ends[0], type_)
-            case "ranked", ends:
-                return self._ranked(mention, ends, type_)
+            case "sole" | "counted" | "ranked", ends:
+                return self._by_noun(mention, ends, type_)
             case "numbered", (end,):
                 return [self._numbered(end, type_)]
             case "named", (end,):
@@ -184,6 +177,11 @@ class References:
                 return list(self._names(first, last))
             case how, ends:
                 raise AssertionError(f"a mention that no rule makes: {how} {ends}")
+
+    def _by_noun(self, mention: Mention, ends: Sequence[Piece], type_: str) -> Sequence[str]:
+        if mention.how == "ranked":
+            return self._ranked(mention, type_)
+        return self._sole(mention, type_) if not ends else self._counted(mention, ends[0], type_)
 
     def _sole(self, mention: Mention, type_: str) -> Sequence[str]:
         """The only object of a type, or the one that was named last: "heat probe 1, then cool the probe"."""
@@ -210,24 +208,14 @@ class References:
         said = " ".join(piece.text for piece in mention.pieces)
         raise Unclear(count.offset, f"which {said}? there are {len(found)}", self._range(type_))
 
-    def _ranked(self, mention: Mention, ends: Sequence[Piece], type_: str) -> Sequence[str]:
+    def _ranked(self, mention: Mention, type_: str) -> Sequence[str]:
         """The objects at places of a row: of those that were named, or else of all, if these are numbered from 1 on."""
         said = " ".join(piece.text for piece in mention.pieces)
-        named = self._named_so_far(type_)
+        named, whole = self._named_so_far(type_), self._of(type_)
         rows = [named] if len(named) > 1 else []
-        whole = self._of(type_)
-        if (mention.owner or not rows) and [_number(each) for each in whole] == [*range(1, len(whole) + 1)]:
+        if [_number(each) for each in whole] == [*range(1, len(whole) + 1)]:
             rows.append(whole)
-        found = {tuple(_at_places(row, ends)) for row in rows}
-        if not found:
-            hint = f"{self._range(type_)}; say its number or its name"
-            raise Unclear(ends[0].offset, f"'{said}' of what? nothing here stands in a row", hint)
-        if len(found) > 1:
-            message = f"'{said}' can mean those that were named, or all that there are"
-            raise Unclear(ends[0].offset, message, "say the numbers or names")
-        if not (only := found.pop()):
-            raise Unclear(ends[0].offset, f"there is no '{said}'", self._range(type_))
-        return only
+        return chosen(rows, mention, said, self._range(type_))
 
     def _named_so_far(self, type_: str) -> Sequence[str]:
         """The last list of objects of a type, as they were said; single ones together, in the order in which they were."""
@@ -300,10 +288,3 @@ def _plain(type_: str) -> str:
 def _number(name: str) -> int | None:
     found = re.search(r"\d+$", name)
     return int(found[0]) if found else None
-
-
-def _at_places(row: Sequence[str], ends: Sequence[Piece]) -> Sequence[str]:
-    """The objects at the places that an ordinal and a count name: the first two, the third, the last; nothing if there are too few."""
-    ordinal, count = ends[0].lower, int(ends[1].value or 1) if len(ends) > 1 else 1
-    first = len(row) - count if ordinal == "last" else ORDINALS.index(ordinal)
-    return row[first : first + count] if 0 <= first <= len(row) - count else ()

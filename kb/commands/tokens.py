@@ -82,7 +82,9 @@ def time_at(sentence: str, offset: int) -> tuple[int, Fraction] | None:
     if found := _PHRASED.match(sentence, offset):
         return found.end(), seconds(found[0])
     end, last = offset, None
-    while (piece := (_MORE if last else _ONE).match(sentence, end)) and (last is None or _unit_of(piece) < last):
+    while (piece := (_MORE if last else _ONE).match(sentence, end)) and (
+        last is None or _unit_of(piece) < last
+    ):
         end, last = piece.end(), _unit_of(piece)
     return None if last is None else (end, seconds(sentence[offset:end]))
 

@@ -21,6 +21,8 @@ NEGATIONS = frozenset(_NEGATIONS.split())
 NO_NEGATION = "is a negation, and a command can only say what is to be done"
 INSTEAD = "say what should be so instead, or write a goal such as `not p(X)` in a problem file"
 
+EXCEPT = ("except", "besides", "excluding", "but")
+
 KINDS = {
     "is a condition, and a command is planned before anything is known": (
         "if unless whenever when once until till otherwise provided depending case soon",
@@ -61,7 +63,7 @@ KINDS = {
         "say its number or its name",
     ),
     "leaves objects out, and stands directly behind those that it is about": (
-        "except besides excluding but",
+        " ".join(EXCEPT),
         "such as 'all probes except probe 2'",
     ),
     "keeps something as it is, and a command only says what is to be done": (
@@ -90,10 +92,15 @@ TOGETHER = "asks for two acts at the same time, which a command cannot"
 ORDER = "says in which order the objects come, and a command says it with 'then'"
 SAYINGS = {
     TOGETHER: ("at the same time", "at once", "in parallel", "together", "side by side"),
-    ORDER: ("one after the other", "one after another", "one by one", "in turn", "in order", "separately", "individually")
-    + ("beginning with", "starting with", "starting at", "beginning at"),
+    ORDER: (
+        *("one after the other", "one after another", "one by one", "in turn", "in order", "separately"),
+        *("individually", "beginning with", "starting with", "starting at", "beginning at"),
+    ),
     "leaves a choice, and a command says which": ("one of", "two of", "one another", "everything else"),
-    "says when by the clock, and a command only says what comes before what": ("no later than", "not later than"),
+    "says when by the clock, and a command only says what comes before what": (
+        "no later than",
+        "not later than",
+    ),
 }
 HINTS = {
     TOGETHER: KINDS[TOGETHER][1],
@@ -138,7 +145,7 @@ def _reasons(said: Sequence[Piece], index: int, strange: Sequence[Piece], exampl
     yield from _no_act(said, index)
     near = [piece for piece in (here, before, *said[index + 1 : index + 3]) if piece is not None]
     for piece in near:
-        if piece in strange and piece.lower in REASONS:
+        if piece in strange and piece.lower in REASONS and not (piece is before and piece.lower in EXCEPT):
             reason, hint = REASONS[piece.lower]
             yield Refusal(piece.offset, f"'{piece.text}' {reason}", hint)
 
