@@ -110,8 +110,10 @@ class Course(Progress):
                 self.recorder.note(RecordKind.PHASE, phase=self.standing.phase.value, why=given.order.value)
         elif given.order is Order.ANSWER:
             self._answered(given)
-        elif self.standing.phase in (Phase.QUIESCING, Phase.HANDLING):
-            self.pending.append(given)  # first it has to be found out what went wrong
+        elif self.turn is not None or self.standing.phase in (Phase.QUIESCING, Phase.HANDLING):
+            self.pending.append(
+                given
+            )  # first comes what came before it, or it has to be found out what went wrong
         elif given.order is not Order.APPROVE:
             self.turn = Turn(self.standing.phase, given=given)
 
