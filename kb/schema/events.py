@@ -50,7 +50,7 @@ class PlanEvent(_Event):
     """A plan, which replaces all steps that have not begun."""
 
     kind: Literal["plan"] = Field(description="what happened")
-    why: str = Field(description="first, recovery, reschedule, or the order that asked for it")
+    why: str = Field(description="first, recovery, reschedule, choice, or the order that asked for it")
     steps: list[PlannedStep] = Field(description="its steps")
     forecast_ms: int = Field(description="the forecast of its end")
     goals: list[str] = Field(description="what it is for")
