@@ -67,6 +67,8 @@ class CommandEvent(_Event):
     step: int | None = Field(None, description="the number of the step in the plan, if it is one")
     lasts_ms: int = Field(description="the forecast")
     timeout_ms: int | None = Field(None, description="when it is given up")
+    looks: list[str] = Field(default_factory=list, description="facts that the device looks at first")
+    watches: list[str] = Field(default_factory=list, description="facts that it looks at until the step ends")
 
 
 class ReplyEvent(_Event):

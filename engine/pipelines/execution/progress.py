@@ -103,6 +103,7 @@ class Progress:
             about=command.about,
             asks=command.asks,
             step=step,
+            **looked_at(command),
         )
         self.sent[command.number] = (dict(record.content), record.at_ms)
         self.outbox.append(command)
@@ -124,6 +125,8 @@ class Progress:
             lasts_ms=each.lasts_ms,
             timeout_ms=each.timeout_ms,
             asks=each.asks,
+            looks=each.looks,
+            watches=each.watches,
         )
         self.post(command, each.id)
 
@@ -185,3 +188,9 @@ class Progress:
             command=None,
             reply=f"{said}: by {round(threat.late_ms / 1000, 3)} s at least",
         )
+
+
+def looked_at(command: Command) -> dict[str, list[str]]:
+    """What a command's device looks at, as a record has it; nothing where it looks at nothing."""
+    found = {"looks": list(command.looks), "watches": list(command.watches)}
+    return {key: value for key, value in found.items() if value}
