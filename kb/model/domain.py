@@ -104,6 +104,14 @@ class Command:
 
 
 @dataclass(frozen=True, slots=True)
+class Look:
+    """A fact that is looked at in the cell itself when a step begins; also while it lasts if it has to hold `during` it."""
+
+    fact: Atom
+    during: bool = False
+
+
+@dataclass(frozen=True, slots=True)
 class Operator:
     """A static operator. `where` is a body over statics whose variables outside `parameters` are existential."""
 
@@ -116,6 +124,7 @@ class Operator:
     duration: Term | None = None
     cost: Term | None = None
     command: Command | None = None
+    online: tuple[Look, ...] = ()
     where: Source = field(default=NOWHERE, compare=False)
 
     @property

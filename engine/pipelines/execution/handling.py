@@ -8,7 +8,7 @@ from engine.model.execution import Command, CommandKind, RecordKind
 from engine.model.outcome import Found, Infeasible
 from engine.model.troubleshooting import Action, Advice
 from engine.model.wording import counted
-from engine.pipelines.execution.compiling import GRACE_MS, PATIENCE, stream_of, unit_ms
+from engine.pipelines.execution.compiling import GRACE_MS, PATIENCE, looks_of, stream_of, unit_ms
 from engine.pipelines.execution.course import Course
 from engine.pipelines.execution.hands import Interruption, Performed, perform
 from engine.pipelines.execution.planned import Ready, again
@@ -228,6 +228,7 @@ class ExceptionHandler:
             str(step.operator),
             lasts_ms=lasts,
             timeout_ms=PATIENCE * lasts + GRACE_MS,
+            **looks_of(operators[step.operator.name], step),
         )
         return perform(self.course, command)
 
