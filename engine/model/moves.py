@@ -64,7 +64,8 @@ class Unmoved:
     """A step for which no motion is found: at which place, and why. `culprits` are the bodies in the way.
 
     If it is `sure`, every configuration was looked at, and each touches something, or cannot be followed.
-    It holds at least while the facts `while_true` are true, which put those bodies, and what the arm holds, where they are.
+    It holds at least while the facts `while_true` are true, which put those bodies, and what the arm holds, where they are,
+    and whatever the arguments of the operator at the places `regardless` are.
 
     `level` tells what refuses it: `reach` (no configuration at all), `contact` (every configuration touches something),
     `approach` (there is no straight way in or out), or `way` (no way leads there).
@@ -78,3 +79,4 @@ class Unmoved:
     culprits: tuple[str, ...] = ()
     while_true: tuple[Atom, ...] = ()
     sure: bool = False
+    regardless: frozenset[int] = frozenset()

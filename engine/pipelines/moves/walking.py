@@ -19,10 +19,10 @@ from engine.stages.geometry.world.following import following
 from engine.stages.geometry.world.model import World
 from engine.stages.validation.changes import State
 from engine.stages.validation.semantics import Semantics
-from kb.model.cell import Cell, Location, Operation, Place
+from kb.model.cell import Cell, Ends, Location, Operation, Place
 from kb.model.plan import Plan, Step
 from kb.syntax import SECONDS
-from kb.terms import Atom, Function, Term, match, substitute
+from kb.terms import Atom, Function, Term, Variable, match, substitute, variables
 
 _Situation = tuple[Function, frozenset[Atom], frozenset[Atom], bytes, str, bool]
 _Outcome = tuple[MovedStep | Unmoved, Floats, Front | None]
@@ -100,8 +100,26 @@ class Walk:
         ).moved()
         if isinstance(found, MovedStep):
             return found
-        standing = {*found.culprits, *held(rooms[0].world, place.arm)}
-        return replace(found, while_true=_placing(self.cell, before, standing))
+        standing = _carrying(rooms[0].world, place, {*found.culprits, *held(rooms[0].world, place.arm)})
+        while_true = _placing(self.cell, before, standing)
+        return replace(found, while_true=while_true, regardless=self._regardless(found, operation))
+
+    def _regardless(self, found: Unmoved, operation: Operation) -> frozenset[int]:
+        """The arguments of a refused step that do not matter: those that its place does not name, where only the place refuses.
+
+        A way depends on where the arm comes from, a step back out of the place on what the step does there.
+        """
+        own = [each for each in self.cell.operations if each.operator.name == operation.operator.name]
+        if found.level == "way" or len(own) != 1 or own[0].at is None:
+            return frozenset()
+        if found.level == "approach" and operation.ends is Ends.OUTSIDE:
+            return frozenset()
+        named = set(variables(own[0].at))
+        return frozenset(
+            n
+            for n, each in enumerate(own[0].operator.arguments)
+            if isinstance(each, Variable) and each not in named
+        )
 
     def room(self, state: State) -> Room:
         """The cell in a state, with the arms where they are."""
@@ -180,6 +198,12 @@ def operation_of(cell: Cell, step: Function) -> Operation | None:
             at: Term | None = None if operation.at is None else substitute(operation.at, bindings)
             return replace(operation, operator=step, at=at)
     return None
+
+
+def _carrying(world: World, place: Place, bodies: set[str]) -> set[str]:
+    """Some bodies, and all that carries them, the arm or the place: what stands where decides whether the arm gets there."""
+    ends = (*bodies, f"{place.arm}.base", place.placement.parent)
+    return {on for each in ends for on in world.supports(each)}
 
 
 def _placing(cell: Cell, state: State, bodies: Collection[str]) -> tuple[Atom, ...]:

@@ -15,7 +15,7 @@ from engine.stages.geometry.world.model import World
 from kb.model.cell import Body, BodyKind, Cell, Guide, JointKind, Link
 from kb.model.shapes import Box, Cylinder, PlacedShape, Sphere, Tube
 
-STEP_S = 0.004
+STEP_S = 0.002
 STIFF, DAMPED = 40_000.0, 2_000.0  # N m/rad and N m s/rad of the servos of an arm
 ARMATURE = 2.0  # kg m^2 of the drive of a joint
 RIGID = 'solref="0.008 1" solimp="0.99 0.999 0.0001"'  # how a body follows another: two fingers stay in the middle
@@ -34,7 +34,7 @@ def written(world: World) -> str:
     tree = "\n".join([*writer.standing("world"), *writer.arms()])
     return f"""<mujoco model={quoteattr(world.cell.name)}>
 <compiler angle="radian" autolimits="true" boundmass="0.01" boundinertia="0.0001"/>
-<option timestep="{STEP_S}" integrator="implicitfast" cone="elliptic" impratio="10"/>
+<option timestep="{STEP_S}" integrator="implicitfast" cone="elliptic" impratio="10" jacobian="sparse"><flag sleep="enable"/></option>
 <default><geom density="{DENSITY}" friction="{FRICTION} {TWIST}" condim="4" {FIRM}/></default>
 <asset>
 {chr(10).join(writer.meshes)}

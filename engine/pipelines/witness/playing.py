@@ -27,6 +27,7 @@ LOOK_S = 0.01  # how often contacts are looked at
 LEAST_N = 1.0  # a contact with less force is a graze of rounding
 SQUEEZE_M = 0.006  # how much farther than the thing that is gripped the fingers want to close
 SETTLE_S = 0.5
+PACE = 60.0  # 1/s: how quickly the servos of an arm follow
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,6 +71,7 @@ class _Stage:
     def __init__(self, world: World) -> None:
         self.world, self.model = world, mujoco.MjModel.from_xml_string(written(world))
         self.data = mujoco.MjData(self.model)
+        tuned(self.model, world.cell)
         self.by_hand = dragged_by_hand(world.cell)
         self.targets: dict[str, float] = {}
         self.touched: dict[tuple[int, str, str], Touched] = {}
@@ -202,6 +204,26 @@ class _Stage:
                 there = world.pose("world", name)[:3, 3]
                 found[name] = float(np.linalg.norm(self.data.body(name).xpos - there))
         return found
+
+
+def tuned(model: mujoco.MjModel, cell: Cell) -> None:
+    """Give the servos of all arms the gains of one pace, critically damped for the inertia that each joint has at rest.
+
+    The engine balances contacts before it adds the damping of the servos. If damping by far outweighs inertia in a time step, it
+    takes the arm for faster than it is, and what is gripped creeps between the fingers.
+    """
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    for arm, mounted in cell.arms.items():
+        for joint in mounted.arm.joints:
+            name = f"{arm}/{joint.name}"
+            number, dof = model.actuator(name).id, model.joint(name).dofadr[0]
+            inertia, only = np.zeros(model.nv), np.zeros(model.nv)
+            only[dof] = 1.0
+            mujoco.mj_mulM(model, data, inertia, only)
+            stiff, damped = PACE**2 * inertia[dof], 2 * PACE * inertia[dof]
+            model.actuator_gainprm[number, 0] = stiff
+            model.actuator_biasprm[number, 1:3] = -stiff, -damped
 
 
 def _between(leg: Leg, t: float) -> Floats:
