@@ -24,7 +24,7 @@ DENSITY = 700.0  # kg/m^3 where no mass is given: housings are hollow
 FRICTION = 0.8
 TWIST = "0.02 0.0001"  # m: friction against turning on a spot as wide as a finger's pad, and against rolling
 FIRM = (
-    'solref="0.008 1" solimp="0.95 0.99 0.0005"'  # how contacts give way: as little as the time step allows
+    'solref="0.004 1" solimp="0.95 0.99 0.0005"'  # how contacts give way: as little as the time step allows
 )
 
 

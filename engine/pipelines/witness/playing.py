@@ -27,7 +27,8 @@ LOOK_S = 0.01  # how often contacts are looked at
 LEAST_N = 1.0  # a contact with less force is a graze of rounding
 SQUEEZE_M = 0.006  # how much farther than the thing that is gripped the fingers want to close
 SETTLE_S = 0.5
-PACE = 60.0  # 1/s: how quickly the servos of an arm follow
+CATCH_UP_S = 0.2  # after a leg: the servos lag behind
+PACE = 40.0  # 1/s: how quickly the servos of an arm follow
 
 
 @dataclass(frozen=True, slots=True)
@@ -152,7 +153,7 @@ class _Stage:
             self._tick()
         for joint, value in zip(joints, leg.path[-1], strict=True):
             self._aim(joint, float(value))
-        self.wait(0.1)
+        self.wait(CATCH_UP_S)
 
     def wait(self, seconds: float) -> None:
         """Time goes on, and everything aims where it aimed."""
