@@ -24,7 +24,7 @@ from kb.model.plan import Plan, Step
 from kb.syntax import SECONDS
 from kb.terms import Atom, Function, Term, Variable, match, substitute, variables
 
-_Situation = tuple[Function, frozenset[Atom], frozenset[Atom], bytes, str, bool]
+_Situation = tuple[Function, frozenset[Atom], frozenset[Atom], bytes, bytes, str, bool]
 _Outcome = tuple[MovedStep | Unmoved, Floats, Front | None]
 
 
@@ -41,8 +41,11 @@ class Walk:
     seed: int = 0
     bridges: int = 30
     ways: Ways = field(default_factory=dict)
+    lying: Mapping[str, Floats] = field(
+        default_factory=dict
+    )  # poses (4, 4) of bodies that no fact puts anywhere
     _last: tuple[State, frozenset[Atom]] = (frozenset(), frozenset())
-    _rooms: dict[frozenset[Atom], Room] = field(default_factory=dict)
+    _rooms: dict[tuple[frozenset[Atom], bytes], Room] = field(default_factory=dict)
     _known: dict[_Situation, _Outcome] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -89,7 +92,7 @@ class Walk:
         front = self.hands.standing(arm)
         there, inside = (front.place, front.inside) if front else ("", False)
         facts = self._located(before), self._located(after)
-        return (step.operator, *facts, self.hands.now(arm).tobytes(), there, inside)
+        return (step.operator, *facts, self._lying, self.hands.now(arm).tobytes(), there, inside)
 
     def _refined(
         self, step: Step, operation: Operation, place: Place, before: State, after: State
@@ -124,10 +127,17 @@ class Walk:
     def room(self, state: State) -> Room:
         """The cell in a state, with the arms where they are."""
         facts = self._located(state)
-        if facts not in self._rooms:
-            world = following(World.of(self.cell), facts)
-            self._rooms[facts] = Room(world, self.backend, self._kinematics)
-        return self._rooms[facts]
+        key = facts, self._lying
+        if key not in self._rooms:
+            world = World.of(self.cell)
+            for name, T in self.lying.items():
+                world = world.put(name, "world", T)
+            self._rooms[key] = Room(following(world, facts), self.backend, self._kinematics)
+        return self._rooms[key]
+
+    @property
+    def _lying(self) -> bytes:
+        return b"".join(name.encode() + T.tobytes() for name, T in sorted(self.lying.items()))
 
     def _located(self, state: State) -> frozenset[Atom]:
         """The facts of a state that put a body somewhere. What the last state had in common with it is not looked at again."""

@@ -78,6 +78,9 @@ class _Writer:
             for name, body in self.world.cell.bodies.items():
                 if body.kind is BodyKind.PART:
                     T = self.world.pose("world", name)
+                    self.followers.append(
+                        f'<weld name={quoteattr(f"stuck/{name}")} body1={quoteattr(name)} active="false"/>'
+                    )
                     yield f"<body name={quoteattr(name)} {_at(T)}><freejoint name={quoteattr(name)}/>{self._geoms(name, body)}</body>"
 
     def arms(self) -> Iterator[str]:
@@ -225,11 +228,12 @@ def _simple(placed: PlacedShape) -> str:
 def _at(T: Floats) -> str:
     """Position and quaternion of a pose."""
     position = " ".join(f"{float(each):.9g}" for each in T[:3, 3])
-    quaternion = " ".join(f"{float(each):.9g}" for each in _quaternion(T[:3, :3]))
-    return f'pos="{position}" quat="{quaternion}"'
+    turned = " ".join(f"{float(each):.9g}" for each in quaternion(T[:3, :3]))
+    return f'pos="{position}" quat="{turned}"'
 
 
-def _quaternion(R: Floats) -> Floats:
+def quaternion(R: Floats) -> Floats:
+    """The unit quaternion (w, x, y, z) of a rotation (3, 3)."""
     vector = transforms.rotation_vector(R)
     angle = float(np.linalg.norm(vector))
     if angle < 1e-12:
