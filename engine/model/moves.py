@@ -3,6 +3,8 @@
 from dataclasses import dataclass
 from enum import Enum
 
+import numpy as np
+
 from engine.model.geometry import Floats
 from kb.model.plan import StepId
 from kb.terms import Atom, Function
@@ -36,6 +38,18 @@ class Leg:
     def seconds(self) -> float:
         """How long it lasts."""
         return float(self.corners_s[-1]) if len(self.corners_s) else 0.0
+
+    def at(self, t: float) -> Floats:
+        """The configuration (k,) at a time (s) from the start of the leg: from corner to corner, from rest to rest."""
+        n = min(int(np.searchsorted(self.corners_s, t, side="right")) - 1, len(self.path) - 2)
+        end: Floats = self.path[-1]
+        if n < 0:
+            return end
+        lasts = float(self.corners_s[n + 1] - self.corners_s[n])
+        s = min(1.0, (t - float(self.corners_s[n])) / lasts) if lasts > 0 else 1.0
+        smooth = s**3 * (10 - 15 * s + 6 * s * s)
+        found: Floats = self.path[n] + smooth * (self.path[n + 1] - self.path[n])
+        return found
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -20,7 +20,7 @@ LEAST_N = 1.0  # a contact with less force is a graze of rounding
 SQUEEZE_M = 0.006  # how much farther than the thing that is gripped the fingers want to close
 SETTLE_S = 0.5
 CATCH_UP_S = 0.2  # after a leg: the servos lag behind
-BLOCKED_N = 100_000.0
+BLOCKED_KG = 1e6
 PACE = 40.0  # 1/s: how quickly the servos of an arm follow
 
 
@@ -47,7 +47,7 @@ class Stage:
         self.touched: dict[tuple[int, str, str], Touched] = {}
         self.off_place, self.step, self.allowed = 0.0, 0, frozenset[str]()
         self.held: frozenset[str] = frozenset()
-        self._rubs: dict[str, float] = {}
+        self._drives: dict[str, float] = {}
         for arm, q in world.configurations.items():
             for joint, value in zip(world.cell.arms[arm].arm.joints, q, strict=True):
                 self._set(f"{arm}/{joint.name}", float(value))
@@ -116,7 +116,7 @@ class Stage:
         first, last = (value_of(before, drags), value_of(after, drags)) if drags else (0.0, 0.0)
         joints = [f"{leg.arm}/{each.name}" for each in self.world.cell.arms[leg.arm].arm.joints]
         while (t := self.data.time - began) < leg.seconds:
-            for joint, value in zip(joints, _between(leg, t), strict=True):
+            for joint, value in zip(joints, leg.at(t), strict=True):
                 self._aim(joint, float(value))
             if leg.kind is LegKind.DRAG:
                 self._aim(drags, first + (last - first) * t / leg.seconds)
@@ -208,10 +208,10 @@ class Stage:
                 self.model.geom_friction[own, 1] = min(friction, 1.0) * self.model.geom_friction[own, 1]
 
     def block(self, body: str, on: bool) -> None:
-        """Whether the joint of a body rubs so much that nothing moves it."""
+        """Whether the joint of a body is as hard to move as if it had the mass of a house."""
         dof = self.model.joint(body).dofadr[0]
-        self._rubs.setdefault(body, float(self.model.dof_frictionloss[dof]))
-        self.model.dof_frictionloss[dof] = BLOCKED_N if on else self._rubs[body]
+        self._drives.setdefault(body, float(self.model.dof_armature[dof]))
+        self.model.dof_armature[dof] = BLOCKED_KG if on else self._drives[body]
 
     def stick(self, part: str, on: bool) -> None:
         """Whether a part sticks where it stood at first."""
@@ -245,19 +245,6 @@ def tuned(model: mujoco.MjModel, cell: Cell) -> None:
             stiff, damped = PACE**2 * inertia[dof], 2 * PACE * inertia[dof]
             model.actuator_gainprm[number, 0] = stiff
             model.actuator_biasprm[number, 1:3] = -stiff, -damped
-
-
-def _between(leg: Leg, t: float) -> Floats:
-    """The configuration on a leg at a time (s): from corner to corner, from rest to rest."""
-    n = min(int(np.searchsorted(leg.corners_s, t, side="right")) - 1, len(leg.path) - 2)
-    end: Floats = leg.path[-1]
-    if n < 0:
-        return end
-    lasts = float(leg.corners_s[n + 1] - leg.corners_s[n])
-    s = min(1.0, (t - float(leg.corners_s[n])) / lasts) if lasts > 0 else 1.0
-    smooth = s**3 * (10 - 15 * s + 6 * s * s)
-    found: Floats = leg.path[n] + smooth * (leg.path[n + 1] - leg.path[n])
-    return found
 
 
 def _carried(world: World, arm: str) -> Iterator[str]:
