@@ -248,25 +248,31 @@ def fault_base(problem: Problem) -> FaultModel | None:
 
 def simulator(setup: DriverSetup) -> Simulator:
     """The simulator for a run. Options: spread, lookahead, fault (STEP=CAUSE; ...), log. Raises `InvalidInput`."""
-    known = ("spread", "lookahead", "fault", "log")
+    settings = settings_of(setup)
+    cell = HiddenCell(setup.problem, fault_base(setup.problem), settings.injections, setup.seed)
+    return Simulator(cell, settings)
+
+
+def settings_of(setup: DriverSetup, more: Sequence[str] = ()) -> Settings:
+    """How a simulated cell behaves. `more` are options that its driver has beside these. Raises `InvalidInput`."""
+    known = ("spread", "lookahead", "fault", "log", *more)
     if unknown := [name for name in setup.options if name not in known]:
         hint = f"one of: {', '.join(known)}"
         raise InvalidInput(
             [Diagnostic(Source("--option"), "K408", f"the simulator has no option '{unknown[0]}'", hint)]
         )
-    settings = Settings(
+    return Settings(
         setup.seed,
         setup.factor,
-        _number(setup.options, "spread"),
-        max(1, int(_number(setup.options, "lookahead", 1))),
+        number_of(setup.options, "spread"),
+        max(1, int(number_of(setup.options, "lookahead", 1))),
         tuple(_injection(each.strip()) for each in setup.options.get("fault", "").split(";") if each.strip()),
         setup.options.get("log", ""),
     )
-    cell = HiddenCell(setup.problem, fault_base(setup.problem), settings.injections, setup.seed)
-    return Simulator(cell, settings)
 
 
-def _number(options: Mapping[str, str], name: str, default: float = 0.0) -> float:
+def number_of(options: Mapping[str, str], name: str, default: float = 0.0) -> float:
+    """An option of a driver as a number. Raises `InvalidInput`."""
     try:
         return float(options.get(name, default))
     except ValueError:
