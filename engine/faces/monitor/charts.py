@@ -15,7 +15,9 @@ LOOKS = {  # fill, and the sign that a step has beside its colour
     "done": ("#2f8f4e", "✓"),
     "failed": ("#c8321f", "✗"),
 }
+INK = {"planned": "#1b1b1b", "running": "#1b1b1b", "done": "#ffffff", "failed": "#ffffff"}
 STYLE = """
+  .planned .bar { stroke: #5a6270; stroke-dasharray: 3 2; } .step:focus .bar { stroke: #1f6fb5; stroke-width: 2.5; }
   .bar { cursor: pointer; } .chosen { stroke: #1b1b1b; stroke-width: 2.5; }
   .text { fill: #1b1b1b; } .now { stroke: #1f6fb5; } .grid { stroke: #c8ccd4; }
   .body--dark .text { fill: #e8e8e8; } .body--dark .chosen { stroke: #ffffff; } .body--dark .grid { stroke: #444a55; }
@@ -53,11 +55,13 @@ def _bar(bar: Bar, y: int, scale: float, chosen: str) -> str:
     x, width = LEFT + bar.start_ms * scale, max(1.0, bar.lasts_ms * scale)
     rim = " chosen" if bar.step == chosen else ""
     said = f"{bar.step}: {bar.standing}, {duration(bar.start_ms)} to {duration(bar.start_ms + bar.lasts_ms)}"
-    name = f"{sign} {bar.step}".strip() if width > 7.3 * (len(bar.step) + 2) else sign if width > 12 else ""
+    whole = width > 7.3 * (len(bar.step) + 2)
+    striking = width > 12 or bar.standing in ("failed", "running")
+    name = f"{sign} {bar.step}".strip() if whole else sign if striking else ""
     return (
-        f'<g class="step" data-step={quoteattr(bar.step)}><title>{escape(said)}</title>'
+        f'<g class="step {bar.standing}" tabindex="0" role="button" data-step={quoteattr(bar.step)}><title>{escape(said)}</title>'
         f'<rect class="bar{rim}" x="{x:.1f}" y="{y}" width="{width:.1f}" height="{HEIGHT}" rx="2" fill="{fill}"/>'
-        f'<text x="{x + 3:.1f}" y="{y + 14}" fill="#ffffff" pointer-events="none">{escape(name)}</text></g>'
+        f'<text x="{x + 3:.1f}" y="{y + 14}" fill="{INK[bar.standing]}" pointer-events="none">{escape(name)}</text></g>'
     )
 
 

@@ -6,13 +6,14 @@ from collections.abc import AsyncIterator
 
 import uvicorn
 from fastapi import FastAPI, Request
-from fastapi.responses import JSONResponse, StreamingResponse
+from fastapi.responses import JSONResponse, Response, StreamingResponse
 from nicegui import app as pages
 from nicegui import ui
 
 from engine.faces.monitor.door import Door
-from engine.faces.monitor.page import build
+from engine.faces.monitor.overview import build
 from engine.faces.monitor.shared import PAUSE_S, Shared
+from engine.faces.monitor.solids import known
 from kb.diagnostics import InvalidInput
 
 LOCAL = ("127.0.0.1", "localhost", "::1")
@@ -37,6 +38,13 @@ def application(shared: Shared, host: str, port: int) -> Door:
     async def events(run: str, after: int = 0) -> StreamingResponse:
         return StreamingResponse(_stream(shared, run, after), media_type="text/event-stream")
 
+    async def solids(key: str, number: int) -> Response:
+        found = known(key)
+        if found is None or not 0 <= number < len(found.files):
+            return JSONResponse({"said": "there is no such body"}, 404)
+        return Response(found.files[number], media_type="model/stl", headers={"cache-control": "max-age=86400"})
+
+    made.add_api_route("/solids/{key}/{number}", solids)
     made.add_api_route("/orders", orders, methods=["POST"])
     made.add_api_route("/events/{run:path}", events)
     build(shared)

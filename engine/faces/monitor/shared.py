@@ -3,11 +3,14 @@
 import secrets
 import time
 from collections.abc import Mapping
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, field
 from typing import Any
 
 from engine.faces.monitor.door import Once
 from engine.faces.monitor.following import Follower, runs_of
+from engine.faces.monitor.motions import Motions, Target, workers
+from engine.faces.monitor.solids import Solids, solids_of
 from engine.pipelines.execution.channel import going_on, tell
 from engine.pipelines.execution.compiling import situation_of
 from engine.pipelines.planning import problem_of
@@ -27,6 +30,8 @@ class Shared:
     once: Once = field(default_factory=Once)
     _followed: dict[str, Follower] = field(default_factory=dict)
     _looked: dict[str, float] = field(default_factory=dict)
+    _motions: dict[str, Motions] = field(default_factory=dict)
+    _workers: ProcessPoolExecutor | None = None
 
     def runs(self) -> tuple[Begun, ...]:
         """The runs of the store, the newest first."""
@@ -44,6 +49,22 @@ class Shared:
             self._followed[run].refresh()
             self._looked[run] = time.monotonic()
         return self._followed[run]
+
+    def solids(self, run: str) -> Solids:
+        """The bodies of the run's cell. Raises `InvalidInput` if its target or its cell is not there any more."""
+        return solids_of(_target(self.follow(run))[0])
+
+    def motions(self, run: str) -> Motions:
+        """The motions of the run's steps, as far as they are found."""
+        if run not in self._motions:
+            self._motions[run] = Motions(self.store, run, _target(self.follow(run)))
+        return self._motions[run]
+
+    async def find_motions(self, run: str) -> None:
+        """Look for the motions of all steps that the run has begun."""
+        if self._workers is None:
+            self._workers = workers()
+        await self.motions(run).refresh(len(self.follow(run).records), self._workers)
 
     def order(self, key: str, asked: Mapping[str, Any]) -> tuple[int, dict[str, Any]]:
         """Give a run the order that a page asks for, once; the status code and what is told of it."""
@@ -80,15 +101,16 @@ ORDERS = (
 )
 
 
+def _target(follower: Follower) -> Target:
+    """What the run was begun with."""
+    about = follower.about
+    return str(about.get("target", "")), str(about.get("goals", "")), str(about.get("command", ""))
+
+
 def _initial(store: str, run: str) -> tuple[str, ...]:
     """The facts with which a run began; none if its target is no longer there."""
-    about = next((each.document for each in runs_of(store) if each.run == run), None)
-    if about is None:
-        return ()
     try:
-        problem = problem_of(
-            str(about.get("target", "")), str(about.get("goals", "")), str(about.get("command", ""))
-        )
+        problem = problem_of(*_target(Follower(store, run)))
         return tuple(sorted(map(str, situation_of(problem).state)))
     except InvalidInput:
         return ()

@@ -1,45 +1,20 @@
 """The views of a run. Each is made once for a page, and shows the run as it stands when it is told to."""
 
-from abc import ABC, abstractmethod
 from collections import defaultdict
-from dataclasses import dataclass
 from typing import Any
 
 from nicegui import ui
 
+from engine.faces.monitor.cell3d import Cell3D
 from engine.faces.monitor.charts import gantt, run_chart
 from engine.faces.monitor.following import Watched
+from engine.faces.monitor.viewing import View
 from engine.formats.report import svg
 from engine.formats.report.execution import duration
 from engine.pipelines.execution.records import compiled_of
 
 SHOWN = 400  # rows of a table at most; a search looks in all
 LARGEST = 150  # steps of a plan that is drawn
-
-
-@dataclass
-class Choice:
-    """What is chosen on a page: a step, in the way the plan writes it."""
-
-    step: str = ""
-
-
-class View(ABC):
-    """A view of a run on a page; `name` is what its tab says."""
-
-    name = ""
-
-    def __init__(self, choice: Choice) -> None:
-        self.choice = choice
-        self.make()
-
-    @abstractmethod
-    def make(self) -> None:
-        """Make what is shown, still empty."""
-
-    @abstractmethod
-    def show(self, run: Watched) -> None:
-        """Show the run as it stands."""
 
 
 class Now(View):
@@ -56,15 +31,16 @@ class Now(View):
             self._chosen = ui.column().props('data-testid="chosen"')
         self._log = ui.column().classes("w-full gap-0")
 
-    def show(self, run: Watched) -> None:
+    def show(self) -> None:
         """Show the run as it stands."""
-        self._chart.set_content(gantt(run, run.now_ms, self.choice.step))
+        run = self.look.run
+        self._chart.set_content(gantt(run, run.now_ms, self.look.step))
         current = [(stream, action, duration(since)) for stream, action, since, _ in run.under_way.values()]
         _fill(self._current, current)
         _fill(self._goals, sorted(run.goals.items()))
         self._chosen.clear()
         with self._chosen:
-            for line in told_of(run, self.choice.step):
+            for line in told_of(run, self.look.step):
                 ui.label(line)
         self._log.clear()
         with self._log:
@@ -96,8 +72,9 @@ class Partial(View):
         self._picture = ui.html("", sanitize=False)
         self._drawn: tuple[Any, ...] = ()
 
-    def show(self, run: Watched) -> None:
+    def show(self) -> None:
         """Show the run as it stands."""
+        run = self.look.run
         standing = {number: bar.standing for number, bar in run.bars.items()}
         drawn = (id(run.plan), tuple(standing.items()))
         if drawn == self._drawn or not run.plan:
@@ -119,12 +96,12 @@ class World(View):
         """Make what is shown, still empty."""
         self._search = ui.input("search").props('clearable dense data-testid="search"')
         self._table = _table("fact", "since record")
-        self._run: Watched | None = None
-        self._search.on_value_change(lambda: self._run and self.show(self._run))
+        self._search.on_value_change(self.show)
 
-    def show(self, run: Watched) -> None:
+    def show(self) -> None:
         """Show the run as it stands."""
-        self._run, asked = run, self._search.value or ""
+        run = self.look.run
+        asked = self._search.value or ""
         rows = sorted(run.holds.items(), key=lambda each: (-each[1], each[0]))
         _fill(self._table, [row for row in rows if asked in row[0]])
 
@@ -138,8 +115,9 @@ class Diagnosis(View):
         """Make what is shown, still empty."""
         self._table = _table("at", "what", "of", "outcome", "belief")
 
-    def show(self, run: Watched) -> None:
+    def show(self) -> None:
         """Show the run as it stands."""
+        run = self.look.run
         _fill(self._table, [_found(each) for each in run.findings])
 
 
@@ -167,8 +145,9 @@ class Results(View):
         self._charts = ui.row()
         self._drawn = -1
 
-    def show(self, run: Watched) -> None:
+    def show(self) -> None:
         """Show the run as it stands."""
+        run = self.look.run
         if len(run.results) == self._drawn:
             return
         self._drawn = len(run.results)
@@ -209,12 +188,12 @@ class Objects(View):
         """Make what is shown, still empty."""
         self._search = ui.input("object").props('clearable dense data-testid="object"')
         self._table = _table("from", "to", "step", "brought")
-        self._run: Watched | None = None
-        self._search.on_value_change(lambda: self._run and self.show(self._run))
+        self._search.on_value_change(self.show)
 
-    def show(self, run: Watched) -> None:
+    def show(self) -> None:
         """Show the run as it stands."""
-        self._run, asked = run, self._search.value or ""
+        run = self.look.run
+        asked = self._search.value or ""
         rows = [
             (
                 duration(each["started_ms"]),
@@ -237,12 +216,13 @@ class Log(View):
         """Make what is shown, still empty."""
         self._table = _table("record", "what")
 
-    def show(self, run: Watched) -> None:
+    def show(self) -> None:
         """Show the run as it stands."""
+        run = self.look.run
         _fill(self._table, run.story[::-1])
 
 
-VIEWS: tuple[type[View], ...] = (Now, Partial, World, Diagnosis, Results, Objects, Log)
+VIEWS: tuple[type[View], ...] = (Now, Cell3D, Partial, World, Diagnosis, Results, Objects, Log)
 
 
 def _table(*columns: str) -> ui.table:
