@@ -16,8 +16,10 @@ RED, DOTS = "#e01818", "#1f6fb5"
 SIDES = {  # the direction from which it is seen
     "front": (0.0, -1.0, 0.15),
     "right": (1.0, 0.0, 0.15),
+    "back": (0.0, 1.0, 0.15),
+    "left": (-1.0, 0.0, 0.15),
     "top": (0.0, -0.01, 1.0),
-    "corner": (0.6, -0.75, 0.55),
+    "corner": (-0.6, -0.75, 0.55),
 }
 PLACING = """
 const WANTED = {};
@@ -129,10 +131,21 @@ def _said(last: Taken | None, share: float, looking: bool) -> str:
     return f"{last.motion.operator}: {round(100 * share)} %" if share < 1.0 else "the arm rests"
 
 
-def scene_of(solids: Solids) -> tuple[ui.scene, dict[str, ui.scene.stl]]:
+def scene_of(solids: Solids, clicks: Sequence[str] = ()) -> tuple[ui.scene, dict[str, ui.scene.stl]]:
     """The bodies of a cell in a scene; each has its name."""
-    scene = ui.scene(width=900, height=480, grid=False, background_color="#dfe3ea", fps=30)
-    scene.classes("w-full").style("height: calc(100vh - 260px); min-height: 320px").props('data-testid="scene"')
+    camera = ui.scene.perspective_camera(fov=45)
+    scene = ui.scene(
+        camera=camera,
+        width=900,
+        height=480,
+        grid=False,
+        background_color="#dfe3ea",
+        fps=30,
+        click_events=list(clicks),
+    )
+    scene.classes("w-full").style("height: calc(100vh - 260px); min-height: 320px").props(
+        'data-testid="scene"'
+    )
     with scene:
         bodies = {
             name: scene.stl(f"/solids/{solids.key}/{number}").with_name(name).material(solids.colours[name])
@@ -144,6 +157,6 @@ def scene_of(solids: Solids) -> tuple[ui.scene, dict[str, ui.scene.stl]]:
 def turned(scene: ui.scene, solids: Solids, side: str, seconds: float) -> None:
     """Look at everything from a side."""
     middle, reach = solids.extent
-    away = [at + 1.15 * reach * each for at, each in zip(middle.tolist(), SIDES[side], strict=True)]
+    away = [at + 1.7 * reach * each for at, each in zip(middle.tolist(), SIDES[side], strict=True)]
     x, y, z = middle.tolist()
     scene.move_camera(*away, x, y, z, 0, 0, 1, duration=seconds)

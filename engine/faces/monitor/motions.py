@@ -60,9 +60,7 @@ def workers() -> ProcessPoolExecutor:
     return ProcessPoolExecutor(1, multiprocessing.get_context("spawn"))
 
 
-def further(
-    store: str, run: str, target: Target, since: int, until: int
-) -> tuple[int, list[Taken], str]:
+def further(store: str, run: str, target: Target, since: int, until: int) -> tuple[int, list[Taken], str]:
     """The number of the record that was looked at last, the motions of steps behind record `since`, and why there can be none."""
     try:
         follower, retracing, seen = _retraced(store, run, target)

@@ -1,9 +1,11 @@
 """The pages of a monitor, and the first one: all runs of a store."""
 
+from collections.abc import Callable
 from urllib.parse import quote
 
 from nicegui import ui
 
+from engine.faces.monitor.measuring import ChoosingPage, MeasuringPage
 from engine.faces.monitor.page import RunPage, head
 from engine.faces.monitor.shared import Shared
 from kb.diagnostics import InvalidInput
@@ -16,9 +18,17 @@ def build(shared: Shared) -> None:
         _overview(shared)
 
     def one(name: str) -> None:
-        _run(shared, name)
+        _told(lambda: RunPage(shared, name), "/")
+
+    def choosing() -> None:
+        ChoosingPage(shared)
+
+    def measuring(name: str) -> None:
+        _told(lambda: MeasuringPage(shared, name), "/measure")
 
     ui.page("/")(overview)
+    ui.page("/measure")(choosing)
+    ui.page("/measure/{name:path}")(measuring)
     ui.page("/run/{name:path}")(one)
 
 
@@ -26,6 +36,7 @@ def _overview(shared: Shared) -> None:
     """All runs of the store, the newest first, with those that go on."""
     head(shared)
     ui.label("Runs").classes("text-h5")
+    ui.link("measurements", "/measure")
     going = shared.going_on()
     runs = shared.runs()
     if not runs:
@@ -40,10 +51,10 @@ def _overview(shared: Shared) -> None:
                 ui.badge("goes on", color="green")
 
 
-def _run(shared: Shared, name: str) -> None:
-    """The page of one run; a run that is not there is told."""
+def _told(make: Callable[[], object], back: str) -> None:
+    """A page, or why there is none."""
     try:
-        RunPage(shared, name)
+        make()
     except InvalidInput as refused:
         ui.label(refused.diagnostics[0].message).classes("text-h6")
-        ui.link("all runs", "/")
+        ui.link("back", back)

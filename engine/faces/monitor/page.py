@@ -79,7 +79,9 @@ class RunPage:
     def _head(self) -> None:
         with ui.header().classes("items-center q-py-xs q-px-sm gap-2"):
             ui.link("runs", "/").classes("text-white")
-            ui.label(self.name).classes("text-h6").props('data-testid="title"').tooltip(self.look.follower.store)
+            ui.label(self.name).classes("text-h6").props('data-testid="title"').tooltip(
+                self.look.follower.store
+            )
             self._phase = ui.badge("").props('data-testid="phase" role="status"')
             self._clock = ui.label("").props('data-testid="clock"')
             ui.space()
@@ -195,7 +197,7 @@ class RunPage:
         elif name == "l":
             self.player.live, self.player.speed = True, 0.0
         elif not self.shared.read_only and name in ORDERS_BY_KEY:
-            button = f'document.querySelector(\'[data-testid="{ORDERS_BY_KEY[name]}"]\')?.click()'
+            button = f"document.querySelector('[data-testid=\"{ORDERS_BY_KEY[name]}\"]')?.click()"
             ui.run_javascript(button)
         self.tick(anew=True)
 

@@ -2,14 +2,17 @@
 
 import secrets
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
 from typing import Any
 
 from engine.faces.monitor.door import Once
 from engine.faces.monitor.following import Follower, runs_of
 from engine.faces.monitor.motions import Motions, Target, workers
+from engine.faces.monitor.sheets import Sheets
 from engine.faces.monitor.solids import Solids, solids_of
 from engine.pipelines.execution.channel import going_on, tell
 from engine.pipelines.execution.compiling import situation_of
@@ -28,10 +31,10 @@ class Shared:
     read_only: bool = False
     token: str = field(default_factory=lambda: secrets.token_urlsafe(24))
     once: Once = field(default_factory=Once)
+    sheets: Sheets = field(default_factory=lambda: Sheets(Path.cwd()))
     _followed: dict[str, Follower] = field(default_factory=dict)
     _looked: dict[str, float] = field(default_factory=dict)
     _motions: dict[str, Motions] = field(default_factory=dict)
-    _workers: ProcessPoolExecutor | None = None
 
     def runs(self) -> tuple[Begun, ...]:
         """The runs of the store, the newest first."""
@@ -60,19 +63,35 @@ class Shared:
             self._motions[run] = Motions(self.store, run, _target(self.follow(run)))
         return self._motions[run]
 
+    @cached_property
+    def workers(self) -> ProcessPoolExecutor:
+        """The process in which motions and ways are looked for."""
+        return workers()
+
     async def find_motions(self, run: str) -> None:
         """Look for the motions of all steps that the run has begun."""
-        if self._workers is None:
-            self._workers = workers()
-        await self.motions(run).refresh(len(self.follow(run).records), self._workers)
+        await self.motions(run).refresh(len(self.follow(run).records), self.workers)
+
+    def measure(self, key: str, asked: Mapping[str, Any]) -> tuple[int, dict[str, Any]]:
+        """Change the measurements of a problem file as a page asks, once; the status code and what is told of it."""
+        return self._once(key, lambda: self._changed(asked))
+
+    def _changed(self, asked: Mapping[str, Any]) -> tuple[int, dict[str, Any]]:
+        try:
+            return 200, {"said": self.sheets.change(asked), "done": True}
+        except InvalidInput as refused:
+            return 409, {"said": "; ".join(each.message for each in refused.diagnostics)}
 
     def order(self, key: str, asked: Mapping[str, Any]) -> tuple[int, dict[str, Any]]:
         """Give a run the order that a page asks for, once; the status code and what is told of it."""
+        return self._once(key, lambda: self._told(asked))
+
+    def _once(self, key: str, make: Callable[[], tuple[int, dict[str, Any]]]) -> tuple[int, dict[str, Any]]:
         if self.read_only:
             return 403, {"said": "this monitor only watches"}
         if not key:
             return 400, {"said": "a changing request needs an Idempotency-Key"}
-        found: tuple[int, dict[str, Any]] = self.once.answer(key, lambda: self._told(asked))
+        found: tuple[int, dict[str, Any]] = self.once.answer(key, make)
         return found
 
     def _told(self, asked: Mapping[str, Any]) -> tuple[int, dict[str, Any]]:

@@ -26,7 +26,7 @@ def located(world: World, names: Iterable[str]) -> dict[str, Located]:
     }
     bodies = world.cell.bodies
     return {
-        name: world.locate(name) if name in bodies else links[name] if name in links else FIXED
+        name: world.locate(name) if name in bodies else links.get(name, FIXED)
         for name in names
     }
 
