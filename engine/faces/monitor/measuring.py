@@ -15,7 +15,7 @@ from kb.diagnostics import InvalidInput
 
 SIZES = ("nominal", "tolerance", "bore")  # millimetres, may be empty
 COLUMNS = ("name", "kind", "x", "y", "z", *SIZES)
-CHOSEN, WRITTEN, ALONE = "#d02090", "#1f6fb5", 0.012  # colours, and how large a point is shown
+CHOSEN, WRITTEN, SIZE = "#d02090", "#1f6fb5", 0.012  # colours, and how large a point is shown, of everything
 
 
 class MeasuringPage:
@@ -25,6 +25,7 @@ class MeasuringPage:
         self.shared, self.name = shared, name
         self.path = shared.sheets.path(name)
         self.part = Part(self.path)
+        self._scene: ui.scene
         head(shared)
         with ui.header().classes("items-center q-py-xs q-px-sm gap-2"):
             ui.link("runs", "/").classes("text-white")
@@ -58,7 +59,9 @@ class MeasuringPage:
         ui.label("A double click picks a point. Coordinates are in millimetres, in the frame of the part.")
         with self._scene:
             self._marks = self._scene.group()
-            self._cross = self._scene.sphere(ALONE).material(CHOSEN).visible(False)
+            self._cross = (
+                self._scene.sphere(SIZE * self.part.solids.extent[1] / 3).material(CHOSEN).visible(False)
+            )
 
     def _form(self) -> None:
         """What is asked of one point."""
@@ -105,7 +108,11 @@ class MeasuringPage:
             mark.delete()
         with self._scene, self._marks:
             for point in self.part.points:
-                mark = self._scene.sphere(ALONE).material(WRITTEN).with_name(point.name)
+                mark = (
+                    self._scene.sphere(SIZE * self.part.solids.extent[1] / 3)
+                    .material(WRITTEN)
+                    .with_name(point.name)
+                )
                 mark.move(*self.part.in_world(point.position))
 
     async def _picked(self, event: events.SceneClickEventArguments) -> None:

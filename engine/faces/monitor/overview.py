@@ -8,6 +8,7 @@ from nicegui import ui
 from engine.faces.monitor.measuring import ChoosingPage, MeasuringPage
 from engine.faces.monitor.page import RunPage, head
 from engine.faces.monitor.shared import Shared
+from engine.faces.monitor.steering import starting
 from kb.diagnostics import InvalidInput
 
 
@@ -37,6 +38,8 @@ def _overview(shared: Shared) -> None:
     head(shared)
     ui.label("Runs").classes("text-h5")
     ui.link("measurements", "/measure")
+    if not shared.read_only:
+        starting()
     going = shared.going_on()
     runs = shared.runs()
     if not runs:

@@ -8,7 +8,7 @@ from nicegui import ui
 from engine.faces.monitor.cell3d import PLACING
 from engine.faces.monitor.playing import SPEEDS, Player
 from engine.faces.monitor.shared import Shared
-from engine.faces.monitor.steering import steering
+from engine.faces.monitor.steering import Steering
 from engine.faces.monitor.viewing import Look, View
 from engine.faces.monitor.views import VIEWS
 from engine.formats.report.execution import duration
@@ -43,7 +43,7 @@ document.addEventListener("keydown", (event) => {
 });
 """
 KEYS = """space plays or stands · ← → one record · Home End · x next exception · l live · 1 to 9 and 0 views ·
-p pause · c go on · a answer · s stop"""
+p pause · c go on · s stop · r retry · y approve · m more orders"""
 
 
 def head(shared: Shared) -> None:
@@ -55,7 +55,7 @@ def head(shared: Shared) -> None:
 def notice(told: dict[str, object]) -> None:
     """Show what came of an order."""
     kind = "warning" if told.get("refused") else "positive"
-    ui.notify(str(told.get("said", "")), type=kind, multi_line=True)  # type: ignore[arg-type]
+    ui.notify(str(told.get("said", "")), type=kind, multi_line=True)
 
 
 class RunPage:
@@ -70,6 +70,8 @@ class RunPage:
         self._going, self._asked_s = False, 0.0
         head(shared)
         self._head()
+        if self._steering is not None:
+            self._steering.banner()
         self._views = self._body()
         self._foot()
         ui.on("chosen", lambda event: self._choose(str(event.args)))
@@ -85,8 +87,7 @@ class RunPage:
             self._phase = ui.badge("").props('data-testid="phase" role="status"')
             self._clock = ui.label("").props('data-testid="clock"')
             ui.space()
-            if not self.shared.read_only:
-                steering(self.name)
+            self._steering = None if self.shared.read_only else Steering(self.shared, self.name)
             ui.button(icon="contrast", on_click=lambda: self._dark()).props(
                 'dense flat color="white" aria-label="light or dark" data-testid="dark"'
             )
@@ -122,6 +123,10 @@ class RunPage:
             ui.button("exception", on_click=self._to_exception).props('dense no-caps data-testid="exception"')
             ui.icon("keyboard").tooltip(KEYS).props('tabindex="0"')
 
+    @staticmethod
+    def _press(order: str) -> None:
+        ui.run_javascript(f"document.querySelector('[data-testid={json.dumps(order)}]')?.click()")
+
     def tick(self, anew: bool = False) -> None:
         """Show what is new; with `anew` whatever is to be shown."""
         now = time.monotonic()
@@ -129,7 +134,14 @@ class RunPage:
             self._going, self._asked_s = self.name in self.shared.going_on(), now
         self.shared.follow(self.name)
         self.player.tick(now, self._going)
-        seen = (self.player.number, round(self.player.clock_ms), self._tabs.value, self.look.step)
+        if self._steering is not None:
+            self._steering.show(self.player.follower.latest, self._going)
+        seen: tuple[object, ...] = (
+            self.player.number,
+            round(self.player.clock_ms),
+            self._tabs.value,
+            self.look.step,
+        )
         seen = (*seen, self._views[str(self._tabs.value)].sign())
         if anew or seen != self._seen:
             self._seen = seen
@@ -202,4 +214,4 @@ class RunPage:
         self.tick(anew=True)
 
 
-ORDERS_BY_KEY = {"p": "interrupt", "c": "continue", "s": "stop", "a": "answer"}
+ORDERS_BY_KEY = {"p": "interrupt", "c": "continue", "s": "stop", "r": "retry", "y": "approve", "m": "more"}

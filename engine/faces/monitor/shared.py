@@ -1,6 +1,7 @@
 """What all pages of a monitor share: the runs of a store, each read once, and the orders that pages give."""
 
 import secrets
+import shlex
 import time
 from collections.abc import Callable, Mapping
 from concurrent.futures import ProcessPoolExecutor
@@ -8,9 +9,11 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import Any
+from urllib.parse import quote
 
 from engine.faces.monitor.door import Once
 from engine.faces.monitor.following import Follower, runs_of
+from engine.faces.monitor.jobs import LONG, Job, begun, started
 from engine.faces.monitor.motions import Motions, Target, workers
 from engine.faces.monitor.sheets import Sheets
 from engine.faces.monitor.solids import Solids, solids_of
@@ -34,6 +37,7 @@ class Shared:
     sheets: Sheets = field(default_factory=lambda: Sheets(Path.cwd()))
     _followed: dict[str, Follower] = field(default_factory=dict)
     _looked: dict[str, float] = field(default_factory=dict)
+    jobs: list[Job] = field(default_factory=list)
     _motions: dict[str, Motions] = field(default_factory=dict)
 
     def runs(self) -> tuple[Begun, ...]:
@@ -96,6 +100,8 @@ class Shared:
 
     def _told(self, asked: Mapping[str, Any]) -> tuple[int, dict[str, Any]]:
         run, order, text, who = (str(asked.get(name, "")) for name in ("run", "order", "text", "who"))
+        if order in STARTING:
+            return self._started(order, run, asked)
         if order not in ORDERS:
             return 400, {"said": f"there is no order {order!r}"}
         try:
@@ -104,7 +110,40 @@ class Shared:
             return 409, {"said": "; ".join(each.message for each in refused.diagnostics)}
         return 200, {"said": f"{run}: {order} {text}".strip(), **state}
 
+    def _started(self, order: str, run: str, asked: Mapping[str, Any]) -> tuple[int, dict[str, Any]]:
+        """Start a run, resume one, or begin work that takes long."""
+        if order == "work":
+            words = shlex.split(str(asked.get("text", "")))
+            if not words or words[0] not in LONG:
+                return 400, {"said": f"what can be begun here: {', '.join(LONG)}"}
+            self.jobs.append(started(words, self.sheets.folder))
+            return 200, {"said": f"begun: {shlex.join(words)}"}
+        before = {each.run for each in self.runs()} if order == "start" else self.going_on() - {run}
+        words = ["resume", run] if order == "resume" else _run_words(run, asked)
 
+        def fresh() -> set[str]:
+            """The run, once it takes orders."""
+            return {*self.going_on()} - before
+
+        refused = begun([*words, "--store", self.store], self.sheets.folder, lambda: bool(fresh()))
+        made = next(iter(sorted(fresh() or {each.run for each in self.runs()} - before)), run)
+        if refused:
+            return 409, {"said": refused}
+        return 200, {"said": f"{made}: goes on", "open": f"/run/{quote(made, safe='')}"}
+
+
+def _run_words(run: str, asked: Mapping[str, Any]) -> list[str]:
+    """The words of the command that starts a run; what begins with a dash is no option."""
+    options = {"--name": run, "--driver": "", "--option": ""}
+    options |= {
+        f"--{name}": str(asked.get(name, "")) for name in ("command", "goals", "factor", "fault", "seed")
+    }
+    given = [f"{name}={value}" for name, value in options.items() if value]
+    approve = ["--approve"] if asked.get("approve") else []
+    return ["run", *given, *approve, "--", str(asked.get("target", ""))]
+
+
+STARTING = ("start", "resume", "work")
 ORDERS = (
     "stop",
     "interrupt",

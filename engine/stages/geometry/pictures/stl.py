@@ -25,10 +25,7 @@ def located(world: World, names: Iterable[str]) -> dict[str, Located]:
         for link in mounted.arm.links
     }
     bodies = world.cell.bodies
-    return {
-        name: world.locate(name) if name in bodies else links.get(name, FIXED)
-        for name in names
-    }
+    return {name: world.locate(name) if name in bodies else links.get(name, FIXED) for name in names}
 
 
 def poses(world: World, names: Iterable[str]) -> dict[str, Floats]:
