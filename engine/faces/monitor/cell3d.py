@@ -5,6 +5,7 @@ from collections.abc import Sequence
 
 from nicegui import background_tasks, ui
 
+from engine.faces.monitor.choosing import mentions
 from engine.faces.monitor.solids import Solids
 from engine.faces.monitor.viewing import View
 from engine.model.moves import Unmoved
@@ -12,7 +13,7 @@ from engine.pipelines.execution.records import read_atom
 from engine.pipelines.moves.replaying import Taken, tool_path
 from kb.diagnostics import InvalidInput
 
-RED, DOTS = "#e01818", "#1f6fb5"
+RED, CHOSEN = "#e01818", "#d02090"
 SIDES = {  # the direction from which it is seen
     "front": (0.0, -1.0, 0.15),
     "right": (1.0, 0.0, 0.15),
@@ -52,7 +53,8 @@ class Cell3D(View):
 
     def make(self) -> None:
         """Make what is shown, still empty."""
-        self._path_of, self._red, self._sent = 0, frozenset[str](), dict[str, tuple[float, ...]]()
+        self._path_of, self._painted = 0, dict[str, str]()
+        self._sent = dict[str, tuple[float, ...]]()
         try:
             self._solids: Solids | None = self.look.shared.solids(self.look.follower.run)
         except InvalidInput as refused:
@@ -104,10 +106,13 @@ class Cell3D(View):
 
     def _paint(self, pairs: Sequence[tuple[str, str]]) -> None:
         assert self._solids is not None
-        red = frozenset(name for pair in pairs for name in pair)
-        for name in red ^ self._red:
-            self._bodies[name].material(RED if name in red else self._solids.colours[name])
-        self._red = red
+        red = {name for pair in pairs for name in pair}
+        chosen = {name for name in self._bodies if self.look.step and mentions([name], [self.look.step])}
+        painted = dict.fromkeys(chosen, CHOSEN) | dict.fromkeys(red, RED)
+        for name in painted.keys() | self._painted.keys():
+            if painted.get(name) != self._painted.get(name):
+                self._bodies[name].material(painted.get(name, self._solids.colours[name]))
+        self._painted = painted
         said = "; ".join(f"{one} touches {other}" for one, other in pairs)
         self._touching.set_text(f"✗ {said}" if said else "✓ nothing touches")
 

@@ -1,10 +1,13 @@
 """The pages of a monitor, and the first one: all runs of a store."""
 
+import json
+import shlex
 from collections.abc import Callable
 from urllib.parse import quote
 
 from nicegui import ui
 
+from engine.faces.monitor.jobs import LONG
 from engine.faces.monitor.measuring import ChoosingPage, MeasuringPage
 from engine.faces.monitor.page import RunPage, head
 from engine.faces.monitor.shared import Shared
@@ -21,6 +24,9 @@ def build(shared: Shared) -> None:
     def one(name: str) -> None:
         _told(lambda: RunPage(shared, name), "/")
 
+    def work() -> None:
+        _work(shared)
+
     def choosing() -> None:
         ChoosingPage(shared)
 
@@ -28,6 +34,7 @@ def build(shared: Shared) -> None:
         _told(lambda: MeasuringPage(shared, name), "/measure")
 
     ui.page("/")(overview)
+    ui.page("/work")(work)
     ui.page("/measure")(choosing)
     ui.page("/measure/{name:path}")(measuring)
     ui.page("/run/{name:path}")(one)
@@ -38,6 +45,7 @@ def _overview(shared: Shared) -> None:
     head(shared)
     ui.label("Runs").classes("text-h5")
     ui.link("measurements", "/measure")
+    ui.link("preparation and long work", "/work")
     if not shared.read_only:
         starting()
     going = shared.going_on()
@@ -52,6 +60,39 @@ def _overview(shared: Shared) -> None:
             ui.label(f"{each.document.get('target', '')}, begun {each.begun}")
             if each.run in going:
                 ui.badge("goes on", color="green")
+
+
+def _work(shared: Shared) -> None:
+    """Commands that take long, with what they tell of their progress."""
+    head(shared)
+    with ui.header().classes("items-center q-py-xs q-px-sm gap-2"):
+        ui.link("runs", "/").classes("text-white")
+        ui.label("Preparation and long work").classes("text-h6")
+    if not shared.read_only:
+        with ui.row().classes("items-center"):
+            words = ui.input("command", value="prepare bulkhead --store prepared.db").classes("w-96")
+            words.props('dense data-testid="words"')
+
+            async def begin() -> None:
+                asked = json.dumps({"order": "work", "text": str(words.value or "")})
+                await ui.run_javascript(f"return send('/orders', {asked})", timeout=20.0)
+
+            ui.button("Begin", on_click=begin).props('dense no-caps data-testid="begin"')
+        ui.label(f"What can be begun: {', '.join(LONG)}; it works in {shared.sheets.folder}")
+    shown = ui.column().classes("w-full")
+
+    def show() -> None:
+        shown.clear()
+        with shown:
+            for job in shared.jobs[::-1]:
+                stands = (
+                    "works" if job.code is None else "✓ done" if job.code == 0 else f"✗ ended with {job.code}"
+                )
+                ui.label(f"{shlex.join(job.words)}: {stands}, {job.seconds:.0f} s").props('data-testid="job"')
+                text = ui.label(job.text[-4000:]).classes("text-caption").props('data-testid="job-text"')
+                text.style("white-space: pre; font-family: monospace; overflow-x: auto")
+
+    ui.timer(0.5, show)
 
 
 def _told(make: Callable[[], object], back: str) -> None:

@@ -65,7 +65,7 @@ class RunPage:
         self.shared, self.name = shared, name
         follower = shared.follow(name)
         self.player = Player(follower)
-        self.look = Look(shared, follower, follower.latest)
+        self.look = Look(shared, follower, follower.latest, choose=self._choose)
         self._seen: tuple[object, ...] = ()
         self._going, self._asked_s = False, 0.0
         head(shared)

@@ -32,7 +32,7 @@ class Player:
 
     def _at_the_end(self, now_s: float, goes_on: bool) -> None:
         count = len(self.follower.records)
-        if count != self.number:
+        if count != self.number or not self._came_s:
             self.number, self._came_s = count, now_s
         factor = float(self.follower.about.get("factor", 0) or 0)
         since = 1000 * (now_s - self._came_s) / factor if factor and goes_on else 0.0

@@ -57,6 +57,10 @@ class Shared:
             self._looked[run] = time.monotonic()
         return self._followed[run]
 
+    def target(self, run: str) -> Target:
+        """What the run was begun with."""
+        return _target(self.follow(run))
+
     def solids(self, run: str) -> Solids:
         """The bodies of the run's cell. Raises `InvalidInput` if its target or its cell is not there any more."""
         return solids_of(_target(self.follow(run))[0])
@@ -125,7 +129,9 @@ class Shared:
             """The run, once it takes orders."""
             return {*self.going_on()} - before
 
-        refused = begun([*words, "--store", self.store], self.sheets.folder, lambda: bool(fresh()))
+        refused = begun(
+            [words[0], "--store", self.store, *words[1:]], self.sheets.folder, lambda: bool(fresh())
+        )
         made = next(iter(sorted(fresh() or {each.run for each in self.runs()} - before)), run)
         if refused:
             return 409, {"said": refused}

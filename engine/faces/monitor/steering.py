@@ -72,7 +72,7 @@ class Steering:
     def show(self, latest: Watched, goes_on: bool) -> None:
         """Offer what can be ordered now, and what is asked."""
         for order, button in self._buttons.items():
-            button.set_enabled(goes_on and latest.phase in self._phases[order])
+            button.set_enabled(goes_on and bool(latest.plan) and latest.phase in self._phases[order])
         self._resume.set_visibility(not goes_on and latest.phase not in OVER)
         questions = latest.questions if goes_on else {}
         if (asked := tuple(questions)) == self._asked:

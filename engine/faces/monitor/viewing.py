@@ -1,6 +1,7 @@
 """What a page looks at, and the views that show it."""
 
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from engine.faces.monitor.following import Follower, Watched
@@ -10,13 +11,15 @@ from engine.pipelines.moves.replaying import Taken
 
 @dataclass
 class Look:
-    """What a page looks at: a run as it stood after a record, at a time on its clock; `step` is the chosen step as the plan writes it."""
+    """What a page looks at: a run as it stood after a record, at a time on its clock; `step` is what is chosen: a step
+    as the plan writes it, a fact, or an object; `choose` chooses."""
 
     shared: Shared
     follower: Follower
     run: Watched
     clock_ms: float = 0.0
     step: str = ""
+    choose: Callable[[str], None] = print
 
     def share(self, taken: Taken) -> float:
         """The share of a step's time that is over, from 0 to 1."""
