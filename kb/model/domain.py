@@ -6,7 +6,7 @@ from enum import Enum
 from typing import TYPE_CHECKING
 
 from kb.diagnostics import NOWHERE, Source
-from kb.model.conditions import TRUE, Body, Condition, Literal, Parameter
+from kb.model.conditions import TRUE, Body, Condition, Literal, Parameter, StateAggregate
 from kb.model.statement import Statement
 from kb.terms import Atom, Function, Term, Variable
 
@@ -218,6 +218,11 @@ class Domain:
         from kb.model.conventions import Conventions  # only measurements and schedules use them
 
         return Conventions(**self.renamed)
+
+    @property
+    def counts_fluents(self) -> bool:
+        """Whether a rule has an aggregate over what can change."""
+        return any(isinstance(part, StateAggregate) for rule in self.rules for part in rule.body)
 
     def is_subtype(self, name: str, ancestor: str) -> bool:
         """Whether type `name` is `ancestor` or below it.

@@ -5,6 +5,7 @@ Static rules are evaluated exactly; only what changes is relaxed.
 
 from collections.abc import Iterator, Sequence
 
+from engine.stages.grounding.aggregates import expanded
 from engine.stages.grounding.program import (
     Schema,
     Vocabulary,
@@ -40,7 +41,9 @@ def relaxed_rules(problem: Problem) -> str:
     made = list(schemas(problem.domain, normaliser, vocabulary))
     effects = list(conditionals(problem.domain, normaliser, vocabulary))
     goals = [normaliser.disjuncts(part, {}) for part in goal_parts(problem.goal)]
-    vocabulary = Vocabulary(problem.domain, normaliser.rules)
+    plain = expanded(problem.domain.rules, problem.domain, Vocabulary(problem.domain).is_dynamic)
+    derived = (*plain.rules, *plain.reach, *normaliser.rules)
+    vocabulary = Vocabulary(problem.domain, derived)
     lines: list[str] = []
     for schema in made:
         lines += [
@@ -52,7 +55,7 @@ def relaxed_rules(problem: Problem) -> str:
         for schema in made:
             if each.operator is schema.operator and each.effect.adds:
                 lines.append(rule(reachable(each.effect.atom), conditional_body(each, schema)))
-    lines += [derived_rule(each, vocabulary) for each in (*problem.domain.rules, *normaliser.rules)]
+    lines += [derived_rule(each, vocabulary) for each in derived]
     lines += [line for operator in problem.domain.deductive_operators for line in deduction_rules(operator)]
     for number, alternatives in enumerate(goals):
         for disjunct in alternatives:

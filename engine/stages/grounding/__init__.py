@@ -7,9 +7,11 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 from engine.model.task import Bits, Task, bitset, indices
+from engine.stages.grounding.aggregates import expanded
 from engine.stages.grounding.ambiguity import ambiguities
 from engine.stages.grounding.closure import Deduction, deduction
 from engine.stages.grounding.derived import Rules, Supports, supports_of
+from engine.stages.grounding.diagrams import decide
 from engine.stages.grounding.goals import Goals, layered
 from engine.stages.grounding.initial import default_instances as default_instances
 from engine.stages.grounding.initial import initial_state
@@ -118,9 +120,13 @@ class _Grounding:
         self.schemas = list(schemas(self.domain, normaliser, vocabulary))
         self.conditionals = list(conditionals(self.domain, normaliser, vocabulary))
         self.goals = [normaliser.disjuncts(part, {}) for part in goal_parts(problem.goal)]
-        self.rules = [*self.domain.rules, *normaliser.rules]
-        self.vocabulary = Vocabulary(self.domain, normaliser.rules)
-        self.invented = {each.head.name: len(each.head.arguments) for each in normaliser.rules}
+        plain = expanded(self.domain.rules, self.domain, Vocabulary(self.domain).is_dynamic)
+        self.reach, self.fittings = plain.reach, plain.fittings
+        self.rules = [*plain.rules, *normaliser.rules]
+        invented = [*normaliser.rules, *plain.rules, *plain.reach]
+        self.vocabulary = Vocabulary(self.domain, invented)
+        declared = self.domain.predicates
+        self.invented = {r.head.name: len(r.head.arguments) for r in invented if r.head.name not in declared}
 
     def task(self) -> Task:
         """The task. It is meaningless if `found` is not empty."""
@@ -128,6 +134,8 @@ class _Grounding:
         self.found += contradicted
         universe = self._reachable(initial)
         rules = derivations(self.rules, self.vocabulary, universe)
+        effects = deduction(self.domain, self.vocabulary, universe)
+        decide(self.fittings, universe, effects.denied, rules)
         supports = supports_of(
             range(DERIVED, DERIVED + len(universe.derived)), rules, self._negated(universe)
         )
@@ -136,7 +144,6 @@ class _Grounding:
         )
         goals = self._goals(universe, supports, rules, len(universe.atoms) + len(workflow.atoms))
         numbering = Numbering(len(universe.atoms) + len(workflow.atoms) + len(goals.atoms))
-        effects = deduction(self.domain, self.vocabulary, universe)
         changes = conditional_changes(self.conditionals, self.schemas, universe)
         amounts = amounts_of(self.problem, universe.facts)
         made = Instances(universe, effects, supports, workflow, numbering, changes, amounts)
@@ -212,7 +219,7 @@ class _Grounding:
         for schema in self.schemas:
             text += [instance_rule(schema, self.vocabulary), *effect_rules(schema, self.vocabulary)]
             text += self._conditional_rules(schema)
-        text += [derived_rule(each, self.vocabulary) for each in self.rules]
+        text += [derived_rule(each, self.vocabulary) for each in (*self.rules, *self.reach)]
         text += [r for operator in self.domain.deductive_operators for r in deduction_rules(operator)]
         try_first(suspects(self.problem, self.schemas), "\n".join(text))
         grounder.ground("\n".join(text))
