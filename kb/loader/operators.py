@@ -12,7 +12,7 @@ from kb.loader.reader import Expression, Reader
 from kb.loader.safety import closed, extended, occurrences, refuse_unbound, warn_singletons
 from kb.model.conditions import TRUE, And, Condition, Parameter, free_variables
 from kb.model.domain import Command, Effect, Kind, Operator
-from kb.terms import ANYTHING, Function, Term, Variable, variables
+from kb.terms import ANYTHING, Atom, Function, Term, Variable, variables
 
 READABLE = (Kind.STATIC, Kind.FLUENT, Kind.DERIVED)
 CHANGEABLE = (Kind.FLUENT, Kind.EVENT)
@@ -132,7 +132,17 @@ class _OperatorReader:
             if expression := self.fields[name]:
                 Counted(self.names, self.typing, name, type_, expression).check()
         self.measures.infer(self.typing)
+        self._infer_from_events()
         self._check_header()
+
+    def _infer_from_events(self) -> None:
+        """Narrow the types of the header's variables by the events in conditional effects, where nothing else does."""
+        for atom in self._added_under_conditions():
+            predicate = self.names.predicates.get(atom.name)
+            if predicate is not None and predicate.kind is Kind.EVENT:
+                for argument, type_ in zip(atom.arguments, predicate.arguments, strict=False):
+                    if isinstance(argument, Variable) and argument in self.header.value.arguments:
+                        self.typing.weak.setdefault(argument, type_)
 
     def _check_header(self) -> None:
         header = self.header.value.arguments
@@ -163,7 +173,7 @@ class _OperatorReader:
         body, precondition = self._value("where", ()), self._value("preconditions", ())
         events = [
             atom
-            for atom in self._value("adds", ())
+            for atom in (*self._value("adds", ()), *self._added_under_conditions())
             if (predicate := self.names.predicates.get(atom.name)) and predicate.kind is Kind.EVENT
         ]
         given = extended(parameters) | {v for atom in events for v in variables(atom)}
@@ -202,7 +212,7 @@ class _OperatorReader:
             if changed:
                 refuse_anything(changed, name, self.names)
                 for atom in changed.value:
-                    typing.atom(atom, changed, (Kind.FLUENT,))
+                    typing.atom(atom, changed, _CHANGES[name])
         if not any(changes.values()):
             hint = "say what it `adds` or `deletes`"
             self.names.findings.add(when.node.where, "K114", "this effect changes nothing", hint)
@@ -216,6 +226,11 @@ class _OperatorReader:
                 bound = closed(extended(own) | known, when.value)
                 refuse_unbound(local, bound, when, self.names, "use it in an atom of `when:`")
                 yield Effect(atom, name == "adds", own, condition)
+
+    def _added_under_conditions(self) -> Iterable[Atom]:
+        for index, _ in enumerate(self.reader.items(*self.path, "effects")):
+            added = self.reader.expression("atoms", *self.path, "effects", index, "adds")
+            yield from added.value if added else ()
 
     def _command(self) -> Command | None:
         read = {

@@ -16,6 +16,7 @@ from engine.stages.grounding.program import (
     effect_rules,
     instance,
     instance_rule,
+    is_conditional,
     reachable,
     rule,
     schemas,
@@ -54,7 +55,9 @@ def relaxed_rules(problem: Problem) -> str:
     for each in effects:
         for schema in made:
             if each.operator is schema.operator and each.effect.adds:
-                lines.append(rule(reachable(each.effect.atom), conditional_body(each, schema)))
+                happens = each.effect.atom.name in vocabulary.events
+                head = f"_h_{each.effect.atom}" if happens else reachable(each.effect.atom)
+                lines.append(rule(head, conditional_body(each, schema)))
     lines += [derived_rule(each, vocabulary) for each in derived]
     lines += [line for operator in problem.domain.deductive_operators for line in deduction_rules(operator)]
     for number, alternatives in enumerate(goals):
@@ -99,7 +102,7 @@ def _defaults(problem: Problem) -> Iterator[str]:
 
 def _events(schema: Schema, vocabulary: Vocabulary) -> Iterator[str]:
     for effect in schema.operator.effects:
-        if effect.adds and effect.atom.name in vocabulary.events:
+        if effect.adds and effect.atom.name in vocabulary.events and not is_conditional(effect):
             yield rule(f"_h_{effect.atom}", [instance(schema)])
 
 

@@ -163,8 +163,6 @@ class Practice:
         plan, here = found.outcome.plan, asked.situation
         if len(plan.steps) > LARGEST or not self.learns:
             return found
-        if problem.domain.counts_fluents:
-            return found
         try:
             whole = generalise(problem, plan, here.world, here.state).macrop
         except NotGeneral as error:
@@ -241,9 +239,6 @@ class Practice:
             idle = "learning is off" if self.library.writable else "the library may only be read"
             return Answered(outcome, "planner", reason=idle)
         left = executed(outcome.plan, here)
-        if problem.domain.counts_fluents:
-            reason = "rules of this domain count what can change, which no MACROP generalises"
-            return Answered(outcome, "planner", reason=reason, after=left)
         if len(outcome.plan.steps) > LARGEST:
             return Answered(
                 outcome,

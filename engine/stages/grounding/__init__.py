@@ -9,6 +9,7 @@ from contextlib import contextmanager
 from engine.model.task import Bits, Task, bitset, indices
 from engine.stages.grounding.aggregates import expanded
 from engine.stages.grounding.ambiguity import ambiguities
+from engine.stages.grounding.batches import Batches
 from engine.stages.grounding.closure import Deduction, deduction
 from engine.stages.grounding.derived import Rules, Supports, supports_of
 from engine.stages.grounding.diagrams import decide
@@ -34,7 +35,14 @@ from engine.stages.grounding.program import (
     rule,
     schemas,
 )
-from engine.stages.grounding.rows import conditional_changes, derivations, instances, matches
+from engine.stages.grounding.rows import (
+    conditional_changes,
+    derivations,
+    happening_terms,
+    happenings,
+    instances,
+    matches,
+)
 from engine.stages.grounding.universe import Universe
 from engine.stages.grounding.weights import weights
 from engine.stages.grounding.workflow import Workflow
@@ -118,7 +126,9 @@ class _Grounding:
         normaliser = Normaliser()
         vocabulary = Vocabulary(self.domain)
         self.schemas = list(schemas(self.domain, normaliser, vocabulary))
-        self.conditionals = list(conditionals(self.domain, normaliser, vocabulary))
+        found = list(conditionals(self.domain, normaliser, vocabulary))
+        self.batches = [each for each in found if each.effect.atom.name in vocabulary.events]
+        self.conditionals = [each for each in found if each not in self.batches]
         self.goals = [normaliser.disjuncts(part, {}) for part in goal_parts(problem.goal)]
         plain = expanded(self.domain.rules, self.domain, Vocabulary(self.domain).is_dynamic)
         self.reach, self.fittings = plain.reach, plain.fittings
@@ -136,17 +146,18 @@ class _Grounding:
         rules = derivations(self.rules, self.vocabulary, universe)
         effects = deduction(self.domain, self.vocabulary, universe)
         decide(self.fittings, universe, effects.denied, rules)
-        supports = supports_of(
-            range(DERIVED, DERIVED + len(universe.derived)), rules, self._negated(universe)
-        )
         workflow = Workflow(
             self.problem, universe, len(universe.atoms), self.vocabulary.events, holding(Listed(initial))
+        )
+        batches = Batches(workflow, happenings(self.batches, self.schemas, universe), universe, rules)
+        supports = supports_of(
+            range(DERIVED, DERIVED + len(universe.derived)), rules, self._negated(universe)
         )
         goals = self._goals(universe, supports, rules, len(universe.atoms) + len(workflow.atoms))
         numbering = Numbering(len(universe.atoms) + len(workflow.atoms) + len(goals.atoms))
         changes = conditional_changes(self.conditionals, self.schemas, universe)
         amounts = amounts_of(self.problem, universe.facts)
-        made = Instances(universe, effects, supports, workflow, numbering, changes, amounts)
+        made = Instances(universe, effects, supports, workflow, batches, numbering, changes, amounts)
         operators = [*made.operators(instances(self.schemas, self.vocabulary, universe)), *workflow.reaching]
         self.found += contradictions(made, universe)
         self.found += amiss(made)
@@ -226,9 +237,9 @@ class _Grounding:
         violated = [number.value for (number,) in grounder.atoms(VIOLATED, 1) if isinstance(number, Number)]
         self.found += [self._violation(self.domain.asp[number]) for number in sorted(violated)]
         universe = Universe(grounder, self.vocabulary, self.invented)
-        universe.name_terms(
-            rule(f"_arg({v})", [instance(s)]) for s in self.schemas for v in s.operator.variables
-        )
+        arguments = [rule(f"_arg({v})", [instance(s)]) for s in self.schemas for v in s.operator.variables]
+        pairs = ((each, s) for each in self.batches for s in self.schemas if each.operator is s.operator)
+        universe.name_terms([*arguments, *(text for pair in pairs for text in happening_terms(*pair))])
         return universe
 
     def _conditional_rules(self, schema: Schema) -> Iterator[str]:

@@ -194,7 +194,8 @@ class Semantics:
             for found in self._fires(effect, bindings, facts):
                 atom = substitute_atom(effect.atom, found)
                 if self._kinds.get(atom.name) is Kind.EVENT:
-                    events.append(atom)
+                    if atom not in events or not (effect.parameters or effect.condition != TRUE):
+                        events.append(atom)
                 elif effect.adds:
                     added.append(atom)
                 else:

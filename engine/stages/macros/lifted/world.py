@@ -122,8 +122,9 @@ class CellDomain:
         schema, bindings = self.binding(step)
         adds = dict.fromkeys(atom for each in schema.adds for atom in self._instances(each, bindings, facts))
         ends = dict.fromkeys(atom for each in schema.denies for atom in self._ended(each, bindings, facts))
-        events = tuple(substitute_atom(each, bindings) for each in schema.events)
-        return StepChange(tuple(adds), tuple(atom for atom in ends if atom not in adds), events)
+        events = [substitute_atom(each, bindings) for each in schema.events]
+        events += dict.fromkeys(a for each in schema.batches for a in self._instances(each, bindings, facts))
+        return StepChange(tuple(adds), tuple(atom for atom in ends if atom not in adds), tuple(events))
 
     def _instances(self, each: Following, bindings: Bindings, facts: Facts) -> Iterator[Atom]:
         for found in solve(each.guard, self.statics, bindings):
