@@ -13,7 +13,7 @@ from kb.loader.reader import Expression, Reader
 from kb.loader.safety import closed, extended, occurrences, refuse_unbound, warn_singletons
 from kb.model.conditions import TRUE, And, Condition, Parameter, free_variables
 from kb.model.domain import Command, Effect, Kind, Look, Operator
-from kb.terms import ANYTHING, Function, Term, Variable, variables
+from kb.terms import ANYTHING, Atom, Function, Term, Variable, variables
 
 READABLE = (Kind.STATIC, Kind.FLUENT, Kind.DERIVED)
 CHANGEABLE = (Kind.FLUENT, Kind.EVENT)
@@ -135,7 +135,17 @@ class _OperatorReader:
             if expression := self.fields[name]:
                 Counted(self.names, self.typing, name, type_, expression).check()
         self.measures.infer(self.typing)
+        self._infer_from_events()
         self._check_header()
+
+    def _infer_from_events(self) -> None:
+        """Narrow the types of the header's variables by the events in conditional effects, where nothing else does."""
+        for atom in self._added_under_conditions():
+            predicate = self.names.predicates.get(atom.name)
+            if predicate is not None and predicate.kind is Kind.EVENT:
+                for argument, type_ in zip(atom.arguments, predicate.arguments, strict=False):
+                    if isinstance(argument, Variable) and argument in self.header.value.arguments:
+                        self.typing.weak.setdefault(argument, type_)
 
     def _check_header(self) -> None:
         header = self.header.value.arguments
@@ -166,7 +176,7 @@ class _OperatorReader:
         body, precondition = self._value("where", ()), self._value("preconditions", ())
         events = [
             atom
-            for atom in self._value("adds", ())
+            for atom in (*self._value("adds", ()), *self._added_under_conditions())
             if (predicate := self.names.predicates.get(atom.name)) and predicate.kind is Kind.EVENT
         ]
         given = extended(parameters) | {v for atom in events for v in variables(atom)}
@@ -205,7 +215,7 @@ class _OperatorReader:
             if changed:
                 refuse_anything(changed, name, self.names)
                 for atom in changed.value:
-                    typing.atom(atom, changed, (Kind.FLUENT,))
+                    typing.atom(atom, changed, _CHANGES[name])
         if not any(changes.values()):
             hint = "say what it `adds` or `deletes`"
             self.names.findings.add(when.node.where, "K114", "this effect changes nothing", hint)
@@ -235,6 +245,10 @@ class _OperatorReader:
             self.typing.nested().atom(said.value[0], said, READABLE)
             during = child(node, "during")
             yield Look(said.value[0], during is not None and during.value == "true")
+    def _added_under_conditions(self) -> Iterable[Atom]:
+        for index, _ in enumerate(self.reader.items(*self.path, "effects")):
+            added = self.reader.expression("atoms", *self.path, "effects", index, "adds")
+            yield from added.value if added else ()
 
     def _command(self) -> Command | None:
         read = {

@@ -7,7 +7,7 @@ from functools import lru_cache
 from typing import TYPE_CHECKING
 
 from kb.diagnostics import NOWHERE, Source
-from kb.model.conditions import TRUE, Body, Condition, Literal, Parameter
+from kb.model.conditions import TRUE, Body, Condition, Literal, Parameter, StateAggregate
 from kb.model.statement import Statement
 from kb.terms import Atom, Function, Term, Variable
 
@@ -233,6 +233,11 @@ class Domain:
     def conventions(self) -> "Conventions":
         """This domain's names for the conventions of the engine."""
         return _conventions(tuple(self.renamed.items()))
+
+    @property
+    def counts_fluents(self) -> bool:
+        """Whether a rule has an aggregate over what can change."""
+        return any(isinstance(part, StateAggregate) for rule in self.rules for part in rule.body)
 
     def is_subtype(self, name: str, ancestor: str) -> bool:
         """Whether type `name` is `ancestor` or below it.
