@@ -245,6 +245,7 @@ class _OperatorReader:
             self.typing.nested().atom(said.value[0], said, READABLE)
             during = child(node, "during")
             yield Look(said.value[0], during is not None and during.value == "true")
+
     def _added_under_conditions(self) -> Iterable[Atom]:
         for index, _ in enumerate(self.reader.items(*self.path, "effects")):
             added = self.reader.expression("atoms", *self.path, "effects", index, "adds")
