@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from engine.faces.monitor.following import Follower, Watched
 from engine.faces.monitor.shared import Shared
-from engine.pipelines.moves.replaying import Taken
+from engine.pipelines.retracing import Taken
 
 
 @dataclass

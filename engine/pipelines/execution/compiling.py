@@ -80,6 +80,7 @@ def compiled(
             results[number] = command.result
         lasts = int(step.duration * unit)
         stream = stream_of(command.stream, step)
+        looks, watches = looks_of(operators.get(step.operator.name), step)
         activities[number] = Activity(
             number,
             str(step.operator),
@@ -94,7 +95,8 @@ def compiled(
             asks=stream.partition("(")[0] == PERSON,
             rests=number in rests,
             process=bool(hands) and not hands.intersection(map(str, step.resources)),
-            **looks_of(operators.get(step.operator.name), step),
+            looks=looks,
+            watches=watches,
         )
     dwells = tuple(
         dict.fromkeys(Dwell(int(s.source), int(s.target), int(s.most * unit), s.since_ms) for s in stays)
@@ -158,16 +160,13 @@ def stream_of(said: Term, step: Step) -> str:
     return str(Function(said.name, devices))
 
 
-def looks_of(operator: Operator | None, step: Step) -> dict[str, tuple[str, ...]]:
+def looks_of(operator: Operator | None, step: Step) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """The facts that a step's device looks at before it begins, and those that it watches then."""
     if operator is None or not operator.online:
-        return {}
+        return (), ()
     known = dict(zip(operator.variables, step.operator.arguments, strict=True))
     facts = [(str(substitute(each.fact, known)), each.during) for each in operator.online]
-    return {
-        "looks": tuple(fact for fact, _ in facts),
-        "watches": tuple(fact for fact, during in facts if during),
-    }
+    return tuple(fact for fact, _ in facts), tuple(fact for fact, during in facts if during)
 
 
 def _says(said: Term, stream: str) -> str:

@@ -221,6 +221,7 @@ class ExceptionHandler:
 
         stream = stream_of(substitute(declared.stream, known), step) if declared else str(step.resources[:1])
         lasts = int(step.duration * unit_ms(self.scope.problem.domain))
+        looks, watches = looks_of(operators[step.operator.name], step)
         command = Command(
             0,
             CommandKind.STEP,
@@ -228,7 +229,8 @@ class ExceptionHandler:
             str(step.operator),
             lasts_ms=lasts,
             timeout_ms=PATIENCE * lasts + GRACE_MS,
-            **looks_of(operators[step.operator.name], step),
+            looks=looks,
+            watches=watches,
         )
         return perform(self.course, command)
 

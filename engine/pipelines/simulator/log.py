@@ -127,5 +127,6 @@ def _command(entry: dict[str, Any]) -> Command:
         choices=tuple(entry["choices"]),
         lasts_ms=entry["lasts_ms"],
         about=entry["about"],
-        **{key: tuple(entry.get(key, ())) for key in LOOKED},
+        looks=tuple(entry.get("looks", ())),
+        watches=tuple(entry.get("watches", ())),
     )
