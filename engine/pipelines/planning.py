@@ -5,22 +5,20 @@ The loaders of our own language are imported inside the functions that use them,
 
 import time
 from dataclasses import replace
-from pathlib import Path
 
 from engine.model.outcome import Found, Outcome, Statistics
 from engine.model.task import Task
-from engine.pipelines.files import generated_if_bare, loaded
+from engine.pipelines.files import loaded as loaded
 from engine.pipelines.gate import InternalError, PlanGate
+from engine.pipelines.plan_files import check_plan as check_plan
+from engine.pipelines.plan_files import plan_in as plan_in
 from engine.stages.grounding import ground
 from engine.stages.grounding.limits import size
 from engine.stages.grounding.need import Named, faithful, thinned, without_irrelevant
 from engine.stages.planning import NO_MACROS, Limits, Macros
 from engine.stages.planning import plan as plan_task
-from engine.stages.validation import validate
-from engine.stages.validation.claims import makespan, times
 from kb.diagnostics import Diagnostic, InvalidInput, Source
 from kb.model.domain import Operator
-from kb.model.plan import Claims, Plan
 from kb.model.problem import Problem
 from kb.targets import find
 from kb.terms import variables
@@ -134,30 +132,3 @@ def _searched(
 def _is_priced(operator: Operator) -> bool:
     """Whether the cost of an operator depends on its arguments."""
     return operator.cost is not None and next(variables(operator.cost), None) is not None
-
-
-def check_plan(
-    problem: Problem, made: Plan, name: str = "plan", claims: Claims | None = None
-) -> list[Diagnostic]:
-    """Everything that the independent checker has against a plan and against what is claimed of it; empty if it is valid.
-
-    Raises `InvalidInput`.
-    """
-    return validate(problem, made, name, claims)
-
-
-def ending(made: Plan, claims: Claims | None = None) -> int:
-    """When the last step ends; each starts when it is said to, else as soon as it can."""
-    return makespan(made, times(made, claims or Claims()))
-
-
-def plan_in(file: Path) -> tuple[Problem, Plan]:
-    """The problem and the plan in a plan file; its domain may be one that is generated. Raises `InvalidInput`."""
-    return claimed_in(file)[:2]
-
-
-def claimed_in(file: Path) -> tuple[Problem, Plan, Claims]:
-    """`plan_in`, and what else the file claims."""
-    from kb.loader.plan import load_claimed
-
-    return load_claimed(file, generated_if_bare)

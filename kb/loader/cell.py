@@ -17,7 +17,6 @@ from kb.loader.loading import domain_of
 from kb.loader.quantities import ANGLE, Quantities, child, members
 from kb.loader.reader import Findings, Reader, require, validate_shape
 from kb.loader.tree import Node, read_file
-from kb.loader.urdf import read_urdf
 from kb.model.cell import (
     WORLD,
     ZONE_SPEED_M_S,
@@ -139,6 +138,8 @@ class _CellReader:
                 node.where, "K005", "an arm needs one description", "give `model` or `urdf`"
             )
         if urdf is not None:
+            from kb.loader.urdf import read_urdf  # slow to import, and few cells need it
+
             return read_urdf(urdf, node, self.read)
         if model is None:
             return Arm("", ())

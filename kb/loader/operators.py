@@ -8,11 +8,12 @@ from kb.loader.counted import Counted
 from kb.loader.inference import Typing, scoped
 from kb.loader.measures import MeasureReader
 from kb.loader.names import Names
+from kb.loader.quantities import child
 from kb.loader.reader import Expression, Reader
 from kb.loader.safety import closed, extended, occurrences, refuse_unbound, warn_singletons
 from kb.model.conditions import TRUE, And, Condition, Parameter, free_variables
-from kb.model.domain import Command, Effect, Kind, Operator
-from kb.terms import ANYTHING, Function, Term, Variable, variables
+from kb.model.domain import Command, Effect, Kind, Look, Operator
+from kb.terms import ANYTHING, Atom, Function, Term, Variable, variables
 
 READABLE = (Kind.STATIC, Kind.FLUENT, Kind.DERIVED)
 CHANGEABLE = (Kind.FLUENT, Kind.EVENT)
@@ -77,6 +78,7 @@ class _OperatorReader:
             duration=self._value("duration", None),
             cost=self._value("cost", None),
             command=self._command(),
+            online=tuple(self._online()),
             where=self.header.node.where,
         )
         self._warn(operator)
@@ -104,6 +106,7 @@ class _OperatorReader:
         command = operator.command
         said = [command.stream, command.reply, command.result] if command else []
         said += [each.value for each in self.measures.given.values()]
+        said += [each.fact for each in operator.online]
         counted = occurrences([self.header.value, *standing, *effects, *said])
         if where := self.fields["where"]:
             inner = [v for part in where.value for v in free_variables(part) if v not in operator.variables]
@@ -132,7 +135,17 @@ class _OperatorReader:
             if expression := self.fields[name]:
                 Counted(self.names, self.typing, name, type_, expression).check()
         self.measures.infer(self.typing)
+        self._infer_from_events()
         self._check_header()
+
+    def _infer_from_events(self) -> None:
+        """Narrow the types of the header's variables by the events in conditional effects, where nothing else does."""
+        for atom in self._added_under_conditions():
+            predicate = self.names.predicates.get(atom.name)
+            if predicate is not None and predicate.kind is Kind.EVENT:
+                for argument, type_ in zip(atom.arguments, predicate.arguments, strict=False):
+                    if isinstance(argument, Variable) and argument in self.header.value.arguments:
+                        self.typing.weak.setdefault(argument, type_)
 
     def _check_header(self) -> None:
         header = self.header.value.arguments
@@ -163,7 +176,7 @@ class _OperatorReader:
         body, precondition = self._value("where", ()), self._value("preconditions", ())
         events = [
             atom
-            for atom in self._value("adds", ())
+            for atom in (*self._value("adds", ()), *self._added_under_conditions())
             if (predicate := self.names.predicates.get(atom.name)) and predicate.kind is Kind.EVENT
         ]
         given = extended(parameters) | {v for atom in events for v in variables(atom)}
@@ -202,7 +215,7 @@ class _OperatorReader:
             if changed:
                 refuse_anything(changed, name, self.names)
                 for atom in changed.value:
-                    typing.atom(atom, changed, (Kind.FLUENT,))
+                    typing.atom(atom, changed, _CHANGES[name])
         if not any(changes.values()):
             hint = "say what it `adds` or `deletes`"
             self.names.findings.add(when.node.where, "K114", "this effect changes nothing", hint)
@@ -216,6 +229,27 @@ class _OperatorReader:
                 bound = closed(extended(own) | known, when.value)
                 refuse_unbound(local, bound, when, self.names, "use it in an atom of `when:`")
                 yield Effect(atom, name == "adds", own, condition)
+
+    def _online(self) -> Iterable[Look]:
+        """What is looked at when a step is carried out: one fact that its arguments determine."""
+        for index, node in enumerate(self.reader.items(*self.path, "online")):
+            said = self.reader.expression("atoms", *self.path, "online", index, "fact")
+            if said is None:
+                continue
+            strangers = [v for v in variables(said.value[0]) if v not in self.header.value.arguments]
+            if strangers or len(said.value) > 1:
+                message = f"`online` looks at one fact about the variables of {self.header.value}"
+                hint = "write an entry for each fact"
+                self.names.findings.add(said.node.where, "K105", message, hint)
+                continue
+            self.typing.nested().atom(said.value[0], said, READABLE)
+            during = child(node, "during")
+            yield Look(said.value[0], during is not None and during.value == "true")
+
+    def _added_under_conditions(self) -> Iterable[Atom]:
+        for index, _ in enumerate(self.reader.items(*self.path, "effects")):
+            added = self.reader.expression("atoms", *self.path, "effects", index, "adds")
+            yield from added.value if added else ()
 
     def _command(self) -> Command | None:
         read = {

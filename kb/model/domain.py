@@ -3,10 +3,11 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import Enum
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 from kb.diagnostics import NOWHERE, Source
-from kb.model.conditions import TRUE, Body, Condition, Literal, Parameter
+from kb.model.conditions import TRUE, Body, Condition, Literal, Parameter, StateAggregate
 from kb.model.statement import Statement
 from kb.terms import Atom, Function, Term, Variable
 
@@ -103,6 +104,14 @@ class Command:
 
 
 @dataclass(frozen=True, slots=True)
+class Look:
+    """A fact that is looked at in the cell itself when a step begins; also while it lasts if it has to hold `during` it."""
+
+    fact: Atom
+    during: bool = False
+
+
+@dataclass(frozen=True, slots=True)
 class Operator:
     """A static operator. `where` is a body over statics whose variables outside `parameters` are existential."""
 
@@ -115,6 +124,7 @@ class Operator:
     duration: Term | None = None
     cost: Term | None = None
     command: Command | None = None
+    online: tuple[Look, ...] = ()
     where: Source = field(default=NOWHERE, compare=False)
 
     @property
@@ -188,6 +198,13 @@ class Phrase:
     where: Source = field(default=NOWHERE, compare=False)
 
 
+@lru_cache(maxsize=64)
+def _conventions(renamed: tuple[tuple[str, str], ...]) -> "Conventions":
+    from kb.model.conventions import Conventions  # only measurements and schedules use them
+
+    return Conventions(**dict(renamed))
+
+
 @dataclass(frozen=True, slots=True)
 class Domain:
     """One kind of cell. Mappings keep the order of declaration."""
@@ -215,9 +232,12 @@ class Domain:
     @property
     def conventions(self) -> "Conventions":
         """This domain's names for the conventions of the engine."""
-        from kb.model.conventions import Conventions  # only measurements and schedules use them
+        return _conventions(tuple(self.renamed.items()))
 
-        return Conventions(**self.renamed)
+    @property
+    def counts_fluents(self) -> bool:
+        """Whether a rule has an aggregate over what can change."""
+        return any(isinstance(part, StateAggregate) for rule in self.rules for part in rule.body)
 
     def is_subtype(self, name: str, ancestor: str) -> bool:
         """Whether type `name` is `ancestor` or below it.

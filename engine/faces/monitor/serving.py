@@ -2,20 +2,23 @@
 
 import asyncio
 import json
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Callable, Mapping
+from typing import Any
 
 import uvicorn
 from fastapi import FastAPI, Request
-from fastapi.responses import JSONResponse, StreamingResponse
+from fastapi.responses import JSONResponse, Response, StreamingResponse
 from nicegui import app as pages
 from nicegui import ui
 
 from engine.faces.monitor.door import Door
-from engine.faces.monitor.page import build
+from engine.faces.monitor.overview import build
 from engine.faces.monitor.shared import PAUSE_S, Shared
+from engine.faces.monitor.solids import known
 from kb.diagnostics import InvalidInput
 
 LOCAL = ("127.0.0.1", "localhost", "::1")
+Change = Callable[[str, Mapping[str, Any]], tuple[int, dict[str, Any]]]
 SILENCE_S = 15.0  # after which a stream says that it is still there
 
 
@@ -24,20 +27,25 @@ def application(shared: Shared, host: str, port: int) -> Door:
     made = FastAPI(docs_url=None, redoc_url=None, openapi_url=None)
 
     async def orders(request: Request) -> JSONResponse:
-        try:
-            asked = await request.json()
-        except ValueError:
-            asked = None
-        if not isinstance(asked, dict):
-            return JSONResponse({"said": "an order is a JSON object"}, 400)
-        key = request.headers.get("idempotency-key", "")
-        status, said = await asyncio.to_thread(shared.order, key, asked)
-        return JSONResponse(said, status)
+        return await _changing(request, shared.order)
+
+    async def measurements(request: Request) -> JSONResponse:
+        return await _changing(request, shared.measure)
 
     async def events(run: str, after: int = 0) -> StreamingResponse:
         return StreamingResponse(_stream(shared, run, after), media_type="text/event-stream")
 
+    async def solids(key: str, number: int) -> Response:
+        found = known(key)
+        if found is None or not 0 <= number < len(found.files):
+            return JSONResponse({"said": "there is no such body"}, 404)
+        return Response(
+            found.files[number], media_type="model/stl", headers={"cache-control": "max-age=86400"}
+        )
+
+    made.add_api_route("/solids/{key}/{number}", solids)
     made.add_api_route("/orders", orders, methods=["POST"])
+    made.add_api_route("/measurements", measurements, methods=["POST"])
     made.add_api_route("/events/{run:path}", events)
     build(shared)
     ui.run_with(made, title="Cellwright", favicon="🔧", dark=None, show_welcome_message=False)
@@ -48,6 +56,19 @@ def application(shared: Shared, host: str, port: int) -> Door:
     names = LOCAL if local else (host,)
     hosts = [f"[{name}]:{port}" if ":" in name else f"{name}:{port}" for name in names]
     return Door(made, hosts, shared.token, local)
+
+
+async def _changing(request: Request, change: Change) -> JSONResponse:
+    """The answer to a request that changes something."""
+    try:
+        asked = await request.json()
+    except ValueError:
+        asked = None
+    if not isinstance(asked, dict):
+        return JSONResponse({"said": "what is asked for is a JSON object"}, 400)
+    key = request.headers.get("idempotency-key", "")
+    status, said = await asyncio.to_thread(change, key, asked)
+    return JSONResponse(said, status)
 
 
 async def _stream(shared: Shared, run: str, after: int) -> AsyncIterator[str]:

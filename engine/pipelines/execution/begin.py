@@ -27,6 +27,7 @@ from kb.diagnostics import Diagnostic, InvalidInput, Source, nearest
 from kb.model.problem import Problem
 from kb.store.journal import Journal, Line
 
+LOGGED = ("sim", "mujoco")  # drivers that can be where they were before, by a log
 OVER = ("reached", "partly", "aborted")  # endings after which there is nothing to resume
 
 
@@ -172,6 +173,6 @@ def _log(store: str, run: str) -> str:
 
 def _logged(wanted: Wanted, run: str) -> Mapping[str, str]:
     """The options of the driver; a simulator without a log writes one beside a journal that is a file."""
-    if wanted.driver != "sim" or "log" in wanted.options or "://" in wanted.store:
+    if wanted.driver not in LOGGED or "log" in wanted.options or "://" in wanted.store:
         return wanted.options
     return {**wanted.options, "log": _log(wanted.store, run)}

@@ -8,7 +8,7 @@ from engine.model.execution import Command, CommandKind, RecordKind
 from engine.model.outcome import Found, Infeasible
 from engine.model.troubleshooting import Action, Advice
 from engine.model.wording import counted
-from engine.pipelines.execution.compiling import GRACE_MS, PATIENCE, stream_of, unit_ms
+from engine.pipelines.execution.compiling import GRACE_MS, PATIENCE, looks_of, stream_of, unit_ms
 from engine.pipelines.execution.course import Course
 from engine.pipelines.execution.hands import Interruption, Performed, perform
 from engine.pipelines.execution.planned import Ready, again
@@ -221,6 +221,7 @@ class ExceptionHandler:
 
         stream = stream_of(substitute(declared.stream, known), step) if declared else str(step.resources[:1])
         lasts = int(step.duration * unit_ms(self.scope.problem.domain))
+        looks, watches = looks_of(operators[step.operator.name], step)
         command = Command(
             0,
             CommandKind.STEP,
@@ -228,6 +229,8 @@ class ExceptionHandler:
             str(step.operator),
             lasts_ms=lasts,
             timeout_ms=PATIENCE * lasts + GRACE_MS,
+            looks=looks,
+            watches=watches,
         )
         return perform(self.course, command)
 

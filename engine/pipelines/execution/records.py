@@ -59,6 +59,8 @@ def _step_entry(a: Activity, step: Step, compiled: Compiled) -> dict[str, Any]:
         "asks": a.asks,
         "rests": a.rests,
         "process": a.process,
+        "looks": list(a.looks),
+        "watches": list(a.watches),
         "duration": step.duration,
         "cost": step.cost,
         "adds": list(map(str, change.adds)),
@@ -114,6 +116,8 @@ def _activity(each: Mapping[str, Any]) -> Activity:
         each.get("asks", False),
         each.get("rests", True),
         each.get("process", False),
+        tuple(each.get("looks", ())),
+        tuple(each.get("watches", ())),
     )
 
 

@@ -16,7 +16,7 @@ from engine.pipelines.execution.progress import EVERY, Turn
 from engine.pipelines.execution.recorder import Recorder
 from engine.pipelines.execution.records import compiled_of, plan_entry, read_atom
 from engine.pipelines.execution.resuming import Past
-from engine.pipelines.execution.reviewing import reviewed
+from engine.pipelines.execution.reviewing import chosen, reviewed
 from engine.pipelines.execution.scope import Scope
 from engine.pipelines.execution.settling import settle
 from engine.pipelines.measuring import Measuring
@@ -171,6 +171,9 @@ class Execution:
             elif turn.review:
                 self._reviewed(course, handler, turn.why)
                 continue
+            elif turn.idle:
+                self._chosen(course, handler)
+                continue
             elif turn.phase is Phase.HANDLING:
                 ended = self._handled(course, handler, turn)
             elif turn.phase is Phase.FINISHED:
@@ -255,6 +258,19 @@ class Execution:
                 RecordKind.DECISION, what="another order of what is left", why=f"{why}: {found.why}"
             )
             self.follow(course, handler.scope, found.joined.ready, "reschedule", found.joined.standing)
+
+    def _chosen(self, course: Course, handler: ExceptionHandler) -> None:
+        """Let equal things exchange their roles, if all is sooner done so."""
+        found = chosen(course, handler.scope)
+        if found is not None:
+            waited = course.waited
+            self.recorder.note(
+                RecordKind.DECISION,
+                what=f"exchanged: {found.what}",
+                why="all is done sooner with what is free",
+            )
+            self.follow(course, handler.scope, found.joined.ready, "choice", found.joined.standing)
+            course.waited = waited
 
     def _finished(self, course: Course, handler: ExceptionHandler) -> Finish:
         """The end of the last plan: whether all original goals hold is looked up in the world, not taken from the plan."""

@@ -34,7 +34,9 @@ from engine.stages.scheduling.work import CellWork, Wishes, cell_work
 from kb.diagnostics import InvalidInput
 from kb.model.plan import Plan, StepId
 from kb.model.problem import Problem
+from kb.terms import Term
 
+NOTHING: Mapping[Term, int] = {}
 BLOCKS = "of all schedules of the blocks of this plan"
 
 
@@ -74,15 +76,20 @@ def timetable(
 
 
 def timed(
-    problem: Problem, task: Task, plan: Plan, limits: ScheduleLimits = ScheduleLimits()
+    problem: Problem,
+    task: Task,
+    plan: Plan,
+    limits: ScheduleLimits = ScheduleLimits(),
+    busy: Mapping[Term, int] = NOTHING,
 ) -> Timetable | Infeasible | GaveUp:
     """The timetable of a plan: of its blocks where it can be cut into such, else of its steps one by one.
 
-    Where longest stays are asked for, a plan's own order is no answer: then there may be none. Raises `InvalidInput` if the
+    What is `busy` at the start is free after so many units of time. Where longest stays are asked for, a plan's own order is no answer: then there may be none. Raises `InvalidInput` if the
     plan's own order remains and the checker refuses the plan.
     """
     gate = PlanGate()
     wishes = wishes_for(gate.semantics(problem), plan)
+    wishes = replace(wishes, release=_later(wishes.release, busy))
     try:
         operators, goals = operators_of(task, plan)
     except Unstructured as error:
@@ -94,6 +101,10 @@ def timed(
     plan = _sound(gate, problem, plan)
     best = replace(steps, plan=plan).in_best_order(gate, limits, made)
     return best if best is not None else _as_given(problem, plan, made, wishes, steps.bound)
+
+
+def _later(release: Mapping[Term, int], busy: Mapping[Term, int]) -> Mapping[Term, int]:
+    return {**release, **{term: max(until, release.get(term, 0)) for term, until in busy.items()}}
 
 
 def keeping(problem: Problem, plan: Plan) -> Timetable:

@@ -7,9 +7,12 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 from engine.model.task import Bits, Task, bitset, indices
+from engine.stages.grounding.aggregates import expanded
 from engine.stages.grounding.ambiguity import ambiguities
+from engine.stages.grounding.batches import Batches
 from engine.stages.grounding.closure import Deduction, deduction
 from engine.stages.grounding.derived import Rules, Supports, supports_of
+from engine.stages.grounding.diagrams import decide
 from engine.stages.grounding.goals import Goals, layered
 from engine.stages.grounding.initial import default_instances as default_instances
 from engine.stages.grounding.initial import initial_state
@@ -32,7 +35,14 @@ from engine.stages.grounding.program import (
     rule,
     schemas,
 )
-from engine.stages.grounding.rows import conditional_changes, derivations, instances, matches
+from engine.stages.grounding.rows import (
+    conditional_changes,
+    derivations,
+    happening_terms,
+    happenings,
+    instances,
+    matches,
+)
 from engine.stages.grounding.universe import Universe
 from engine.stages.grounding.weights import weights
 from engine.stages.grounding.workflow import Workflow
@@ -116,11 +126,17 @@ class _Grounding:
         normaliser = Normaliser()
         vocabulary = Vocabulary(self.domain)
         self.schemas = list(schemas(self.domain, normaliser, vocabulary))
-        self.conditionals = list(conditionals(self.domain, normaliser, vocabulary))
+        found = list(conditionals(self.domain, normaliser, vocabulary))
+        self.batches = [each for each in found if each.effect.atom.name in vocabulary.events]
+        self.conditionals = [each for each in found if each not in self.batches]
         self.goals = [normaliser.disjuncts(part, {}) for part in goal_parts(problem.goal)]
-        self.rules = [*self.domain.rules, *normaliser.rules]
-        self.vocabulary = Vocabulary(self.domain, normaliser.rules)
-        self.invented = {each.head.name: len(each.head.arguments) for each in normaliser.rules}
+        plain = expanded(self.domain.rules, self.domain, Vocabulary(self.domain).is_dynamic)
+        self.reach, self.fittings = plain.reach, plain.fittings
+        self.rules = [*plain.rules, *normaliser.rules]
+        invented = [*normaliser.rules, *plain.rules, *plain.reach]
+        self.vocabulary = Vocabulary(self.domain, invented)
+        declared = self.domain.predicates
+        self.invented = {r.head.name: len(r.head.arguments) for r in invented if r.head.name not in declared}
 
     def task(self) -> Task:
         """The task. It is meaningless if `found` is not empty."""
@@ -128,18 +144,20 @@ class _Grounding:
         self.found += contradicted
         universe = self._reachable(initial)
         rules = derivations(self.rules, self.vocabulary, universe)
-        supports = supports_of(
-            range(DERIVED, DERIVED + len(universe.derived)), rules, self._negated(universe)
-        )
+        effects = deduction(self.domain, self.vocabulary, universe)
+        decide(self.fittings, universe, effects.denied, rules)
         workflow = Workflow(
             self.problem, universe, len(universe.atoms), self.vocabulary.events, holding(Listed(initial))
         )
+        batches = Batches(workflow, happenings(self.batches, self.schemas, universe), universe, rules)
+        supports = supports_of(
+            range(DERIVED, DERIVED + len(universe.derived)), rules, self._negated(universe)
+        )
         goals = self._goals(universe, supports, rules, len(universe.atoms) + len(workflow.atoms))
         numbering = Numbering(len(universe.atoms) + len(workflow.atoms) + len(goals.atoms))
-        effects = deduction(self.domain, self.vocabulary, universe)
         changes = conditional_changes(self.conditionals, self.schemas, universe)
         amounts = amounts_of(self.problem, universe.facts)
-        made = Instances(universe, effects, supports, workflow, numbering, changes, amounts)
+        made = Instances(universe, effects, supports, workflow, batches, numbering, changes, amounts)
         operators = [*made.operators(instances(self.schemas, self.vocabulary, universe)), *workflow.reaching]
         self.found += contradictions(made, universe)
         self.found += amiss(made)
@@ -212,16 +230,16 @@ class _Grounding:
         for schema in self.schemas:
             text += [instance_rule(schema, self.vocabulary), *effect_rules(schema, self.vocabulary)]
             text += self._conditional_rules(schema)
-        text += [derived_rule(each, self.vocabulary) for each in self.rules]
+        text += [derived_rule(each, self.vocabulary) for each in (*self.rules, *self.reach)]
         text += [r for operator in self.domain.deductive_operators for r in deduction_rules(operator)]
         try_first(suspects(self.problem, self.schemas), "\n".join(text))
         grounder.ground("\n".join(text))
         violated = [number.value for (number,) in grounder.atoms(VIOLATED, 1) if isinstance(number, Number)]
         self.found += [self._violation(self.domain.asp[number]) for number in sorted(violated)]
         universe = Universe(grounder, self.vocabulary, self.invented)
-        universe.name_terms(
-            rule(f"_arg({v})", [instance(s)]) for s in self.schemas for v in s.operator.variables
-        )
+        arguments = [rule(f"_arg({v})", [instance(s)]) for s in self.schemas for v in s.operator.variables]
+        pairs = ((each, s) for each in self.batches for s in self.schemas if each.operator is s.operator)
+        universe.name_terms([*arguments, *(text for pair in pairs for text in happening_terms(*pair))])
         return universe
 
     def _conditional_rules(self, schema: Schema) -> Iterator[str]:
