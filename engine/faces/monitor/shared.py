@@ -55,6 +55,7 @@ class Shared:
         with self._reading:
             if run not in self._followed:
                 self._followed[run] = Follower(self.store, run, _initial(self.store, run))
+                self._followed[run].refresh()
             if time.monotonic() - self._looked.get(run, 0.0) >= PAUSE_S:
                 self._followed[run].refresh()
                 self._looked[run] = time.monotonic()

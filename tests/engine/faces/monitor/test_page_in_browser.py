@@ -60,7 +60,7 @@ def test_the_page_goes_to_the_exception_and_tells_of_a_chosen_step_why_it_is_the
     page.locator('.step[data-step^="pick"]').last.click()
     at(page, "chosen", has_text="waits for:").wait_for()
     at(page, "because").first.wait_for()
-    at(page, "tab-objects").click()
+    at(page, "tab-diagnosis").click()
     page.locator(".q-tab-panel:visible td", has_text="▸").first.wait_for()
     page.keyboard.press("l")
     at(page, "phase", has_text="reached").wait_for()

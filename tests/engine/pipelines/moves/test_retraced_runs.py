@@ -1,7 +1,6 @@
 """The motions of a run are found from its journal: what is planned for its steps, in the time that they took."""
 
 import struct
-from collections.abc import Iterator
 from itertools import pairwise
 
 import numpy as np
@@ -23,7 +22,7 @@ TARGET = "themse/in_furnace"
 
 
 @pytest.fixture(scope="module")
-def steps(tmp_path_factory: pytest.TempPathFactory) -> Iterator[list[Taken]]:
+def steps(tmp_path_factory: pytest.TempPathFactory) -> list[Taken]:
     store = str(tmp_path_factory.mktemp("store") / "runs.db")
     problem = problem_of(TARGET)
     wanted = named(Wanted(TARGET, store=store, run="monday"), problem)
@@ -31,7 +30,7 @@ def steps(tmp_path_factory: pytest.TempPathFactory) -> Iterator[list[Taken]]:
     with Journal(store) as journal:
         records = [record_of(line) for line in journal.lines("monday", 0)]
     retracing = Retracing.of(problem, cell_of(TARGET), geometry_backend())
-    yield [taken for each in records if (taken := retracing.take(each)) is not None]
+    return [taken for each in records if (taken := retracing.take(each)) is not None]
 
 
 @pytest.fixture(scope="module")
