@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from engine.faces.monitor.following import Follower
-from engine.pipelines.moves.replaying import Resting, Retracing, world_during
+from engine.pipelines.execution.retracing import Resting, Retracing, world_during
 from engine.pipelines.planning import problem_of
 from engine.plugins import geometry_backend
 from engine.stages.geometry.pictures.stl import poses
@@ -169,4 +169,7 @@ def test_names_are_never_executed(open_page: Open, serve: Serve, tmp_path: Path)
     ):
         at(page, f"tab-{name}").click()
         page.wait_for_timeout(300)
+        for button in {"world": ["contacts"], "diagnosis": ["tree"]}.get(name, []):
+            at(page, button).click()
+            page.wait_for_timeout(3000)
     assert page.evaluate("window.hit") is None

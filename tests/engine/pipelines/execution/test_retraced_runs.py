@@ -9,7 +9,7 @@ import pytest
 from engine.faces.monitor.following import record_of
 from engine.model.moves import MovedStep
 from engine.pipelines.execution import Timed, Wanted, begin, named
-from engine.pipelines.moves.replaying import Resting, Retracing, Taken, stretches, tool_path, world_during
+from engine.pipelines.execution.retracing import Resting, Retracing, Taken, stretches, tool_path, world_during
 from engine.pipelines.planning import problem_of
 from engine.plugins import geometry_backend
 from engine.stages.geometry.pictures.stl import corners, poses, written
