@@ -1,7 +1,7 @@
 """The parts of an inspection in the order of the sequencer: one part for each measurement that the goals ask for."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from itertools import groupby
 
 from engine.model.measurements import chooses_tools, named
@@ -30,7 +30,7 @@ class Itinerary:
     """The measurements of an inspection in the order of a tour, each with its tool.
 
     `kept` says that the order was kept in a store. Of an order that is not `fixed`, visits by one tool may come the other way
-    round; `altered` says that some do.
+    round; `altered` says that some do. `unasked` are measurements that cannot be made, with the reasons, which no goal asks for.
     """
 
     visits: tuple[tuple[str, str], ...]
@@ -40,6 +40,7 @@ class Itinerary:
     kept: bool = False
     fixed: bool = True
     altered: bool = False
+    unasked: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def runs(self) -> list[range]:
@@ -94,10 +95,13 @@ def itinerary(problem: Problem, limits: Limits = Limits(), store: str = "") -> I
     if len(wanted) < 2:
         return None
     placed = with_places(problem)
-    parts = _only(partition(placed), wanted)
+    every = partition(placed)
+    parts = _only(every, wanted)
     if sum(map(len, parts.groups.values())) < 2:
         return None
-    return _kept(placed, parts, limits, store) if store else _made(placed, parts, limits)
+    found = _kept(placed, parts, limits, store) if store else _made(placed, parts, limits)
+    unasked = {name: why for name, why in every.impossible.items() if name not in wanted}
+    return replace(found, unasked=unasked) if found else None
 
 
 def _made(problem: Problem, parts: Partition, limits: Limits) -> Itinerary | None:
