@@ -172,7 +172,9 @@ class Search:
             if then and place == "first":
                 place = ""  # "then open the drawer first": before what follows
             if match.shared and "first" in (place, link):
-                place = link = "that"  # "fill all bottles, then pack them, b2 first": b2 is packed first, not before all
+                place = link = (
+                    "that"  # "fill all bottles, then pack them, b2 first": b2 is packed first, not before all
+                )
             clause = Clause(
                 match.form,
                 match.values,
