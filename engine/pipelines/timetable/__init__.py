@@ -166,6 +166,8 @@ def _as_given(problem: Problem, plan: Plan, note: str, wishes: Wishes, bound: in
 def _by_blocks(gate: PlanGate, steps: Steps, limits: ScheduleLimits) -> Timetable | Infeasible | GaveUp | str:
     """The schedule of the blocks of a plan, or why there is none; none is longer than the plan in its own order."""
     problem, wishes = steps.problem, steps.wishes
+    if problem.domain.quantities:
+        return "steps change quantities, so that their order counts"
     subjects = tuple(dict.fromkeys(c.subject for c in problem.chains if c.subject is not None))
     try:
         work = cell_work(steps.task, steps.operators, steps.goals, subjects, wishes)
