@@ -5,7 +5,7 @@ operations of that language (`+ - * / \\`); ranges, powers and absolute values o
 clingo evaluates.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 
 from kb.terms import PLAIN, Atom, Function, Number, Operation, Substitution, Term, Text, form_of, substitute
 
@@ -46,6 +46,33 @@ def compare(left: Term, relation: str, right: Term) -> bool:
     if relation in ("=", "!="):
         return (one == other) is (relation == "=")
     return _HOLDS[relation](_compared(order_key(one), order_key(other)))
+
+
+def aggregated(function: str, tuples: Iterable[tuple[Term | None, ...]]) -> tuple[object, ...]:
+    """The sort key of the value of a set of tuples: #count, #sum, #min or #max, as clingo has it.
+
+    #sum passes over what is no number; the #min of nothing is greater than all terms, the #max of nothing less.
+    """
+    firsts = [each[0] for each in tuples if each and each[0] is not None]
+    if function == "count":
+        return (0, len(firsts))
+    if function == "sum":
+        return (0, sum(each.value for each in firsts if isinstance(each, Number)))
+    keys = map(order_key, firsts)
+    return min(keys, default=(9,)) if function == "min" else max(keys, default=(-1,))
+
+
+def term_of(key: tuple[object, ...], tuples: Iterable[tuple[Term | None, ...]]) -> Term | None:
+    """The term with the sort key of an aggregate's value; None if no term has it."""
+    if key[0] == 0 and isinstance(key[1], int):
+        return Number(key[1])
+    firsts = (each[0] for each in tuples if each)
+    return next((each for each in firsts if each is not None and order_key(each) == key), None)
+
+
+def relates(relation: str, left: tuple[object, ...], right: tuple[object, ...]) -> bool:
+    """Whether a comparison holds between the values with two sort keys."""
+    return _HOLDS[relation](_compared(left, right))
 
 
 def order_key(term: Term) -> tuple[object, ...]:

@@ -5,14 +5,12 @@ The loaders of our own language are imported inside the functions that use them,
 
 import time
 from dataclasses import replace
-from pathlib import Path
-from typing import TYPE_CHECKING
 
 from engine.model.outcome import Found, Outcome, Statistics
 from engine.model.task import Task
+from engine.pipelines.files import loaded as loaded
 from engine.pipelines.gate import InternalError, PlanGate
 from engine.pipelines.plan_files import check_plan as check_plan
-from engine.pipelines.plan_files import generated_if_bare
 from engine.pipelines.plan_files import plan_in as plan_in
 from engine.stages.grounding import ground
 from engine.stages.grounding.limits import size
@@ -23,10 +21,7 @@ from kb.diagnostics import Diagnostic, InvalidInput, Source
 from kb.model.domain import Operator
 from kb.model.problem import Problem
 from kb.targets import find
-from kb.terms import Atom, variables
-
-if TYPE_CHECKING:
-    from kb.loader import Loaded
+from kb.terms import variables
 
 LARGE = 200_000  # possible instances of operators
 
@@ -61,13 +56,6 @@ def problem_of(target: str, goals: str = "", command: str = "") -> Problem:
         hint = f"{ways}, or one of its problems: {', '.join(problems)}" if problems else ways
         raise InvalidInput([Diagnostic(Source(target), "K404", "this is a domain, not a problem", hint)])
     return known.problem
-
-
-def loaded(path: Path) -> "Loaded":
-    """What is in the file of a domain or problem; the domain may be one that is generated. Raises `InvalidInput`."""
-    from kb.loader import load
-
-    return load(path, generated_if_bare)
 
 
 def plan(problem: Problem, limits: Limits = Limits()) -> Outcome:
@@ -144,9 +132,3 @@ def _searched(
 def _is_priced(operator: Operator) -> bool:
     """Whether the cost of an operator depends on its arguments."""
     return operator.cost is not None and next(variables(operator.cost), None) is not None
-
-
-def initial_facts(target: str) -> frozenset[Atom]:
-    """The initial state of the problem that a target names; empty for a domain. Raises `InvalidInput`."""
-    problem = loaded(find(target)).problem
-    return frozenset() if problem is None else PlanGate().semantics(problem).initial()

@@ -16,6 +16,7 @@ from kb.model.conditions import (
     Literal,
     Not,
     Parameter,
+    StateAggregate,
 )
 from kb.model.conditions import conditions as parts_of
 from kb.model.domain import Domain, Operator
@@ -155,7 +156,9 @@ def _ranged(problem: Problem) -> set[str]:
         for literal in (Literal(rule.head), *rule.body):
             if isinstance(literal, Literal) and literal.atom.name in domain.predicates:
                 found |= set(domain.predicates[literal.atom.name].arguments)
-    if any(isinstance(part, Aggregate) for body in _bodies(domain) for part in body):
+    if domain.quantities or any(
+        isinstance(part, Aggregate | StateAggregate) for body in _bodies(domain) for part in body
+    ):
         found.add("object")
     return _held(domain, found)
 
@@ -177,6 +180,7 @@ def _bodies(domain: Domain) -> Iterator[Body]:
     for deductive in domain.deductive_operators:
         yield deductive.body
         yield from (each.body for each in deductive.consequences)
+    yield from (each.body for each in domain.rules)
 
 
 def _held(domain: Domain, types: set[str]) -> set[str]:

@@ -130,6 +130,23 @@ class Facts:
         return type_ == OBJECT or Function(type_, (term,)) in self
 
 
+class Layered(Facts):
+    """The facts of a state, and below them those of predicates of which the state has none."""
+
+    __slots__ = ("_above", "_below")
+
+    def __init__(self, above: Facts, below: Facts) -> None:
+        super().__init__()
+        self._above, self._below = above, below
+
+    def __contains__(self, atom: Atom) -> bool:
+        return atom in self._above or atom in self._below
+
+    def _extent(self, name: str) -> Extent:
+        found = self._above._extent(name)
+        return found if found.atoms else self._below._extent(name)
+
+
 class GivenFacts(Facts):
     """Facts that someone else has evaluated. Each predicate is read when it is first asked for; nothing is changed."""
 

@@ -56,7 +56,7 @@ def _swept(pattern: Atom, guard: Body, atom: Atom, statics: Facts) -> bool:
 def is_plain(schema: OperatorSchema, schemas: Schemas) -> bool:
     """Whether the instances of an operator can be prepared without a state."""
     header = set(schema.operator.variables)
-    return not any(each.needs for each in (*schema.adds, *schema.denies)) and all(
+    return not any(each.needs for each in (*schema.adds, *schema.denies, *schema.batches)) and all(
         isinstance(part, Literal)
         and schemas.is_dynamic(part)
         and not schemas.is_derived(part.atom)
