@@ -11,6 +11,7 @@ from rich.text import Text
 from engine.formats.report import inspection, tour
 from engine.formats.report.rows import TextTable
 from engine.model.outcome import Found
+from engine.model.wording import counted
 from engine.pipelines.objective import Run
 from kb.model.plan import Plan
 from kb.terms import Function as Name
@@ -92,7 +93,8 @@ def _unasked(reasons: Mapping[str, str]) -> list[str]:
     """A line that counts the measurements that cannot be made and that no goal asks for; none if there are none."""
     counts = Counter(reasons.values()).most_common()
     told = "; ".join(f"{why} ({count})" for why, count in counts)
-    return [f"No goal asks for {len(reasons)} measurements that cannot be made: {told}"] if counts else []
+    number = counted(len(reasons), "measurement")
+    return [f"No goal asks for {number} that cannot be made: {told}"] if counts else []
 
 
 def _left_out(reasons: Mapping[str, str]) -> list[str]:

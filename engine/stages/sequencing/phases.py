@@ -1,4 +1,8 @@
-"""Tours in phases: all visits of one phase come before those of the next. Each phase is a tour from where the last one ends."""
+"""Tours in phases: all visits of one phase come before those of the next.
+
+Where costs are the same in both directions and the ends are free, one search finds the tours of all phases and where they
+meet. Else each phase is a tour from where the last one ends.
+"""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -9,16 +13,20 @@ import numpy as np
 from engine.kernels.arrays import Longs
 from engine.model.metric import Metric
 from engine.model.outcome import GaveUp, Infeasible
-from engine.model.tour import Tour, TourProblem, cost_of
+from engine.model.tour import Tour, TourProblem, cost_of, violations
 from engine.stages.sequencing.arborescent import lower_bound
+from engine.stages.sequencing.curve import along_hilbert
 from engine.stages.sequencing.limits import Limits
+from engine.stages.sequencing.symmetric import default_work
 
 Answer = Tour | Infeasible | GaveUp
 Solve = Callable[[TourProblem, Limits, str], Answer]
+From = Callable[[TourProblem, Limits, tuple[int, ...]], Tour]
 AT_ONCE, TOGETHER = (
     300,
     1200,
 )  # visits whose phases are bounded together: always, and where time is given to bounds
+MORE = 3  # halves of the kicks that suit as many visits without phases
 QUICK = 1  # kicks of a search that is made for its bound
 
 
@@ -42,7 +50,51 @@ def in_pairs(problem: TourProblem) -> TourProblem:
     return replace(problem, visits=visits, precedence=(*problem.precedence, *pairs))
 
 
-def by_phases(problem: TourProblem, limits: Limits, method: str, solve: Solve) -> Answer:
+def by_phases(
+    problem: TourProblem, limits: Limits, method: str, solve: Solve, improved: From | None = None
+) -> Answer:
+    """The tour of all phases: by one search from an order on, where `improved` can make one; else phase by phase."""
+    found = _together(problem, limits, improved) if improved is not None else None
+    return _one_by_one(problem, limits, method, solve) if found is None else found
+
+
+def _together(problem: TourProblem, limits: Limits, improved: From) -> Tour | None:
+    """The tour by one search in which a way to another phase costs a toll; None if the best order does not keep the phases.
+
+    An order that pays as few tolls as possible keeps the phases, or does so the other way round. The bound without these tolls
+    holds whatever the toll. A great one would disturb the search, which judges by the mean way.
+    """
+    groups = _groups(problem)
+    phase = {visit: number for number, group in enumerate(groups) for visit in group}
+    order = tuple(sorted(_along(problem), key=lambda visit: phase[visit]))
+    toll = max(problem.lengths(tuple(range(len(order))))) + 1
+    places = sorted({(visit.station, phase[n]) for n, visit in enumerate(problem.visits)})
+    shifts = {
+        (_place(*one), _place(*other)): toll * abs(one[1] - other[1])
+        + problem.shifts.get((one[0], other[0]), 0)
+        for one in places
+        for other in places
+    }
+    visits = tuple(
+        replace(visit, phase=0, station=_place(visit.station, phase[n]))
+        for n, visit in enumerate(problem.visits)
+    )
+    work = limits.work or MORE * default_work(len(visits)) // 2
+    found = improved(replace(problem, visits=visits, shifts=shifts), replace(limits, work=work), order)
+    ways = found.order if phase[found.order[0]] == 0 else found.order[::-1]
+    if violations(problem, ways):
+        return None
+    lower = found.lower_bound - toll * (len(groups) - 1)
+    return replace(found, order=ways, cost=cost_of(problem, ways), lower_bound=max(0, lower))
+
+
+def _along(problem: TourProblem) -> list[int]:
+    """All visits, neighbours near each other where their places are known."""
+    metric = problem.travel if isinstance(problem.travel, Metric) else None
+    return list(range(len(problem.visits))) if metric is None else along_hilbert(metric.points).tolist()
+
+
+def _one_by_one(problem: TourProblem, limits: Limits, method: str, solve: Solve) -> Answer:
     """The tours of all phases, one after another.
 
     The bound is that of each phase alone, with the shortest ways between. Of not too many visits there is another one, of all
@@ -63,6 +115,10 @@ def by_phases(problem: TourProblem, limits: Limits, method: str, solve: Solve) -
     if len(made) <= (TOGETHER if limits.sharp else AT_ONCE) and bound < cost and not limits.interrupted():
         bound = max(bound, lower_bound(in_pairs(problem), cost, limits.interrupted))
     return Tour(made, cost, min(bound, cost), work, method)
+
+
+def _place(station: str, phase: int) -> str:
+    return f"{station} {phase}"
 
 
 def _groups(problem: TourProblem) -> list[list[int]]:

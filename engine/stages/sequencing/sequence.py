@@ -45,7 +45,9 @@ def sequence(problem: TourProblem, limits: Limits = Limits(), method: str = "aut
     if problem.phased and (problem.precedence or problem.timed or n <= SMALL):
         problem = phases.in_pairs(problem)
     if problem.phased:
-        return phases.by_phases(problem, limits, method, sequence)
+        free = not problem.closed and problem.start is None and problem.end is None
+        improved = _from if method == "auto" and free and _symmetric(problem) else None
+        return phases.by_phases(problem, limits, method, sequence, improved)
     return _alone(problem, method) if n == 1 else _in_one(problem, limits, method)
 
 
@@ -97,12 +99,17 @@ def _symmetric(problem: TourProblem) -> bool:
     return bool((extra == extra.T).all())
 
 
-def _plain(problem: TourProblem, limits: Limits, method: str) -> Tour:
-    """The tour for symmetric costs without side conditions."""
+def _from(problem: TourProblem, limits: Limits, order: tuple[int, ...]) -> Tour:
+    """The tour for symmetric costs without side conditions, of which a good order is known."""
+    return _plain(problem, limits, "auto", order)
+
+
+def _plain(problem: TourProblem, limits: Limits, method: str, begun: tuple[int, ...] = ()) -> Tour:
+    """The tour for symmetric costs without side conditions. The search begins with an order, if one is known."""
     n, fixed = len(problem.visits), problem.start is not None and problem.end is not None
     circle = problem.closed and not fixed
     costs, extra = (_costs(problem), 0) if circle else _with_ends(problem)
-    start = _start(problem, costs, method)
+    start = np.array(_rolled(problem, begun, costs), np.int32) if begun else _start(problem, costs, method)
     if method == "chain1987":
         return _bounded(problem, _made(problem, start, 0, method), costs, extra, limits)
     near = symmetric.candidates(costs, _positions(problem) if circle else None, limits.interrupted)

@@ -2,10 +2,14 @@
 
 import itertools
 import random
+from io import StringIO
 from pathlib import Path
 
 import pytest
+from rich.console import Console
 
+from engine.formats.report.itinerary import entry
+from engine.formats.report.itinerary import text as shown
 from engine.model.measurements import wanted
 from engine.model.outcome import Found, Infeasible
 from engine.pipelines.gate import PlanGate
@@ -159,6 +163,25 @@ def test_the_ways_of_the_plan_are_those_of_the_tour(tmp_path: Path, seed: int) -
         if one in places and other in places
     )
     assert length == pytest.approx(found.itinerary.tour.cost, abs=len(moves))
+
+
+def test_measurements_that_cannot_be_made_and_that_no_goal_asks_for_are_told(tmp_path: Path) -> None:
+    written = (
+        text(4)
+        .replace("[m1..4]", "[m1..6]")
+        .replace(
+            "statics:\n",
+            "statics:\n  - needs(m5, profile)\n  - position(m5, 0, 0, 0)\n  - tolerance(m5, 1)\n",
+        )
+    )
+    run = plan(inspection(tmp_path, written))
+    assert run.itinerary is not None
+    assert set(run.itinerary.unasked) == {"m5", "m6"}
+    assert run.itinerary.partition.impossible == {}
+    assert set(entry(run)["sequence"]["partition"]["impossible"]) == {"m5", "m6"}
+    console = Console(width=200, record=True, file=StringIO())
+    console.print(shown(run, "s"))
+    assert "No goal asks for 2 measurements that cannot be made: " in console.export_text()
 
 
 def test_a_sentence_that_orders_measurements_has_them_made_in_this_order() -> None:

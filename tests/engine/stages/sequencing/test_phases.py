@@ -74,3 +74,26 @@ def test_an_end_within_its_phase_is_kept() -> None:
 def test_phases_hold_together_with_precedence() -> None:
     asked = problem([-1] * 5 + [0] * 10, closed=False, precedence=((4, 0), (9, 6)))
     solved(asked)
+
+
+def test_phases_are_searched_together_where_they_meet_is_chosen_with_all_tours() -> None:
+    asked = problem([-1] * 12 + [0] * 14, seed=3, closed=False)
+    alone = by_phases(asked, Limits(), "auto", sequence)
+    found = sequence(asked, Limits())
+    assert isinstance(alone, Tour)
+    assert isinstance(found, Tour)
+    assert violations(asked, found.order) == []
+    assert found.cost <= alone.cost
+    assert found.lower_bound >= alone.lower_bound
+    assert found.proved
+
+
+@settings(max_examples=15, deadline=None)
+@given(st.integers(4, 8), st.integers(4, 8), st.integers(1, 4), st.integers(0, 9))
+def test_the_bound_of_phases_together_is_not_above_a_tour_in_phases(
+    a: int, b: int, c: int, seed: int
+) -> None:
+    asked = problem([-2] * a + [-1] * b + [0] * c, seed, closed=False)
+    alone = by_phases(asked, QUICK, "auto", sequence)
+    assert isinstance(alone, Tour)
+    assert solved(asked).lower_bound <= alone.cost
