@@ -7,7 +7,7 @@ clingo evaluates.
 
 from collections.abc import Callable, Iterable
 
-from kb.terms import Atom, Function, Number, Operation, Substitution, Term, Text, substitute
+from kb.terms import PLAIN, Atom, Function, Number, Operation, Substitution, Term, Text, form_of, substitute
 
 BITS = 32  # bits of clingo's integers; larger values wrap around
 
@@ -16,17 +16,15 @@ def evaluate(term: Term) -> Term | None:
     """A ground term with all its arithmetic computed; None if it has no value, as with division by zero or
     `bolt + 1`.
     """
-    match term:
-        case Operation(operator, left, right):
-            return _calculated(operator, evaluate(left), evaluate(right))
-        case Function(_, arguments) if arguments:
-            return evaluate_atom(term)
-        case _:
-            return term
+    if isinstance(term, Operation):
+        return _calculated(term.operator, evaluate(term.left), evaluate(term.right))
+    return evaluate_atom(term) if isinstance(term, Function) else term
 
 
 def evaluate_atom(atom: Atom) -> Atom | None:
-    """`evaluate` for an atom. The result is an atom, too."""
+    """`evaluate` for an atom. The result is an atom, too: the same one if there is no arithmetic in it."""
+    if form_of(atom) == PLAIN:
+        return atom
     values = [evaluate(argument) for argument in atom.arguments]
     found = tuple([value for value in values if value is not None])
     return Function(atom.name, found) if len(found) == len(values) else None
@@ -45,6 +43,8 @@ def compare(left: Term, relation: str, right: Term) -> bool:
     one, other = evaluate(left), evaluate(right)
     if one is None or other is None:
         return False
+    if relation in ("=", "!="):
+        return (one == other) is (relation == "=")
     return _HOLDS[relation](_compared(order_key(one), order_key(other)))
 
 
@@ -91,8 +91,6 @@ def order_key(term: Term) -> tuple[object, ...]:
 
 
 _HOLDS: dict[str, Callable[[int], bool]] = {
-    "=": lambda sign: sign == 0,
-    "!=": lambda sign: sign != 0,
     "<": lambda sign: sign < 0,
     "<=": lambda sign: sign <= 0,
     ">": lambda sign: sign > 0,

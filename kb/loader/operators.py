@@ -9,10 +9,11 @@ from kb.loader.inference import Typing, scoped
 from kb.loader.measures import MeasureReader
 from kb.loader.names import Names
 from kb.loader.numeric import Changes, refuse_quantity, with_values
+from kb.loader.quantities import child
 from kb.loader.reader import Expression, Reader
 from kb.loader.safety import closed, extended, occurrences, refuse_unbound, warn_singletons
 from kb.model.conditions import And, Condition, Parameter, free_variables, goal_parts
-from kb.model.domain import Command, Effect, Kind, Operator
+from kb.model.domain import Command, Effect, Kind, Look, Operator
 from kb.terms import ANYTHING, Atom, Function, Term, Variable, variables
 
 READABLE = (Kind.STATIC, Kind.FLUENT, Kind.DERIVED)
@@ -81,6 +82,7 @@ class _OperatorReader:
             duration=self._value("duration", None),
             cost=self._value("cost", None),
             command=self._command(),
+            online=tuple(self._online()),
             where=self.header.node.where,
         )
         self._warn(operator)
@@ -108,6 +110,7 @@ class _OperatorReader:
         command = operator.command
         said = [command.stream, command.reply, command.result] if command else []
         said += [each.value for each in self.measures.given.values()]
+        said += [each.fact for each in operator.online]
         counted = occurrences([self.header.value, *standing, *effects, *said])
         if where := self.fields["where"]:
             inner = [v for part in where.value for v in free_variables(part) if v not in operator.variables]
@@ -246,6 +249,22 @@ class _OperatorReader:
                 bound = closed(extended(own) | known, when.value)
                 refuse_unbound(local, bound, when, self.names, "use it in an atom of `when:`")
                 yield Effect(atom, name == "adds", own, condition)
+
+    def _online(self) -> Iterable[Look]:
+        """What is looked at when a step is carried out: one fact that its arguments determine."""
+        for index, node in enumerate(self.reader.items(*self.path, "online")):
+            said = self.reader.expression("atoms", *self.path, "online", index, "fact")
+            if said is None:
+                continue
+            strangers = [v for v in variables(said.value[0]) if v not in self.header.value.arguments]
+            if strangers or len(said.value) > 1:
+                message = f"`online` looks at one fact about the variables of {self.header.value}"
+                hint = "write an entry for each fact"
+                self.names.findings.add(said.node.where, "K105", message, hint)
+                continue
+            self.typing.nested().atom(said.value[0], said, READABLE)
+            during = child(node, "during")
+            yield Look(said.value[0], during is not None and during.value == "true")
 
     def _added_under_conditions(self) -> Iterable[Atom]:
         for index, _ in enumerate(self.reader.items(*self.path, "effects")):

@@ -245,10 +245,11 @@ def part_variables(part: BodyPart) -> Iterator[Variable]:
 
 
 def substitute_part(part: BodyPart, bindings: Substitution) -> BodyPart:
-    """A part of a body with its variables replaced."""
+    """A part of a body with its variables replaced; the same part if nothing is replaced."""
     match part:
         case Literal(atom, positive):
-            return Literal(substitute_atom(atom, bindings), positive)
+            made = substitute_atom(atom, bindings)
+            return part if made is atom else Literal(made, positive)
         case Comparison(left, relation, right):
             return Comparison(substitute(left, bindings), relation, substitute(right, bindings))
         case Aggregate():

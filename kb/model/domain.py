@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import Enum
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 from kb.diagnostics import NOWHERE, Source
@@ -114,6 +115,14 @@ class Command:
 
 
 @dataclass(frozen=True, slots=True)
+class Look:
+    """A fact that is looked at in the cell itself when a step begins; also while it lasts if it has to hold `during` it."""
+
+    fact: Atom
+    during: bool = False
+
+
+@dataclass(frozen=True, slots=True)
 class Operator:
     """A static operator. `where` is a body over statics whose variables outside `parameters` are existential."""
 
@@ -126,6 +135,7 @@ class Operator:
     duration: Term | None = None
     cost: Term | None = None
     command: Command | None = None
+    online: tuple[Look, ...] = ()
     where: Source = field(default=NOWHERE, compare=False)
 
     @property
@@ -199,6 +209,13 @@ class Phrase:
     where: Source = field(default=NOWHERE, compare=False)
 
 
+@lru_cache(maxsize=64)
+def _conventions(renamed: tuple[tuple[str, str], ...]) -> "Conventions":
+    from kb.model.conventions import Conventions  # only measurements and schedules use them
+
+    return Conventions(**dict(renamed))
+
+
 @dataclass(frozen=True, slots=True)
 class Domain:
     """One kind of cell. Mappings keep the order of declaration."""
@@ -227,9 +244,7 @@ class Domain:
     @property
     def conventions(self) -> "Conventions":
         """This domain's names for the conventions of the engine."""
-        from kb.model.conventions import Conventions  # only measurements and schedules use them
-
-        return Conventions(**self.renamed)
+        return _conventions(tuple(self.renamed.items()))
 
     @property
     def counts_fluents(self) -> bool:

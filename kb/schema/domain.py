@@ -6,7 +6,7 @@ from pydantic import Field
 from pydantic.config import JsonDict
 
 from kb.model.conventions import CONVENTIONS
-from kb.schema.shapes import Expression, Names, Strict, VariableTypes, WholeNumber
+from kb.schema.shapes import Expression, Names, Strict, Truth, VariableTypes, WholeNumber
 
 
 class StaticEntry(Strict):
@@ -81,6 +81,15 @@ class CommandEntry(Strict):
     )
 
 
+class OnlineEntry(Strict):
+    """A condition that is looked at in the cell itself when a step is carried out, not in the model."""
+
+    fact: Expression = Field(
+        description="what has to be so when the step begins: a joint state, a reading: shows(grip_width, on_probe)"
+    )
+    during: Truth = Field(False, description="true: it has to stay so until the step ends")
+
+
 class EffectEntry(Strict):
     """A conditional effect; variables that are not in the header range over all values."""
 
@@ -126,6 +135,10 @@ class OperatorEntry(Strict):
         description="a number, a variable, a static such as weight(Tool), or arithmetic; 1 when left out",
     )
     command: CommandEntry | None = Field(None, description="the command that the executive sends")
+    online: list[OnlineEntry] = Field(
+        default_factory=list,
+        description="what is looked at in the cell when a step begins, and while it lasts",
+    )
 
 
 class DeductiveEntry(Strict):

@@ -167,28 +167,35 @@ def _next(body: Body, bindings: Bindings) -> tuple[BodyPart, Body]:
 def _openness(part: BodyPart, bindings: Bindings) -> tuple[bool, int]:
     """How little of a literal is bound: whether no argument is, and the number of those that are not."""
     assert isinstance(part, Literal)
-    arguments = substitute_atom(part.atom, bindings).arguments
-    unbound = sum(not is_ground(each) for each in arguments)
-    return unbound == len(arguments), unbound
+    unbound = sum(not _is_bound(each, bindings) for each in part.atom.arguments)
+    return unbound == len(part.atom.arguments), unbound
 
 
 def _is_test(part: BodyPart, bindings: Bindings) -> bool:
     match part:
         case Comparison(left, relation, right):
-            sides = substitute(left, bindings), substitute(right, bindings)
-            ground = [is_ground(side) for side in sides]
-            return all(ground) or (relation == "=" and any(ground) and not any(map(_is_open, sides)))
+            bound = [_is_bound(side, bindings) for side in (left, right)]
+            if all(bound) or relation != "=" or not any(bound):
+                return all(bound)
+            return not isinstance(right if bound[0] else left, Operation)  # else it must be computed first
         case Literal(atom):
-            return is_ground(substitute_atom(atom, bindings))
+            return _is_bound(atom, bindings)
         case Aggregate():
             return False
         case StateAggregate():
             return can_test(part, bindings)
 
 
-def _is_open(side: Term) -> bool:
-    """Whether a side of a comparison must be computed, but some of its variables have no value yet."""
-    return isinstance(side, Operation) and not is_ground(side)
+def _is_bound(term: Term, bindings: Bindings) -> bool:
+    """Whether a term has no variables under bindings."""
+    if isinstance(term, Variable):
+        value = bindings.get(term)
+        return value is not None and is_ground(value)
+    if isinstance(term, Function):
+        return is_ground(term) or all(_is_bound(each, bindings) for each in term.arguments)
+    if isinstance(term, Operation):
+        return _is_bound(term.left, bindings) and _is_bound(term.right, bindings)
+    return True
 
 
 def _part(part: BodyPart, facts: Facts, bindings: Bindings, below: Facts) -> Iterator[Bindings]:

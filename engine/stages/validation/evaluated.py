@@ -20,10 +20,11 @@ class Evaluated(Facts):
 
     def __contains__(self, atom: Atom) -> bool:
         """Whether an atom is among the facts. The first questions do not read its predicate, which may be large."""
+        known = self._by_name.get(atom.name)
+        if known is not None:
+            return atom in known
         asked = self._asked[atom.name] = self._asked.get(atom.name, 0) + 1
-        if asked <= SINGLY and atom.name not in self._by_name:
-            return self._holds(atom)
-        return atom in self._extent(atom.name)
+        return self._holds(atom) if asked <= SINGLY else atom in self._extent(atom.name)
 
     def has_type(self, term: Term, type_: str) -> bool:
         """Whether a term is a value of a type. The answer is remembered: these facts never change."""

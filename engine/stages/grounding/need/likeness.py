@@ -75,19 +75,19 @@ def with_name(term: Function, name: str, other: Function = STAND_IN) -> Function
     )
 
 
-def names(term: Term) -> Iterator[str]:
+def names(term: Term) -> list[str]:
     """The names of the constants in a term. The name of an atom itself is none of them."""
-    match term:
-        case Function(_, arguments):
-            for each in arguments:
-                if isinstance(each, Function) and not each.arguments:
-                    yield each.name
-                else:
-                    yield from names(each)
-        case Operation(_, left, right):
-            yield from names(Function("", (left, right)))
-        case _:
-            return
+    if isinstance(term, Operation):
+        return names(Function("", (term.left, term.right)))
+    found = list[str]()
+    for each in term.arguments if isinstance(term, Function) else ():
+        if not isinstance(each, Function):
+            found += names(each) if isinstance(each, Operation) else ()
+        elif each.arguments:
+            found += names(each)
+        else:
+            found.append(each.name)
+    return found
 
 
 def _mentioned(problem: Problem) -> Iterator[Term]:

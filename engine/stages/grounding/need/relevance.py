@@ -200,15 +200,15 @@ def _meets(term: Term, pattern: Term, bindings: dict[Variable, Term]) -> bool:
 
 def overlap(one: Term, other: Term) -> bool:
     """Whether two patterns can stand for the same term."""
+    if isinstance(one, Function) and isinstance(other, Function):
+        return one is other or (
+            one.name == other.name
+            and len(one.arguments) == len(other.arguments)
+            and all(map(overlap, one.arguments, other.arguments))
+        )
     if ANYTHING in (one, other) or isinstance(one, Operation) or isinstance(other, Operation):
         return True
-    if not isinstance(one, Function) or not isinstance(other, Function):
-        return one == other
-    return (
-        one.name == other.name
-        and len(one.arguments) == len(other.arguments)
-        and all(map(overlap, one.arguments, other.arguments))
-    )
+    return one == other
 
 
 def _opened(atom: Atom, bindings: Substitution) -> Atom:

@@ -60,8 +60,16 @@ def _truth(part: BodyPart, facts: Facts) -> bool | None:
 
 
 def satisfiable(body: Body, facts: Facts, bindings: Bindings) -> bool:
-    """Whether a body has a binding."""
-    return not body or next(solve(body, facts, bindings), None) is not None
+    """Whether a body has a binding. Tests come first: most bodies have nothing else."""
+    waiting = []
+    for part in body:
+        bound = substitute_part(part, bindings)
+        truth = _truth(bound, facts)
+        if truth is None:
+            waiting.append(bound)
+        elif not truth:
+            return False
+    return not waiting or next(_solved(waiting, facts, {}), None) is not None
 
 
 def _cheapest(parts: list[BodyPart], facts: Facts) -> int:

@@ -160,10 +160,13 @@ class GivenFacts(Facts):
 
     def __contains__(self, atom: Atom) -> bool:
         """Whether an atom is among the facts. The first questions do not read its predicate, which may be large."""
-        asked = self._asked[atom.name] = self._asked.get(atom.name, 0) + 1
-        if asked <= SINGLY and atom.name not in self._extents:
-            return self._holds(atom)
-        return atom in self._extent(atom.name).atoms
+        known = self._extents.get(atom.name)
+        if known is None:
+            asked = self._asked[atom.name] = self._asked.get(atom.name, 0) + 1
+            if asked <= SINGLY:
+                return self._holds(atom)
+            known = self._extent(atom.name)
+        return atom in known.atoms
 
     def _extent(self, name: str) -> Extent:
         if name not in self._extents:

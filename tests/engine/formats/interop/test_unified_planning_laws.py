@@ -178,7 +178,9 @@ def test_it_agrees_with_brute_force_on_solvability(problem: Problem) -> None:
         if problem.quality_metrics:
             found = SequentialPlanValidator().validate(problem, result.plan)
             cost = found.metric_evaluations[problem.quality_metrics[0]]
-            if result.status is Status.SOLVED_OPTIMALLY:  # not where derived predicates stay in the task as axioms
+            if (
+                result.status is Status.SOLVED_OPTIMALLY
+            ):  # not where derived predicates stay in the task as axioms
                 assert cost == cheapest(problem)
             else:
                 assert cost >= cheapest(problem)
