@@ -5,6 +5,9 @@ from pathlib import Path
 
 from engine.model.outcome import Found, Infeasible
 from engine.pipelines import planning
+from engine.stages.macros.lifted.execution import changes_of
+from engine.stages.macros.lifted.situation import Situation
+from engine.stages.macros.lifted.world import CellDomain
 from engine.stages.validation.semantics import Semantics
 from kb.loader import load
 from kb.model.problem import Problem
@@ -52,6 +55,17 @@ def test_every_spin_is_balanced() -> None:
     refilled = any(step.operator.name == "refill" for step in outcome.plan.steps)
     assert isinstance(left, Number)
     assert left.value == 2 or refilled
+
+
+def test_a_run_sees_what_a_batch_did() -> None:
+    given = problem("four")
+    outcome = planning.plan(given)
+    assert isinstance(outcome, Found)
+    start = Situation.of(CellDomain(given), Semantics(given).initial())
+    events = [event for change in changes_of(start, outcome.plan.steps) for event in change.events]
+    assert sorted(str(each.arguments[0]) for each in events if each.name == "spun") == [
+        f"tube_{number}" for number in range(1, 5)
+    ]
 
 
 def test_a_tube_that_nobody_wants_spun_is_not_spun() -> None:
