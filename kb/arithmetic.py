@@ -72,6 +72,8 @@ def term_of(key: tuple[object, ...], tuples: Iterable[tuple[Term | None, ...]]) 
 
 def relates(relation: str, left: tuple[object, ...], right: tuple[object, ...]) -> bool:
     """Whether a comparison holds between the values with two sort keys."""
+    if relation in ("=", "!="):
+        return (left == right) is (relation == "=")
     return _HOLDS[relation](_compared(left, right))
 
 

@@ -5,6 +5,7 @@ from collections.abc import Iterable, Sequence
 from kb.diagnostics import Source
 from kb.loader.inference import Typing
 from kb.loader.names import Names
+from kb.loader.numeric import refuse_quantity
 from kb.loader.operators import CHANGEABLE, narrowed, refuse_anything
 from kb.loader.reader import Expression, Reader
 from kb.loader.safety import (
@@ -65,6 +66,7 @@ class _DeductionReader:
         known = [*variables(when.value.atom), *body_variables(self.body), *occurrences(self._values())]
         narrowed(self.reader, self.names, typing, self.path, known)
         typing.atom(when.value.atom, when, CHANGEABLE)
+        refuse_quantity(when.value.atom, when, self.names)
         if self.where:
             for part in self.body:
                 typing.condition(part, self.where, (Kind.STATIC,))
@@ -96,6 +98,7 @@ class _DeductionReader:
         for atom, guard in expression.value:
             scope = outer.nested()
             scope.atom(atom, expression, (Kind.FLUENT,))
+            refuse_quantity(atom, expression, self.names)
             for part in guard:
                 scope.condition(part, expression, (Kind.STATIC,))
             used = dict.fromkeys(
@@ -137,6 +140,7 @@ def _defaults(names: Names, expression: Expression, where: Source) -> Iterable[D
     for atom, guard in expression.value:
         typing = Typing(names)
         typing.atom(atom, expression, (Kind.FLUENT,))
+        refuse_quantity(atom, expression, names)
         for part in guard:
             typing.condition(part, expression, (Kind.STATIC,))
         refuse_anything(_head(expression, atom), "defaults", names)

@@ -22,6 +22,7 @@ from kb.model.conditions import (
     Not,
     Or,
     Parameter,
+    literals,
 )
 from kb.model.domain import Effect, Quantity
 from kb.terms import Atom, Function, Number, Operation, Term, Variable, variables
@@ -34,9 +35,19 @@ def with_values(expression: Expression, names: Names) -> Expression:
     """The conditions, with fluents in the place of quantities in comparisons."""
     if not names.quantities:
         return expression
+    for literal in literals(And(expression.value)):
+        refuse_quantity(literal.atom, expression, names)
     fresh = itertools.count()
     parts = tuple(_valued(part, names.quantities, fresh) for part in expression.value)
     return dataclasses.replace(expression, value=parts)
+
+
+def refuse_quantity(atom: Atom, expression: Expression, names: Names) -> None:
+    """Report a quantity that stands as a fact with its value."""
+    if atom.name in names.quantities:
+        said = f"{atom.name}({', '.join(map(str, atom.arguments[:-1]))})" if atom.arguments[1:] else atom.name
+        message = f"'{atom.name}' is a quantity: its value is compared, and changed by increase, decrease and assign"
+        names.findings.add(expression.place(atom), "K108", message, f"write a comparison: {said} >= 1")
 
 
 def _valued(condition: Condition, known: Mapping[str, Quantity], fresh: Fresh) -> Condition:

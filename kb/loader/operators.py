@@ -8,7 +8,7 @@ from kb.loader.counted import Counted
 from kb.loader.inference import Typing, scoped
 from kb.loader.measures import MeasureReader
 from kb.loader.names import Names
-from kb.loader.numeric import Changes, with_values
+from kb.loader.numeric import Changes, refuse_quantity, with_values
 from kb.loader.quantities import child
 from kb.loader.reader import Expression, Reader
 from kb.loader.safety import closed, extended, occurrences, refuse_unbound, warn_singletons
@@ -135,6 +135,7 @@ class _OperatorReader:
             if expression := self.fields[name]:
                 for atom in expression.value:
                     self.typing.atom(atom, expression, kinds)
+                    refuse_quantity(atom, expression, self.names)
         for name, type_ in _NUMBERS.items():
             if expression := self.fields[name]:
                 Counted(self.names, self.typing, name, type_, expression).check()
@@ -234,6 +235,7 @@ class _OperatorReader:
                 refuse_anything(changed, name, self.names)
                 for atom in changed.value:
                     typing.atom(atom, changed, _CHANGES[name])
+                    refuse_quantity(atom, changed, self.names)
         if not any(changes.values()):
             hint = "say what it `adds` or `deletes`"
             self.names.findings.add(when.node.where, "K114", "this effect changes nothing", hint)

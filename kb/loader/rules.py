@@ -229,6 +229,11 @@ def _check_strata(read: Read, names: Names) -> None:
             graph.setdefault(statement.defines, []).extend(use for use, _ in statement.uses)
     component = {sig: index for index, part in enumerate(components(graph)) for sig in part}
     for statement in _values(read):
+        for use, _ in statement.uses:
+            if use[0] in names.quantities:
+                message = f"a rule cannot read the quantity '{use[0]}'"
+                hint = "compare it in preconditions: volume(Bottle) >= 5"
+                names.findings.add(statement.where, "K202", message, hint)
         for use, sign in statement.uses:
             lower = sign is not Sign.POSITIVE
             if lower and statement.defines and component.get(statement.defines) == component.get(use):

@@ -7,7 +7,17 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 from kb.model.statement import Signature
-from kb.terms import ANYTHING, Atom, Substitution, Term, Variable, substitute, substitute_atom, variables
+from kb.terms import (
+    ANYTHING,
+    Atom,
+    Function,
+    Substitution,
+    Term,
+    Variable,
+    substitute,
+    substitute_atom,
+    variables,
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -143,7 +153,23 @@ class Exists:
     def __str__(self) -> str:
         if isinstance(self.part, Literal) and self.part.positive:
             return str(substitute_atom(self.part.atom, {p.variable: ANYTHING for p in self.parameters}))
-        return f"some {', '.join(map(str, self.parameters))} ({self.part})"
+        return self._compared or f"some {', '.join(map(str, self.parameters))} ({self.part})"
+
+    @property
+    def _compared(self) -> str:
+        """A comparison of quantities, as a person writes it; nothing if this is something else."""
+        parts = self.part.parts if isinstance(self.part, And) else ()
+        given = [
+            each.atom for each in parts if isinstance(each, Literal) and each.positive and each.atom.arguments
+        ]
+        values: dict[Variable, Term] = {
+            atom.arguments[-1]: Function(atom.name, atom.arguments[:-1])
+            for atom in given
+            if isinstance(atom.arguments[-1], Variable)
+        }
+        tests = [substitute_part(each, values) for each in parts if isinstance(each, Comparison)]
+        own = set(values) == {parameter.variable for parameter in self.parameters}
+        return ", ".join(map(str, tests)) if own and len(given) + len(tests) == len(parts) else ""
 
 
 @dataclass(frozen=True, slots=True)

@@ -97,7 +97,7 @@ def in_task(task: Task, state: list[Atom]) -> set[str]:
 
 
 @given(rules(), st.booleans(), st.randoms(use_true_random=False))
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=12, deadline=None)
 def test_all_agree_on_an_aggregate(text: str, alone: bool, chance: random.Random) -> None:
     with TemporaryDirectory() as folder:
         given = problem(text, alone, folder)

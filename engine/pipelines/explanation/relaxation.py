@@ -4,8 +4,10 @@ Static rules are evaluated exactly; only what changes is relaxed.
 """
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 from engine.stages.grounding.aggregates import expanded
+from engine.stages.grounding.numeric import without_quantities
 from engine.stages.grounding.program import (
     Schema,
     Vocabulary,
@@ -35,13 +37,23 @@ LOOSENED = "_loosened"
 def relaxed_rules(problem: Problem) -> str:
     """Everything but the static program and the initial state. `_missed(n)` says that goal n is out of reach.
 
+    Comparisons of quantities are taken to be true.
+
     With `_loosened`, all defaults apply, whatever denies them.
     """
-    normaliser = Normaliser()
+    taken = without_quantities(problem)
+    problem, normaliser = taken.problem, Normaliser()
     vocabulary = Vocabulary(problem.domain)
-    made = list(schemas(problem.domain, normaliser, vocabulary))
-    effects = list(conditionals(problem.domain, normaliser, vocabulary))
-    goals = [normaliser.disjuncts(part, {}) for part in goal_parts(problem.goal)]
+    made = [
+        replace(each, static=taken.without_tests(each.static))
+        for each in schemas(problem.domain, normaliser, vocabulary)
+    ]
+    effects = [
+        replace(each, static=taken.without_tests(each.static))
+        for each in conditionals(problem.domain, normaliser, vocabulary)
+    ]
+    parts = [normaliser.disjuncts(part, {}) for part in goal_parts(problem.goal)]
+    goals = [[taken.without_tests(body) for body in part] for part in parts]
     plain = expanded(problem.domain.rules, problem.domain, Vocabulary(problem.domain).is_dynamic)
     derived = (*plain.rules, *plain.reach, *normaliser.rules)
     vocabulary = Vocabulary(problem.domain, derived)

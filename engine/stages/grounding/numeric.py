@@ -18,6 +18,7 @@ from kb.arithmetic import evaluate_atom
 from kb.diagnostics import Diagnostic, InvalidInput, Source
 from kb.model.conditions import (
     And,
+    Body,
     Comparison,
     Condition,
     Exists,
@@ -73,6 +74,10 @@ class Quantities:
     tests: list[Test] = field(default_factory=list)
     settings: dict[str, list[Setting]] = field(default_factory=dict)
     initial: dict[Function, int] = field(default_factory=dict)
+
+    def without_tests(self, body: Body) -> Body:
+        """A body without the literals that stand for comparisons."""
+        return tuple(p for p in body if not (isinstance(p, Literal) and p.atom.name.startswith(COMPARED)))
 
     def literals_of(self, literals: Sequence[Literal]) -> list[Literal]:
         """Those among some literals that stand for comparisons."""

@@ -83,7 +83,7 @@ class Execution:
 
 
 def _needs(schema: OperatorSchema) -> Iterator[Body]:
-    return (each.needs for each in (*schema.adds, *schema.denies))
+    return (each.needs for each in (*schema.adds, *schema.denies, *schema.batches))
 
 
 def changes_of(start: Situation, steps: Iterable[Step]) -> list[StepChange]:

@@ -127,6 +127,10 @@ class CellDomain:
         return StepChange(tuple(adds), tuple(atom for atom in ends if atom not in adds), tuple(events))
 
     def _instances(self, each: Following, bindings: Bindings, facts: Facts) -> Iterator[Atom]:
+        if self.domain.quantities:  # numbers in a guard have their values from the state
+            for found in solve((*each.guard, *each.needs), Layered(facts, self.statics), bindings):
+                yield substitute_atom(each.atom, found)
+            return
         for found in solve(each.guard, self.statics, bindings):
             if not each.needs or holds(each.needs, self, facts, found):
                 yield substitute_atom(each.atom, found)

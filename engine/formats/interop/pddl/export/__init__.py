@@ -15,6 +15,7 @@ from engine.formats.interop.pddl.export.ground import GroundWriter
 from engine.formats.interop.pddl.export.plans import GroundPlans, LiftedPlans
 from engine.formats.interop.pddl.export.writer import Writer
 from engine.model.task import Task
+from kb.diagnostics import Diagnostic, InvalidInput
 from kb.model.plan import Plan
 from kb.model.problem import Problem
 
@@ -36,6 +37,10 @@ class PddlText:
 
 def export(problem: Problem, task: Task, lifted: bool = True) -> PddlText:
     """A problem as PDDL. `task` is its ground task; it is written if `lifted` is False, for planners that only read STRIPS."""
+    if problem.domain.quantities:
+        message = f"the quantity {next(iter(problem.domain.quantities))} cannot be written as PDDL yet"
+        hint = "plan with cellwright itself"
+        raise InvalidInput([Diagnostic(problem.where, "K802", message, hint)])
     why = ""
     if lifted:
         try:
