@@ -169,9 +169,12 @@ class Search:
             if match.values and match.values[-1].but and _says_first(self.said.pieces[match.end : end]):
                 continue  # "store all probes but probe 2 first" leaves nothing out
             then = joint.then or last
-            place = (
-                "" if then and place == "first" else place
-            )  # "then open the drawer first": before what follows
+            if then and place == "first":
+                place = ""  # "then open the drawer first": before what follows
+            if match.shared and "first" in (place, link):
+                place = link = (
+                    "that"  # "fill all bottles, then pack them, b2 first": b2 is packed first, not before all
+                )
             clause = Clause(
                 match.form,
                 match.values,
@@ -197,7 +200,7 @@ class Search:
         if not self.short or earlier is None:
             return
         for match in self._shared(earlier.clause, begin):
-            yield replace(match, cost=match.cost + LEFT_OUT)
+            yield replace(match, cost=match.cost + LEFT_OUT, shared=True)
         things = [each for clause in earlier.clauses() for each in self._things(clause)]
         for word, node in self.book.natural.words.items():
             if (end := self.said.word(begin, word)) is not None:

@@ -29,7 +29,7 @@ class Match:
     """A form that was found: the place after it, what fills its slots, and its cost.
 
     `again` means that it is said in short, for an act that was said before: "once heated". `passive` means that it says what
-    should be done: "probe 1 must be heated".
+    should be done: "probe 1 must be heated". `shared` means that its verb is that of the clause before: "..., b2 first".
     """
 
     end: int
@@ -38,6 +38,7 @@ class Match:
     cost: int = 0
     again: bool = False
     passive: bool = False
+    shared: bool = False
 
 
 @dataclass(slots=True)

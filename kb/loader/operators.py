@@ -8,10 +8,11 @@ from kb.loader.counted import Counted
 from kb.loader.inference import Typing, scoped
 from kb.loader.measures import MeasureReader
 from kb.loader.names import Names
+from kb.loader.numeric import Changes, with_values
 from kb.loader.quantities import child
 from kb.loader.reader import Expression, Reader
 from kb.loader.safety import closed, extended, occurrences, refuse_unbound, warn_singletons
-from kb.model.conditions import TRUE, And, Condition, Parameter, free_variables
+from kb.model.conditions import And, Condition, Parameter, free_variables, goal_parts
 from kb.model.domain import Command, Effect, Kind, Look, Operator
 from kb.terms import ANYTHING, Atom, Function, Term, Variable, variables
 
@@ -56,6 +57,7 @@ class _OperatorReader:
         self.typing = Typing(names)
         self.fields: dict[str, Expression | None] = {}
         self.measures = MeasureReader(reader, names, self.path)
+        self.changes = Changes(reader, names, self.path)
 
     def read(self) -> Operator:
         for name, start in _FIELDS.items():
@@ -63,9 +65,11 @@ class _OperatorReader:
             if self.fields[name] is None and self.reader.text(*self.path, name):
                 self.typing.sound = False
         if expression := self.fields["preconditions"]:
-            self.fields["preconditions"] = scoped(expression, self.header.value.arguments)
+            scope = scoped(with_values(expression, self.names), self.header.value.arguments)
+            self.fields["preconditions"] = scope
         self._infer()
         self._refuse_strangers()
+        self._refuse_strange_changes()
         parameters = self.typing.parameters(dict.fromkeys(self.header.value.arguments), self.header)
         self._refuse_unbound(parameters)
         operator = Operator(
@@ -73,7 +77,7 @@ class _OperatorReader:
             parameters,
             self._condition("preconditions"),
             tuple(self._effects(parameters)),
-            body=self._value("where", ()),
+            body=(*self._value("where", ()), *self.changes.apart()),
             resources=self._resources(),
             duration=self._value("duration", None),
             cost=self._value("cost", None),
@@ -135,6 +139,7 @@ class _OperatorReader:
             if expression := self.fields[name]:
                 Counted(self.names, self.typing, name, type_, expression).check()
         self.measures.infer(self.typing)
+        self.changes.infer(self.typing)
         self._infer_from_events()
         self._check_header()
 
@@ -171,6 +176,16 @@ class _OperatorReader:
             if expression := self.fields[name]:
                 refuse_anything(expression, name, self.names)
 
+    def _refuse_strange_changes(self) -> None:
+        """Report variables in changes of quantities that are not in the header."""
+        known = self.header.value.arguments
+        for variable, expression in self.changes.variables:
+            if variable not in known:
+                message = f"the variable {variable} is not in the header"
+                hint = f"add it to the header {self.header.value}"
+                self.names.findings.add(expression.place(variable), "K105", message, hint)
+                self.typing.sound = False
+
     def _refuse_unbound(self, parameters: tuple[Parameter, ...]) -> None:
         """Report numbers, times and texts without a value, and unbound variables that only occur in `where:`."""
         body, precondition = self._value("where", ()), self._value("preconditions", ())
@@ -190,21 +205,24 @@ class _OperatorReader:
 
     def _condition(self, name: str) -> Condition:
         expression = self.fields[name]
+        more = self.changes.conditions()
         if expression is None:
-            return TRUE
-        return self.typing.quantified(And(expression.value), expression)
+            return And(tuple(more))
+        found = self.typing.quantified(And(expression.value), expression)
+        return And((*goal_parts(found), *more)) if more else found
 
     def _effects(self, parameters: tuple[Parameter, ...]) -> Iterable[Effect]:
         for name in ("adds", "deletes"):
             yield from (Effect(atom, name == "adds") for atom in self._value(name, ()))
         for index, _ in enumerate(self.reader.items(*self.path, "effects")):
             yield from self._conditional(index, parameters)
+        yield from self.changes.effects()
 
     def _conditional(self, index: int, parameters: tuple[Parameter, ...]) -> Iterable[Effect]:
         when = self.reader.expression("conditions", *self.path, "effects", index, "when")
         if when is None:
             return
-        when = scoped(when, self.header.value.arguments)
+        when = scoped(with_values(when, self.names), self.header.value.arguments)
         typing = self.typing.nested()
         typing.condition(And(when.value), when, READABLE)
         changes = {

@@ -19,6 +19,7 @@ TOOLS = ("sequencer", "library", "planner", "scheduler", "diagnosis")  # of the 
 OBJECT = "object"
 NUMERIC_TYPES = ("int", "time")
 BUILT_IN_TYPES = (OBJECT, *NUMERIC_TYPES, "text")
+UNLISTED = (*NUMERIC_TYPES, "text")  # types whose values cannot be enumerated
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,6 +59,16 @@ class Predicate:
     arguments: tuple[str, ...]
     kind: Kind
     weight: int | None = None
+    where: Source = field(default=NOWHERE, compare=False)
+
+
+@dataclass(frozen=True, slots=True)
+class Quantity:
+    """A number that operators change: a fluent whose last argument is its value, from `low` to `high`."""
+
+    name: str
+    low: int
+    high: int
     where: Source = field(default=NOWHERE, compare=False)
 
 
@@ -227,6 +238,7 @@ class Domain:
     renamed: Mapping[str, str] = field(
         default_factory=dict
     )  # roles of conventions: their names in this domain
+    quantities: Mapping[str, Quantity] = field(default_factory=dict)
     tools: tuple[str, ...] = TOOLS  # what a run plans with, the preferred ones first
 
     @property

@@ -114,6 +114,15 @@ class OperatorEntry(Strict):
     )
     deletes: Expression | None = Field(None, description="explicit deletes; deletes come before adds")
     effects: list[EffectEntry] = Field(default_factory=list, description="conditional effects")
+    increase: dict[str, str | int] = Field(
+        default_factory=dict, description="by how much quantities rise: volume(Bottle): Amount"
+    )
+    decrease: dict[str, str | int] = Field(
+        default_factory=dict, description="by how much quantities fall: volume(Bottle): Amount"
+    )
+    assign: dict[str, str | int] = Field(
+        default_factory=dict, description="what quantities become: volume(Bottle): 5000"
+    )
     resources: Expression | None = Field(
         None, description="what the step occupies while it lasts: steps with a common resource never overlap"
     )
@@ -208,6 +217,10 @@ class DomainFile(Strict):
     events: dict[str, FluentEntry | None] = Field(
         default_factory=dict,
         description="facts that form a history: they are added once per workflow stage and never denied",
+    )
+    quantities: dict[str, str] = Field(
+        default_factory=dict,
+        description="whole numbers that operators change, with their least and greatest value: volume(bottle): 0..5000",
     )
     defaults: list[Expression] = Field(
         default_factory=list,

@@ -10,7 +10,7 @@ from engine.faces.monitor.solids import Solids
 from engine.faces.monitor.viewing import View
 from engine.model.moves import Unmoved
 from engine.pipelines.execution.records import read_atom
-from engine.pipelines.retracing import Taken, tool_path
+from engine.pipelines.execution.retracing import Taken, tool_path
 from kb.diagnostics import InvalidInput
 
 RED, CHOSEN = "#e01818", "#d02090"

@@ -12,7 +12,7 @@ def related(run: Watched, choice: str) -> frozenset[str]:
         return frozenset()
     found = {choice}
     for each in run.plan.get("steps", ()):
-        facts = {*each.get("adds", ()), *each.get("ends", ())}
+        facts = {*each.get("adds", ()), *each.get("ends", ()), *each.get("events", ())}
         if each["step"] == choice:
             found |= facts
         elif choice in facts:
@@ -62,5 +62,6 @@ def _of_step(run: Watched, step: str) -> list[str] | None:
     before = [each["step"] for each in steps.values() if found["id"] in each.get("after", ())]
     lines = [f"step {found['id']}: {step}", f"device: {found['stream']}, says: {found.get('says', '')}"]
     lines += [f"waits for: {', '.join(after) or 'nothing'}", f"goes before: {', '.join(before) or 'nothing'}"]
-    lines += [f"brings: {', '.join(found.get('adds', ())) or 'nothing'}"]
+    brings = [*found.get("adds", ()), *found.get("events", ())]
+    lines += [f"brings: {', '.join(brings) or 'nothing'}"]
     return [*lines, f"holds: {', '.join(found.get('resources', ())) or 'nothing'}"]

@@ -11,7 +11,7 @@ from engine.faces.monitor.choosing import related
 from engine.faces.monitor.reasons import decision_tree
 from engine.faces.monitor.sequences import sequence_picture
 from engine.faces.monitor.tables import fill, made
-from engine.faces.monitor.viewing import View
+from engine.faces.monitor.viewing import View, picture
 from engine.formats.report.execution import duration
 
 
@@ -73,7 +73,7 @@ class Diagnosis(View):
         target = self.look.shared.target(self.look.run.run)[0]
         asked = self.look.shared.workers.submit(decision_tree, target, last["exception"], last["action"])
         self._picture.set_content("Looking for the cheapest tests ...")
-        self._picture.set_content(await asyncio.wrap_future(asked))
+        self._picture.set_content(picture(await asyncio.wrap_future(asked)))
 
 
 def _by_exception(findings: list[dict[str, Any]]) -> list[tuple[str, list[dict[str, Any]]]]:

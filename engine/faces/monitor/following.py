@@ -130,11 +130,13 @@ class Follower:
         self._ends: dict[int, int] = {}
         self.latest = Watched(run, holds=dict.fromkeys(initial, 0))
         self._kept = [self.latest.copied()]
+        self._journal: Journal | None = None
 
     def refresh(self) -> int:
         """Read what has come; how many records that are."""
-        with Journal(self.store) as journal:
-            fresh = [record_of(line) for line in journal.lines(self.run, len(self.records))]
+        if self._journal is None:
+            self._journal = Journal(self.store)
+        fresh = [record_of(line) for line in self._journal.lines(self.run, len(self.records))]
         for record in fresh:
             self.records.append(record)
             self.latest.take(record)
@@ -143,6 +145,12 @@ class Follower:
             if record.number % KEPT == 0:
                 self._kept.append(self.latest.copied())
         return len(fresh)
+
+    def close(self) -> None:
+        """Give back the connection to the journal; the next look opens another one."""
+        if self._journal is not None:
+            self._journal.close()
+            self._journal = None
 
     def at(self, number: int, before: Watched | None = None) -> Watched:
         """How the run stood after a record; the last one if the number is beyond it.

@@ -75,6 +75,7 @@ def begun(words: Sequence[str], folder: Path, there: Callable[[], bool], wait_s:
             [*COMMAND, *words], cwd=folder, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=said,
             start_new_session=True,
         )  # fmt: skip
+        threading.Thread(target=process.wait, daemon=True).start()
         until = time.monotonic() + wait_s
         while time.monotonic() < until:
             over = process.poll() is not None

@@ -8,7 +8,7 @@ from concurrent.futures import BrokenExecutor, ProcessPoolExecutor
 from functools import lru_cache
 
 from engine.faces.monitor.following import Follower
-from engine.pipelines.retracing import Retracing, Taken
+from engine.pipelines.execution.retracing import Retracing, Taken
 from kb.diagnostics import InvalidInput
 
 BATCH_S = 1.0  # after so long, what has been found is told

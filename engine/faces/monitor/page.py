@@ -49,6 +49,7 @@ p pause · c go on · s stop · r retry · y approve · m more orders"""
 def head(shared: Shared) -> None:
     """What every page needs in its head."""
     ui.add_head_html(f"<script>const TOKEN = {json.dumps(shared.token)};{SCRIPT}{PLACING}</script>")
+    ui.colors(primary="#1f5a94")
     ui.on("told", lambda event: notice(event.args))
 
 
@@ -74,6 +75,7 @@ class RunPage:
             self._steering.banner()
         self._views = self._body()
         self._foot()
+        ui.on("go", lambda event: self._go(int(event.args)))
         ui.on("chosen", lambda event: self._choose(str(event.args)))
         ui.keyboard(on_key=self._key)
         ui.timer(LOOK_S, self.tick)
@@ -180,6 +182,10 @@ class RunPage:
     def _change_speed(self) -> None:
         if self.player.speed:
             self.player.speed = float(self._speed.value or 1)
+
+    def _go(self, number: int) -> None:
+        self.player.go_to(number)
+        self.tick(anew=True)
 
     def _choose(self, step: str) -> None:
         self.look.step = step

@@ -50,3 +50,15 @@ def decision_tree(target: str, exception: str, step: str) -> str:
         return refused.diagnostics[0].message
     made = found.session.selector.tree(found.session.standing)
     return drawn(found.session.case.problem, made, expected_cost(made))
+
+
+def contact_states(target: str) -> str:
+    """The net of the cell's contact states as SVG, marked as the cell begins; a sentence if the cell has no contact model."""
+    from engine.formats.report.states_svg import net as drawn
+    from engine.pipelines.task_space import model_of, net
+
+    try:
+        model, _ = model_of(target)
+        return drawn(net(model))
+    except InvalidInput as refused:
+        return refused.diagnostics[0].message

@@ -26,9 +26,7 @@ def sequence_picture(target: Target, plan: dict[str, Any]) -> str | None:
     for number in plan.get("order", ()):
         step = steps[number]
         for name, at in spots.items():
-            if f"meas({name})" in step["step"] and any(
-                _measured(fact, name) for fact in step.get("adds", ())
-            ):
+            if any(_measured(fact, name) for fact in step.get("adds", ())):
                 visits.append(Visit(name, at, _tool(step, name)))
     if len(visits) < 2:
         return None

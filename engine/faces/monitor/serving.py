@@ -73,22 +73,38 @@ async def _changing(request: Request, change: Change) -> JSONResponse:
 
 async def _stream(shared: Shared, run: str, after: int) -> AsyncIterator[str]:
     """The records of a run behind a number, as server-sent events, for as long as somebody listens."""
+    try:
+        await asyncio.to_thread(shared.follow, run)
+    except InvalidInput as refused:
+        yield f"event: refused\ndata: {json.dumps([each.message for each in refused.diagnostics])}\n\n"
+        return
     quiet = 0.0
     while True:
-        try:
-            records = (await asyncio.to_thread(shared.follow, run)).records
-        except InvalidInput as refused:
-            yield f"event: refused\ndata: {json.dumps([each.message for each in refused.diagnostics])}\n\n"
-            return
-        fresh = records[after:]
-        for record in fresh:
-            yield f"id: {record.number}\ndata: {json.dumps(record.entry(run), ensure_ascii=False)}\n\n"
+        records = shared.follow(run).records
+        fresh = records[after : after + AT_ONCE]
+        if fresh:
+            yield "".join(_event(run, record.number, shared) for record in fresh)
         after += len(fresh)
         quiet = 0.0 if fresh else quiet + PAUSE_S
         if quiet >= SILENCE_S:
             quiet = 0.0
             yield ": still there\n\n"
-        await asyncio.sleep(PAUSE_S)
+        await asyncio.sleep(0.0 if len(fresh) == AT_ONCE else PAUSE_S)
+
+
+def _event(run: str, number: int, shared: Shared) -> str:
+    """A record as an event; it is written once for all who listen."""
+    key = (id(shared), run, number)
+    if key not in _WRITTEN:
+        record = shared.follow(run).records[number - 1]
+        _WRITTEN[key] = f"id: {number}\ndata: {json.dumps(record.entry(run), ensure_ascii=False)}\n\n"
+        while len(_WRITTEN) > KEPT:
+            del _WRITTEN[next(iter(_WRITTEN))]
+    return _WRITTEN[key]
+
+
+_WRITTEN: dict[tuple[int, str, int], str] = {}
+KEPT, AT_ONCE = 2000, 500  # events that are kept as they were written, and sent together
 
 
 def serve(shared: Shared, host: str, port: int) -> None:

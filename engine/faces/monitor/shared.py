@@ -2,6 +2,7 @@
 
 import secrets
 import shlex
+import threading
 import time
 from collections.abc import Callable, Mapping
 from concurrent.futures import ProcessPoolExecutor
@@ -23,7 +24,7 @@ from engine.pipelines.planning import problem_of
 from kb.diagnostics import InvalidInput
 from kb.store.journal import Begun
 
-PAUSE_S = 0.1  # between two looks at a journal
+PAUSE_S = 0.05  # between two looks at a journal
 
 
 @dataclass
@@ -37,6 +38,7 @@ class Shared:
     sheets: Sheets = field(default_factory=lambda: Sheets(Path.cwd()))
     _followed: dict[str, Follower] = field(default_factory=dict)
     _looked: dict[str, float] = field(default_factory=dict)
+    _reading: threading.Lock = field(default_factory=threading.Lock)
     jobs: list[Job] = field(default_factory=list)
     _motions: dict[str, Motions] = field(default_factory=dict)
 
@@ -50,12 +52,14 @@ class Shared:
 
     def follow(self, run: str) -> Follower:
         """The run, read up to now. Raises `InvalidInput` if the store has none of this name."""
-        if run not in self._followed:
-            self._followed[run] = Follower(self.store, run, _initial(self.store, run))
-        if time.monotonic() - self._looked.get(run, 0.0) >= PAUSE_S:
-            self._followed[run].refresh()
-            self._looked[run] = time.monotonic()
-        return self._followed[run]
+        with self._reading:
+            if run not in self._followed:
+                self._followed[run] = Follower(self.store, run, _initial(self.store, run))
+                self._followed[run].refresh()
+            if time.monotonic() - self._looked.get(run, 0.0) >= PAUSE_S:
+                self._followed[run].refresh()
+                self._looked[run] = time.monotonic()
+            return self._followed[run]
 
     def target(self, run: str) -> Target:
         """What the run was begun with."""

@@ -47,7 +47,8 @@ class Sheets:
             inside = path.relative_to(self.folder)
             if len(inside.parts) > DEEPEST or any(part.startswith(".") for part in inside.parts):
                 continue
-            wanted = path.suffix.lower() in endings and path.is_file()
+            wanted = path.suffix.lower() in endings and path.is_file() and not path.is_symlink()
+            wanted = wanted and path.resolve().is_relative_to(self.folder.resolve())
             if wanted and (path.suffix != ".yaml" or _says_problem(path)):
                 found.append(inside.as_posix())
             if len(found) >= MOST_FILES:

@@ -7,7 +7,7 @@ from functools import cached_property, lru_cache
 import numpy as np
 
 from engine.model.geometry import Floats
-from engine.pipelines.retracing import Resting, Taken, world_during
+from engine.pipelines.execution.retracing import Resting, Taken, world_during
 from engine.plugins import geometry_backend
 from engine.stages.geometry.pictures import stl
 from engine.stages.geometry.pictures.surfaces import KINDS, kind_of

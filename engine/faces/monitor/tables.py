@@ -17,7 +17,7 @@ def made(choose: Callable[[str], None], *columns: str) -> ui.table:
     named = [
         {"name": str(n), "label": each, "field": str(n), "align": "left"} for n, each in enumerate(columns)
     ]
-    table = ui.table(columns=named, rows=[], row_key="key").props('dense flat no-data-label="none"')
+    table = ui.table(columns=named, rows=[], row_key="key").props("dense flat hide-no-data")
     table.on("rowClick", lambda event: choose(_term(event.args[1])))
     return table
 

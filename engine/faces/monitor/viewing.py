@@ -3,10 +3,16 @@
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
+from xml.sax.saxutils import escape
 
 from engine.faces.monitor.following import Follower, Watched
 from engine.faces.monitor.shared import Shared
-from engine.pipelines.retracing import Taken
+from engine.pipelines.execution.retracing import Taken
+
+
+def picture(text: str) -> str:
+    """A picture as it is; a sentence in its place as text, because names in it may look like HTML."""
+    return text if text.startswith(("<svg", "<?xml")) else escape(text)
 
 
 @dataclass

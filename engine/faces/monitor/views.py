@@ -11,9 +11,9 @@ from engine.faces.monitor.charts import gantt
 from engine.faces.monitor.choosing import related, steps_of, told_of
 from engine.faces.monitor.comparing import Compared
 from engine.faces.monitor.findings import Diagnosis, Results, Sequence
-from engine.faces.monitor.reasons import reasons
+from engine.faces.monitor.reasons import contact_states, reasons
 from engine.faces.monitor.tables import fill, made
-from engine.faces.monitor.viewing import View
+from engine.faces.monitor.viewing import View, picture
 from engine.formats.report import svg
 from engine.formats.report.execution import duration
 from engine.pipelines.execution.records import compiled_of
@@ -103,18 +103,16 @@ class Partial(View):
             said = f"The plan has {len(run.bars)} steps: too many for a picture. See the steps over time."
             self._picture.set_content(said)
             return
-        picture = svg.plan(compiled_of(run.plan).plan, standing=standing)
-        self._picture.set_content(_rimmed(picture, chosen))
+        plan = svg.plan(compiled_of(run.plan).plan, standing=standing)
+        self._picture.set_content(_rimmed(plan, chosen))
 
 
-def _rimmed(picture: str, chosen: frozenset[str]) -> str:
-    """The picture with a rim around the steps that are chosen."""
+def _rimmed(plan: str, chosen: frozenset[str]) -> str:
+    """The picture of a plan with a rim around the steps that are chosen."""
     for step in sorted(chosen):
         name = f"data-step={quoteattr(step)}"
-        picture = picture.replace(
-            name, f'{name} style="filter: drop-shadow(0 0 3px #d02090)" data-chosen="yes"'
-        )
-    return picture
+        plan = plan.replace(name, f'{name} style="filter: drop-shadow(0 0 3px #d02090)" data-chosen="yes"')
+    return plan
 
 
 class World(View):
@@ -125,6 +123,9 @@ class World(View):
     def make(self) -> None:
         """Make what is shown, still empty."""
         self._search = ui.input("search").props('clearable dense data-testid="search"')
+        button = ui.button("Contact states at the start", on_click=self._net)
+        button.props('dense no-caps outline data-testid="contacts"')
+        self._picture = ui.html("", sanitize=False).props('data-testid="net"')
         self._table = made(self.look.choose, "fact", "since record")
         self._search.on_value_change(self.show)
 
@@ -134,6 +135,13 @@ class World(View):
         asked = self._search.value or ""
         rows = sorted(run.holds.items(), key=lambda each: (-each[1], each[0]))
         fill(self._table, [row for row in rows if asked in row[0]], related(run, self.look.step))
+
+    async def _net(self) -> None:
+        """Show the net of contact states, marked as the cell begins."""
+        shared = self.look.shared
+        asked = shared.workers.submit(contact_states, shared.target(self.look.run.run)[0])
+        self._picture.set_content("Looking for the contact states ...")
+        self._picture.set_content(picture(await asyncio.wrap_future(asked)))
 
 
 class Objects(View):

@@ -9,11 +9,12 @@ from typing import Any
 
 from engine.model.execution import VERSION, Finish, Record, RecordKind
 from engine.model.outcome import Outcome
+from engine.model.schedule import Timetable
 from engine.pipelines.execution.checkpoints import past_of
 from engine.pipelines.execution.compiling import situation_of
 from engine.pipelines.execution.faults import settled
 from engine.pipelines.execution.orders import Orders
-from engine.pipelines.execution.planned import Ready, first
+from engine.pipelines.execution.planned import Ready, first, ready
 from engine.pipelines.execution.recorder import Recorder, Watcher
 from engine.pipelines.execution.resuming import Past
 from engine.pipelines.execution.running import Execution
@@ -65,12 +66,16 @@ def begin(
     watchers: Sequence[Watcher] = (),
     limits: Limits = Limits(),
     outcome: Outcome | None = None,
+    table: Timetable | None = None,
 ) -> Finish | Outcome:
     """Run a problem to its end under a name that `named` has given; why there is no plan, if there is none.
 
-    Raises `InvalidInput`.
+    `outcome` is a plan that is known already, `table` one with its starts. Raises `InvalidInput`.
     """
-    found = first(problem, limits, outcome, wanted.store)
+    if table is not None:
+        found: Ready | Outcome = ready(problem, table.plan, table.starts, 0)
+    else:
+        found = first(problem, limits, outcome, wanted.store)
     if not isinstance(found, Ready):
         return found
     with Journal(wanted.store) as journal:

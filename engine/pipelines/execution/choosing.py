@@ -11,6 +11,7 @@ from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from engine.model.forecast import earliest_starts
+from engine.pipelines.execution.adding import is_wish
 from engine.pipelines.execution.compiling import hands_of, unit_ms
 from engine.pipelines.execution.joining import Joined, ahead, joined, left_behind
 from engine.pipelines.execution.planned import SHORT, ready
@@ -41,15 +42,23 @@ def choices(course: Progress, scope: Scope) -> Iterator[Choice]:
         return
     state, now = ahead(course), course.driver.now_ms()
     rest = scope.rest(state)
+    for exchange, plan in others(rest, state.facts, busy(course, rest), left):
+        if _as_urgent(rest, exchange):
+            made = ready(rest, plan, earliest_starts(plan), now, since=course.since)
+            yield Choice(joined(course, scope, made), _said(exchange, left.steps))
+
+
+def others(
+    rest: Problem, facts: Iterable[Atom], taken: Collection[Term], left: Plan
+) -> Iterator[tuple[Exchange, Plan]]:
+    """What is left of a plan with equal things in place of some, each way once, if the checker accepts it."""
     tried = set[frozenset[tuple[Term, Term]]]()
-    for exchange in exchanges(rest, state.facts, busy(course, rest), left.steps):
-        key = frozenset(exchange.items())
+    for exchange in exchanges(rest, facts, taken, left.steps):
         plan = Plan(tuple(_exchanged(step, exchange) for step in left.steps))
-        if key in tried or PlanGate().findings(rest, in_sequence(plan)):
+        if frozenset(exchange.items()) in tried or PlanGate().findings(rest, in_sequence(plan)):
             continue
-        tried.add(key)
-        made = ready(rest, plan, earliest_starts(plan), now, since=course.since)
-        yield Choice(joined(course, scope, made), _said(exchange, left.steps))
+        tried.add(frozenset(exchange.items()))
+        yield exchange, plan
 
 
 def exchanges(
@@ -151,6 +160,12 @@ def _image(term: Term, exchange: Exchange) -> Function:
         _image(each, exchange) if isinstance(each, Function) else each for each in found.arguments
     )
     return Function(found.name, arguments)
+
+
+def _as_urgent(rest: Problem, exchange: Exchange) -> bool:
+    """Whether what is exchanged is due at the same times."""
+    times = [atom for atom in rest.statics if is_wish(rest, atom)]
+    return all(_image(atom, exchange) in times for atom in times)
 
 
 def _exchanged(step: Step, exchange: Exchange) -> Step:

@@ -22,6 +22,7 @@ from engine.stages.diagnosis.knowledge import CURED, NOT_CURED, Objective
 from engine.stages.diagnosis.session import QUESTION, run
 from engine.stages.execution import Failure
 from engine.stages.planning import Limits
+from kb.diagnostics import InvalidInput
 from kb.model.faults import FaultModel
 from kb.model.plan import Plan, Step, StepId
 from kb.terms import Function, match
@@ -101,6 +102,9 @@ class ExceptionHandler:
             believed = Findings(desk.beliefs, desk.session.diagnosis()).believed if desk.beliefs else world
             self._believe(believed, f"while {exception} was looked into, {other.step} failed")
             return self.handled(other.step, None, other.number, other.reply, None, depth + 1)
+        except InvalidInput as error:  # what was found contradicts what was believed
+            told = error.diagnostics[0].message
+            return GivesUp(f"{exception} at {step}: what is known of the cell now contradicts itself: {told}")
         return self._goes_on(exception, made, recovery, world)
 
     def _looked_into(self, desk: Desk) -> Diagnosis:

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, replace
 
 from engine.model.outcome import Found, Outcome
 from engine.model.schedule import Timetable
-from engine.pipelines.execution.compiling import Compiled, Stay, compiled, situation_of
+from engine.pipelines.execution.compiling import Compiled, Stay, compiled, situation_of, unit_ms
 from engine.pipelines.gate import PlanGate
 from engine.pipelines.timetable import timed
 from engine.pipelines.timetable.wishes import wishes_for
@@ -71,7 +71,7 @@ def again(
     starts: Mapping[StepId, int] | None = None
     if any(step.duration for step in plan.steps) and len(plan.steps) <= SHORT:
         work = ScheduleLimits(WORK, limits.seed, interrupted=limits.interrupted)
-        made = timed(problem, ground(problem), plan, work, busy)
+        made = timed(problem, ground(problem), plan, work, busy, int(begin_ms // unit_ms(problem.domain)))
         if isinstance(made, Timetable):
             plan, starts = made.plan, made.starts
     return ready(problem, plan, starts, begin_ms, since=since)
@@ -92,7 +92,8 @@ def ready(
     begin = here or situation_of(problem)
     wishes = wishes_for(PlanGate().semantics(problem), plan)
     stays = tuple(stays_of(plan, wishes, begin, since))
-    made = compiled(problem, plan, times, begin_ms, stays, wishes.any, begin)
+    waits = bool(wishes.travel or wishes.longest_stay or wishes.release)
+    made = compiled(problem, plan, times, begin_ms, stays, waits, begin)
     last = max((times[step.id] + step.duration for step in plan.steps), default=0)
     return Ready(problem, plan, times, made, last)
 

@@ -66,6 +66,7 @@ class Progress:
     turn: Turn | None = None
     review: str = ""  # why what is left of the plan is to be looked at again
     off_ms: int = 0  # how far behind its forecast the run was when the plan was made, or last reviewed
+    calm: int = 1  # twice as much as before has to change after each review that came to nothing
     waited: frozenset[int] = frozenset()  # what was under way when something was last waited for
     since: dict[Atom, int] = field(default_factory=dict)  # when facts became true, where stays are limited
     look: Callable[[RunState], None] | None = None
@@ -161,7 +162,7 @@ class Progress:
         """Ask for a review of the plan if this step has ended much later, or sooner, than it was forecast to."""
         each = self.compiled.program.activities[activity]
         off = self.standing.now_ms - (each.start_ms + each.lasts_ms)
-        if abs(off - self.off_ms) >= max(NOTICED_MS, each.lasts_ms // 10):
+        if abs(off - self.off_ms) >= self.calm * max(NOTICED_MS, each.lasts_ms // 10):
             self.off_ms, self.review = off, self.review or OTHERWISE
 
     def result(self, activity: int, reply: Reply) -> None:

@@ -7,6 +7,7 @@ from typing import Any
 
 from engine.model.cases import Revision
 from engine.pipelines.attainment import GivenUp
+from engine.pipelines.execution.adding import wished
 from engine.pipelines.execution.compiling import Compiled
 from engine.pipelines.execution.planned import Ready
 from engine.pipelines.execution.scope import Scope
@@ -38,6 +39,7 @@ def plan_entry(ready: Ready, why: str, scope: Scope) -> dict[str, Any]:
         "chains": {c.name: len(c.stages) for c in scope.problem.chains},
         "lost": list(scope.lost),
         "blocked": list(map(str, scope.blocked)),
+        **({"wishes": wishes} if (wishes := wished(scope.problem)) else {}),
     }
 
 

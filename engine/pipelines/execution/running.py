@@ -4,13 +4,14 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from engine.model.execution import Finish, Order, Phase, RecordKind
+from engine.pipelines.execution.adding import addition, extended
 from engine.pipelines.execution.checkpoints import state_of
 from engine.pipelines.execution.compiling import Compiled
 from engine.pipelines.execution.course import Course
 from engine.pipelines.execution.handling import ExceptionHandler, GivesUp
 from engine.pipelines.execution.hands import Ended
 from engine.pipelines.execution.orders import Given, Orders
-from engine.pipelines.execution.pauses import Refused, changed, merged
+from engine.pipelines.execution.pauses import Refused, changed
 from engine.pipelines.execution.planned import Ready
 from engine.pipelines.execution.progress import EVERY, Turn
 from engine.pipelines.execution.recorder import Recorder
@@ -25,7 +26,6 @@ from engine.pipelines.simulation import World
 from engine.ports import Driver
 from engine.stages.execution import Program, Running, Standing, standing_of
 from engine.stages.planning import Limits
-from kb.commands import understand
 from kb.model.faults import FaultModel
 from kb.model.plan import StepId
 from kb.model.problem import Problem
@@ -245,7 +245,8 @@ class Execution:
             return None
         if given.order is Order.ADD:
             self.added = True
-            self.problem = merged(self.problem, understand(handler.scope.problem, given.text))
+            more = addition(handler.scope.problem, given.text)
+            self.problem = extended(self.problem, more.words, ()) if more.words else self.problem
         handler.scope = scope
         self.follow(course, scope, found.ready, given.order.value, found.standing)
         return None
@@ -253,6 +254,7 @@ class Execution:
     def _reviewed(self, course: Course, handler: ExceptionHandler, why: str) -> None:
         """Follow a better plan for what is left, if there is one: one that keeps what this one would break, or is sooner done."""
         found = reviewed(course, handler.scope, self.limits)
+        course.calm = 1 if found is not None else 2 * course.calm
         if found is not None:
             self.recorder.note(
                 RecordKind.DECISION, what="another order of what is left", why=f"{why}: {found.why}"

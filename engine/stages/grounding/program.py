@@ -9,10 +9,9 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 from kb.asp.vocabulary import guard
-from kb.loader.names import UNLISTED
 from kb.loader.safety import closed
 from kb.model.conditions import TRUE, Body, BodyPart, Literal, Parameter, free_variables
-from kb.model.domain import Consequence, DeductiveOperator, Domain, Effect, Kind, Operator, Rule
+from kb.model.domain import UNLISTED, Consequence, DeductiveOperator, Domain, Effect, Kind, Operator, Rule
 from kb.model.normalise import Normaliser
 from kb.terms import ANYTHING, Atom, Function, Variable
 
@@ -112,7 +111,10 @@ def conditionals(domain: Domain, normaliser: Normaliser, vocabulary: Vocabulary)
                 vocabulary.derived |= {invented.head.name for invented in normaliser.rules}
                 literals, static = vocabulary.split(disjunct)
                 yield Conditional(
-                    operator, effect, literals, (*static, *map(_guard_literal, effect.parameters))
+                    operator,
+                    effect,
+                    literals,
+                    (*static, *(_guard_literal(p) for p in effect.parameters if p.type not in UNLISTED)),
                 )
 
 

@@ -21,8 +21,9 @@ from kb.model.conditions import (
     Or,
     Parameter,
     StateAggregate,
+    goal_parts,
 )
-from kb.model.domain import NUMERIC_TYPES, OBJECT
+from kb.model.domain import NUMERIC_TYPES, OBJECT, UNLISTED
 from kb.terms import (
     Atom,
     Function,
@@ -271,6 +272,20 @@ def holds(condition: Condition, facts: Facts, bindings: Bindings, below: Facts |
             raise ValueError(f"aggregates are evaluated by clingo beforehand: {text}")
 
 
+def _typed(parameters: Iterable[Parameter]) -> Iterator[Literal]:
+    """The literals that list the values of each parameter whose type can be listed."""
+    return (Literal(Function(p.type, (p.variable,))) for p in parameters if p.type not in UNLISTED)
+
+
+def bound(
+    parameters: tuple[Parameter, ...], condition: Condition, facts: Facts, bindings: Bindings
+) -> Iterator[Bindings]:
+    """The bindings of all parameters with which a condition holds."""
+    for each in _values(parameters, condition, facts, bindings) if parameters else (bindings,):
+        if holds(condition, facts, each):
+            yield each
+
+
 def _values(
     parameters: tuple[Parameter, ...], part: Condition, facts: Facts, bindings: Bindings
 ) -> Iterator[Bindings]:
@@ -279,6 +294,10 @@ def _values(
         for found in _literal(substitute_atom(part.atom, bindings), True, facts, bindings, facts):
             if all(p.variable not in found or facts.has_type(found[p.variable], p.type) for p in parameters):
                 yield found
+        return
+    if any(parameter.type in UNLISTED for parameter in parameters):  # only facts bind numbers
+        body = tuple(each for each in goal_parts(part) if isinstance(each, Literal | Comparison))
+        yield from solve((*_typed(parameters), *body), facts, bindings)
         return
     if not parameters:
         yield bindings

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 from engine.stages.validation.changes import Change, Denial, State, well_typed
-from engine.stages.validation.datalog import Bindings, Facts, holds, solve
+from engine.stages.validation.datalog import Bindings, Facts, bound, solve
 from engine.stages.validation.derivation import Derivation
 from engine.stages.validation.evaluated import Evaluated
 from kb.asp.statics import evaluated
@@ -207,11 +207,7 @@ class Semantics:
         if effect.condition == TRUE and not effect.parameters:
             yield bindings
             return
-        choices: list[Bindings] = [bindings]
-        for parameter in effect.parameters:
-            values = [atom.arguments[0] for atom in self.statics.named(parameter.type)]
-            choices = [{**each, parameter.variable: value} for each in choices for value in values]
-        yield from (each for each in choices if holds(effect.condition, facts, each))
+        yield from bound(effect.parameters, effect.condition, facts, bindings)
 
     def deduce(self, added: Iterable[Atom], explicit: tuple[Denial, ...], state: State | Facts) -> Change:
         """The least fixpoint of what is added and denied, starting from `added`.

@@ -156,7 +156,9 @@ def _ranged(problem: Problem) -> set[str]:
         for literal in (Literal(rule.head), *rule.body):
             if isinstance(literal, Literal) and literal.atom.name in domain.predicates:
                 found |= set(domain.predicates[literal.atom.name].arguments)
-    if any(isinstance(part, Aggregate | StateAggregate) for body in _bodies(domain) for part in body):
+    if domain.quantities or any(
+        isinstance(part, Aggregate | StateAggregate) for body in _bodies(domain) for part in body
+    ):
         found.add("object")
     return _held(domain, found)
 
