@@ -1,5 +1,6 @@
 """Tables about many motions: travel times between places, and replayed problem sets."""
 
+import re
 from collections.abc import Sequence
 from typing import Any
 
@@ -61,6 +62,11 @@ def replay_entry(found: Sequence[Replayed]) -> dict[str, Any]:
     }
 
 
+def _short(end: str) -> str:
+    """An end of a problem with four digits of each number; the set and JSON have all of them."""
+    return re.sub(r"-?\d+\.\d+", lambda number: f"{float(number[0]):.4g}", end)
+
+
 def replay(found: Sequence[Replayed]) -> RenderableType:
     """Replayed problems for people."""
     rows = [
@@ -70,8 +76,8 @@ def replay(found: Sequence[Replayed]) -> RenderableType:
             f"{each.duration_s:.2f}" if each.status == "found" else "",
             f"{each.looked}",
             {None: "", True: "same", False: "CHANGED"}[each.same],
-            each.problem.start,
-            each.problem.goal,
+            _short(each.problem.start),
+            _short(each.problem.goal),
         )
         for n, each in enumerate(found)
     ]

@@ -84,3 +84,10 @@ def test_without_ends_or_problems_nothing_is_planned() -> None:
     assert run(app, ["motion", "plan", "bulkhead"]).exit_code == 2
     words = ["--problems", "set.json", "--from", "home", "--to", "home"]
     assert run(app, ["motion", "plan", "bulkhead", *words]).exit_code == 2
+
+
+def test_ends_are_shown_with_four_digits() -> None:
+    from engine.formats.report.motion_tables import _short
+
+    assert _short("t3: -84.2873195073, 0.1234567, 90") == "t3: -84.29, 0.1235, 90"
+    assert _short("rack(slra)") == "rack(slra)"
