@@ -68,7 +68,6 @@ class RunPage:
         self.player = Player(follower)
         self.look = Look(shared, follower, follower.latest, choose=self._choose)
         self._seen: tuple[object, ...] = ()
-        self._going, self._asked_s = False, 0.0
         head(shared)
         self._head()
         if self._steering is not None:
@@ -132,12 +131,11 @@ class RunPage:
     def tick(self, anew: bool = False) -> None:
         """Show what is new; with `anew` whatever is to be shown."""
         now = time.monotonic()
-        if now - self._asked_s > 1.0:
-            self._going, self._asked_s = self.name in self.shared.going_on(), now
+        going = self.shared.goes_on(self.name)
         self.shared.follow(self.name)
-        self.player.tick(now, self._going)
+        self.player.tick(now, going)
         if self._steering is not None:
-            self._steering.show(self.player.follower.latest, self._going)
+            self._steering.show(self.player.follower.latest, going)
         seen: tuple[object, ...] = (
             self.player.number,
             round(self.player.clock_ms),
