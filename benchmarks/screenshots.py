@@ -42,7 +42,7 @@ def views(page: Any, site: str, run: str, folder: Path) -> None:
     named(page, "tab-cell").click()
     named(page, "motion").filter(has_text="the arm rests").wait_for()
     for _ in range(8):
-        page.keyboard.press("ArrowLeft")
+        page.keyboard.press(",")
     for view in VIEWS:
         named(page, f"tab-{view}").click()
         page.wait_for_timeout(1500)

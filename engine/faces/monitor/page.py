@@ -42,7 +42,7 @@ document.addEventListener("keydown", (event) => {
   if (event.key === "Enter") choose(event);
 });
 """
-KEYS = """space plays or stands · ← → one record · Home End · x next exception · l live · 1 to 9 and 0 views ·
+KEYS = """k plays or stands · , . one record · Home End · x next exception · l live · 1 to 9 and 0 views ·
 p pause · c go on · s stop · r retry · y approve · m more orders"""
 
 
@@ -76,7 +76,7 @@ class RunPage:
         self._foot()
         ui.on("go", lambda event: self._go(int(event.args)))
         ui.on("chosen", lambda event: self._choose(str(event.args)))
-        ui.keyboard(on_key=self._key)
+        ui.keyboard(on_key=self._key, ignore=["input", "select", "textarea"])
         ui.timer(LOOK_S, self.tick)
 
     def _head(self) -> None:
@@ -201,12 +201,12 @@ class RunPage:
             return
         name = str(key.name)
         count, number = len(self.player.follower.records), self.player.number
-        jumps = {"ArrowLeft": number - 1, "ArrowRight": number + 1, "Home": 0, "End": count}
+        jumps = {",": number - 1, ".": number + 1, "Home": 0, "End": count}
         if name in jumps:
             self.player.go_to(jumps[name])
         elif name.isdigit() and int(name or 0) <= len(self._views):
             self._tabs.set_value(list(self._views)[(int(name) or 10) - 1])
-        elif name == " ":
+        elif name == "k":
             self._play_or_stand()
         elif name == "x":
             self._to_exception()
