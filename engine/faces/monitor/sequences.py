@@ -9,8 +9,8 @@ from engine.faces.monitor.motions import Target
 from engine.formats.report.tour_svg import picture
 from engine.model.measurements import measurements_of
 from engine.model.tour import Tour, TourProblem, Visit
-from engine.stages.geometry.pictures.view import cell_of
 from kb.diagnostics import InvalidInput
+from kb.loader.cell import cell_of
 from kb.model.problem import Problem
 from kb.terms import Number
 

@@ -21,10 +21,10 @@ from engine.pipelines.inspection import partition
 from engine.pipelines.poses import known_poses
 from engine.plugins import geometry_backend
 from engine.stages.geometry import transforms
-from engine.stages.geometry.pictures.view import cell_of
 from engine.stages.geometry.shapes.snapping import Snapped, SnapTo, snapped
 from kb.diagnostics import Diagnostic, InvalidInput, Source
 from kb.loader import load
+from kb.loader.cell import cell_of
 from kb.model.conditions import TRUE
 from kb.model.problem import Problem
 
