@@ -56,7 +56,7 @@ def orders(store: Path, run: str, count: int) -> list[tuple[str, str, str]]:
 
 def test_every_button_has_its_effect_in_the_journal(open_page: Open, site: str, folder: Path) -> None:
     page = open_page(site)
-    started(page, target="bulkhead/twelve_points", name="buttons", factor="0.3")
+    started(page, target="bulkhead/both_tools", name="buttons", factor="0.5")
     wanted = [("approve", "")]
     page.locator('[data-testid="interrupt"]:enabled').click()
     wanted.append(("interrupt", ""))
@@ -115,14 +115,14 @@ def test_after_the_network_was_cut_no_event_is_lost_or_shown_twice(
         journal.append("cut", [Line(n, n, "goal", {"goal": f"g({n})"}) for n in range(1, 4)])
         page = open_page(f"{site}/run/cut")
         at(page, "tab-log").click()
-        page.locator("td", has_text="g(3)").wait_for()
+        page.locator("td", has_text="g(3)").first.wait_for()
         page.context.set_offline(True)
         for n in range(4, 40):
             journal.append("cut", [Line(n, n, "goal", {"goal": f"g({n})"})])
             page.wait_for_timeout(50)
         page.context.set_offline(False)
         journal.append("cut", [Line(40, 40, "goal", {"goal": "g(40)"})])
-        page.locator("td", has_text="g(40)").wait_for()
+        page.locator("td", has_text="g(40)").first.wait_for()
     numbers = page.locator("tbody tr td:first-child").all_inner_texts()
     assert [each for each in numbers if each.isdigit()] == [str(n) for n in range(40, 0, -1)]
     follower = Follower(str(store), "cut")
