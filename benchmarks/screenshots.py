@@ -38,11 +38,11 @@ def named(page: Any, name: str) -> Any:
 def views(page: Any, site: str, run: str, folder: Path) -> None:
     """Show each view of a run, in the middle of it."""
     page.goto(f"{site}/run/{run}")
-    named(page, "phase").get_by_text("reached").wait_for()
+    named(page, "phase").filter(has_text="reached").wait_for()
     named(page, "tab-cell").click()
-    named(page, "motion").get_by_text("the arm rests").wait_for()
+    named(page, "motion").filter(has_text="the arm rests").wait_for()
     for _ in range(8):
-        page.keyboard.press("ArrowLeft")
+        page.keyboard.press(",")
     for view in VIEWS:
         named(page, f"tab-{view}").click()
         page.wait_for_timeout(1500)
@@ -60,7 +60,7 @@ def entering(page: Any, site: str, folder: Path) -> None:
     page.wait_for_timeout(3000)
     box = page.locator('[data-testid="scene"] canvas').bounding_box()
     page.mouse.dblclick(box["x"] + 0.55 * box["width"], box["y"] + 0.45 * box["height"])
-    named(page, "verdict").get_by_text("measured").wait_for()
+    named(page, "verdict").filter(has_text="measured").wait_for()
     named(page, "add").click()
     page.wait_for_timeout(1500)
     page.screenshot(path=folder / "measurements.png")
@@ -85,7 +85,8 @@ def main() -> None:
             subprocess.Popen(serving, cwd=work, stdout=subprocess.DEVNULL) as server,
             sync_playwright() as player,
         ):
-            time.sleep(10.0)
+            while socket.socket().connect_ex(("127.0.0.1", port)):
+                time.sleep(0.5)
             browser = player.chromium.launch(executable_path=shutil.which("chromium"), args=list(QUIET))
             page = browser.new_page(viewport=SIZE)
             page.set_default_timeout(180_000)

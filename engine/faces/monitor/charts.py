@@ -69,12 +69,13 @@ def _bar(bar: Bar, y: int, axis: tuple[int, float], chosen: Collection[str]) -> 
     rim = " chosen" if bar.step in chosen else ""
     said = f"{bar.step}: {bar.standing}, {duration(bar.start_ms)} to {duration(bar.start_ms + bar.lasts_ms)}"
     whole = width > 7.3 * (len(bar.step) + 2)
-    striking = width > 12 or bar.standing in ("failed", "running")
-    name = f"{sign} {bar.step}".strip() if whole else sign if striking else ""
+    inside = f"{sign} {bar.step}".strip() if whole else sign if width > 12 else ""
+    beside = "" if inside or bar.standing not in ("failed", "running") else sign
     return (
         f'<g class="step {bar.standing}" tabindex="0" role="button" data-step={quoteattr(bar.step)}><title>{escape(said)}</title>'
         f'<rect class="bar{rim}" x="{x:.1f}" y="{y}" width="{width:.1f}" height="{HEIGHT}" rx="2" fill="{fill}"/>'
-        f'<text x="{x + 3:.1f}" y="{y + 14}" fill="{INK[bar.standing]}" pointer-events="none">{escape(name)}</text></g>'
+        f'<text x="{x + 3:.1f}" y="{y + 14}" fill="{INK[bar.standing]}" pointer-events="none">{escape(inside)}</text>'
+        f'<text class="text" x="{x + width + 1:.1f}" y="{y + 14}" pointer-events="none">{beside}</text></g>'
     )
 
 

@@ -42,7 +42,7 @@ document.addEventListener("keydown", (event) => {
   if (event.key === "Enter") choose(event);
 });
 """
-KEYS = """space plays or stands · ← → one record · Home End · x next exception · l live · 1 to 9 and 0 views ·
+KEYS = """k plays or stands · , . one record · Home End · x next exception · l live · 1 to 9 and 0 views ·
 p pause · c go on · s stop · r retry · y approve · m more orders"""
 
 
@@ -68,7 +68,6 @@ class RunPage:
         self.player = Player(follower)
         self.look = Look(shared, follower, follower.latest, choose=self._choose)
         self._seen: tuple[object, ...] = ()
-        self._going, self._asked_s = False, 0.0
         head(shared)
         self._head()
         if self._steering is not None:
@@ -77,7 +76,7 @@ class RunPage:
         self._foot()
         ui.on("go", lambda event: self._go(int(event.args)))
         ui.on("chosen", lambda event: self._choose(str(event.args)))
-        ui.keyboard(on_key=self._key)
+        ui.keyboard(on_key=self._key, ignore=["input", "select", "textarea"])
         ui.timer(LOOK_S, self.tick)
 
     def _head(self) -> None:
@@ -132,12 +131,11 @@ class RunPage:
     def tick(self, anew: bool = False) -> None:
         """Show what is new; with `anew` whatever is to be shown."""
         now = time.monotonic()
-        if now - self._asked_s > 1.0:
-            self._going, self._asked_s = self.name in self.shared.going_on(), now
+        going = self.shared.goes_on(self.name)
         self.shared.follow(self.name)
-        self.player.tick(now, self._going)
+        self.player.tick(now, going)
         if self._steering is not None:
-            self._steering.show(self.player.follower.latest, self._going)
+            self._steering.show(self.player.follower.latest, going)
         seen: tuple[object, ...] = (
             self.player.number,
             round(self.player.clock_ms),
@@ -203,12 +201,12 @@ class RunPage:
             return
         name = str(key.name)
         count, number = len(self.player.follower.records), self.player.number
-        jumps = {"ArrowLeft": number - 1, "ArrowRight": number + 1, "Home": 0, "End": count}
+        jumps = {",": number - 1, ".": number + 1, "Home": 0, "End": count}
         if name in jumps:
             self.player.go_to(jumps[name])
         elif name.isdigit() and int(name or 0) <= len(self._views):
             self._tabs.set_value(list(self._views)[(int(name) or 10) - 1])
-        elif name == " ":
+        elif name == "k":
             self._play_or_stand()
         elif name == "x":
             self._to_exception()

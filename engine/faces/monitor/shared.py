@@ -24,6 +24,7 @@ from engine.pipelines.planning import problem_of
 from kb.diagnostics import InvalidInput
 from kb.store.journal import Begun
 
+GOING_S = 0.5  # between two questions which runs go on
 PAUSE_S = 0.05  # between two looks at a journal
 
 
@@ -39,6 +40,9 @@ class Shared:
     _followed: dict[str, Follower] = field(default_factory=dict)
     _looked: dict[str, float] = field(default_factory=dict)
     _reading: threading.Lock = field(default_factory=threading.Lock)
+    _asking: threading.Lock = field(default_factory=threading.Lock)
+    _going: frozenset[str] = frozenset()
+    _asked_s: float = -GOING_S
     jobs: list[Job] = field(default_factory=list)
     _motions: dict[str, Motions] = field(default_factory=dict)
 
@@ -49,6 +53,17 @@ class Shared:
     def going_on(self) -> frozenset[str]:
         """The names of the runs of this store that go on in some process of this user."""
         return frozenset(str(each["run"]) for each in going_on() if each["store"] in (self.store, ""))
+
+    def goes_on(self, run: str) -> bool:
+        """Whether a run goes on, as it was known a second ago: a process that hangs must not hold up the pages."""
+        if time.monotonic() - self._asked_s > GOING_S and not self._asking.locked():
+            self._asked_s = time.monotonic()
+            threading.Thread(target=self._ask, daemon=True).start()
+        return run in self._going
+
+    def _ask(self) -> None:
+        with self._asking:
+            self._going = self.going_on()
 
     def follow(self, run: str) -> Follower:
         """The run, read up to now. Raises `InvalidInput` if the store has none of this name."""

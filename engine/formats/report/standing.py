@@ -80,6 +80,8 @@ class Standing:
         content = record.content
         if content["command_kind"] in ("wait", "continue"):
             return
+        if self.phase == "ready":  # that a plan was approved is an order, and no phase of its own
+            self.phase = "running"
         said = (content["stream"], content["action"], record.at_ms, content["lasts_ms"])
         self.under_way[content["command"]] = said
         self._stand(content.get("step"), "running", record.at_ms)

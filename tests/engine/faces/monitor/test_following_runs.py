@@ -52,6 +52,18 @@ def test_a_run_stands_as_its_records_tell(journal: Journal) -> None:
     assert follower.exceptions() == [8]
 
 
+def test_a_run_that_was_approved_is_running_once_it_is_told_to_do_something(journal: Journal) -> None:
+    ready = Line(3, 0, "phase", {"phase": "ready", "why": "waits for approval"})
+    approved = Line(4, 0, "order", {"order": "approve", "given": "", "origin": "socket"})
+    journal.append("monday", [*LINES[:2], ready, approved])
+    follower = Follower(journal.target, "monday")
+    follower.refresh()
+    assert follower.latest.phase == "ready"
+    journal.append("monday", [Line(5, 0, "command", LINES[2].content)])
+    follower.refresh()
+    assert follower.latest.phase == "running"
+
+
 def test_going_back_gives_what_was_then(journal: Journal) -> None:
     many = [
         Line(10 + n, 10_000 + n, "done", {
