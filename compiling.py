@@ -3,14 +3,23 @@
 This is the build backend (PEP 517) and what `setup.py` needs. Compiled is every module that has its types beside it, in a
 `.pxd` file. `CELLWRIGHT_COMPILER` may name the compiler: `system`, `zig` or `none`; the build fails if the one it names
 does not work. If it names none, the first that works is taken, and without any the modules stay plain Python.
+
+What was compiled is kept in the user's cache folder under a hash of all that it depends on, so that the next checkout with
+the same source has it at once. `CELLWRIGHT_CACHE` names another folder, or `none`.
 """
 
+import contextlib
 import functools
+import hashlib
 import importlib.machinery
+import importlib.metadata
 import importlib.util
 import os
 import platform
+import shutil
+import subprocess
 import sys
+import sysconfig
 import tempfile
 from collections.abc import Sequence
 from pathlib import Path
@@ -49,6 +58,7 @@ FLAGS = ["-O2", "-g0", "-ffp-contract=off", "-fwrapv", "-fno-math-errno"] if POS
 ZIG = [sys.executable, "-m", "ziglang", "cc", "-mcpu=baseline"]
 # What Zig compiles for a Linux with the GNU library runs on all that NumPy runs on. Debian keeps a part of Python's headers apart.
 GNU = ["-target", f"{platform.machine()}-linux-gnu.2.28", "-idirafter", "/usr/include"]
+MOST = 400  # modules that are kept of earlier builds, some 60 MB
 LINKED = {"darwin": ["-undefined", "dynamic_lookup"]}  # Python itself is linked when it loads the module
 TRIAL = """#include <Python.h>
 static PyModuleDef trial = {PyModuleDef_HEAD_INIT, "trial"};
@@ -119,35 +129,118 @@ class Build(build_ext):
     using = ""  # a compiler; that of `compiler()` if not given
 
     def build_extensions(self) -> None:
-        """Build all."""
-        _translate(self.extensions)
+        """Build all that is not kept from an earlier build."""
+        every, folder = self.extensions, None if self.using else cache()
+        kept = _kept(folder, every) if folder else {}
+        self.extensions = [each for each in every if not _restored(kept.get(each.name), self._made(each))]
+        # What is kept must come from these sources, whatever the times of the files say.
+        self.force = self.force or bool(kept)
+        self._compile()
+        for each in self.extensions:
+            if each.name in kept and self._made(each).exists():
+                _keep(self._made(each), kept[each.name])
+        self.extensions = every
+
+    def _compile(self) -> None:
+        needed = self.extensions
+        _translate(needed, force=bool(self.force))
         if (self.using or compiler()) == "zig":
             zig = [*ZIG, *(GNU if platform.libc_ver()[0] == "glibc" else [])]
             linker = [*zig, "-shared", *LINKED.get(sys.platform, [])]
             self.compiler.set_executables(compiler_so=[*zig, "-fPIC"], linker_so=linker)
         self.parallel = self.parallel or os.cpu_count()
-        every = self.extensions
-        shared = [each for each in every if each.name == SHARED]
+        shared = [each for each in needed if each.name == SHARED]
         self._build(shared)
-        if all(
-            Path(self.get_ext_fullpath(each.name)).exists() for each in shared
-        ):  # no kernel loads without it
-            self._build([each for each in every if each.name != SHARED])
-        self.extensions = every
+        if all(self._made(each).exists() for each in shared):  # no kernel loads without it
+            self._build([each for each in needed if each.name != SHARED])
+        self.extensions = needed
 
     def _build(self, extensions: list[Extension]) -> None:
         self.extensions = extensions
         super().build_extensions()
 
+    def _made(self, extension: Extension) -> Path:
+        return Path(self.get_ext_fullpath(extension.name))
 
-def _translate(extensions: list[Extension]) -> None:
+
+def cache() -> Path | None:
+    """The folder of what earlier builds compiled; None if there shall be none or it cannot be made."""
+    named = os.environ.get("CELLWRIGHT_CACHE")
+    if named == "none":
+        return None
+    try:
+        caches = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
+        folder = Path(named or Path(caches, "cellwright")) / "kernels"
+        folder.mkdir(parents=True, exist_ok=True)
+    except (OSError, RuntimeError):  # nobody's home is known
+        return None
+    return folder if os.access(folder, os.W_OK) else None
+
+
+def _kept(folder: Path, extensions: list[Extension]) -> dict[str, Path]:
+    """Where each module is kept: under a hash of its source, of all types, of this build and of what compiles it."""
+    types = sorted(file for ending in ("pxd", "h") for file in Path("engine").rglob(f"*.{ending}"))
+    common = hashlib.sha256(repr(_tools()).encode())
+    for each in [Path(__file__), *types]:
+        common.update(repr((each.name, each.read_bytes())).encode())
+    found = {}
+    for extension in extensions:
+        own = common.copy()
+        own.update(repr((extension.name, [Path(name).read_bytes() for name in extension.sources])).encode())
+        found[extension.name] = folder / f"{own.hexdigest()}{sysconfig.get_config_var('EXT_SUFFIX')}"
+    return found
+
+
+def _tools() -> list[object]:
+    """What compiles: Python, Cython, the compiler with its version, and what the environment tells it."""
+    named = os.environ.get("CC") or sysconfig.get_config_var("CC") or ""
+    command = ZIG if compiler() == "zig" else str(named).split()
+    said = (
+        subprocess.run([*command, "--version"], capture_output=True, check=False).stdout if command else b""
+    )
+    told = [os.environ.get(name) for name in ("CC", "CFLAGS", "CPPFLAGS", "LDFLAGS", "LDSHARED")]
+    cython = importlib.metadata.version("cython")
+    return [sys.version, platform.platform(), sysconfig.get_config_var("CFLAGS"), cython, command, said, told]
+
+
+def _restored(kept: Path | None, made: Path) -> bool:
+    """Whether a module was kept; then it is in its place."""
+    if kept is None or not kept.exists():
+        return False
+    made.parent.mkdir(parents=True, exist_ok=True)
+    with contextlib.suppress(OSError):
+        os.utime(kept)  # it is in use
+    _put(kept, made)
+    return True
+
+
+def _keep(made: Path, kept: Path) -> None:
+    """Keep a module for later builds, and no more of them than `MOST`. A full disk keeps nothing."""
+    with contextlib.suppress(OSError):
+        _put(made, kept)
+        oldest_last = sorted(kept.parent.iterdir(), key=lambda each: -each.stat().st_mtime)
+        for each in oldest_last[MOST:]:
+            each.unlink()
+
+
+def _put(source: Path, target: Path) -> None:
+    """Copy a file so that nobody ever sees a part of it."""
+    with tempfile.TemporaryDirectory(dir=target.parent) as folder:
+        os.replace(shutil.copyfile(source, Path(folder, target.name)), target)
+
+
+def _translate(extensions: list[Extension], force: bool) -> None:
     """Replace Python by the C that Cython makes of it, where it is not made yet."""
     untranslated = [each for each in extensions if not each.sources or each.sources[0].endswith(".py")]
     if untranslated:
         from Cython.Build import cythonize
 
         made = cythonize(
-            untranslated, build_dir="build", nthreads=os.cpu_count(), shared_utility_qualified_name=SHARED
+            untranslated,
+            build_dir="build",
+            nthreads=os.cpu_count(),
+            force=force,
+            shared_utility_qualified_name=SHARED,
         )
         sources = {each.name: each.sources for each in made}
         for each in untranslated:

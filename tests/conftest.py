@@ -5,14 +5,24 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from costs import Costs
 from golden_texts import compare_with_golden
+from hypothesis import settings
 
 Golden = Callable[[str, str], None]
 TOP = Path(__file__).parent
+QUICK = 40  # examples of a law that names no number; `make laws` and the slow suite try 100
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--update-golden", action="store_true", help="accept changed texts as golden files")
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    config.pluginmanager.register(Costs(), "costs")
+    if "not slow" in config.option.markexpr and not config.getoption("--hypothesis-profile"):
+        settings.register_profile("quick", settings.default, max_examples=QUICK)
+        settings.load_profile("quick")
 
 
 def pytest_collection_finish() -> None:

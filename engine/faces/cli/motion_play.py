@@ -27,8 +27,8 @@ def film_of_plan(
     from engine.pipelines.moves.film import filmed, takes_of_plan
     from engine.pipelines.poses.planning import plan_with_poses
     from engine.plugins import geometry_backend
-    from engine.stages.geometry.pictures.view import cell_of
     from engine.stages.planning import Limits
+    from kb.loader.cell import cell_of
 
     problem, cell = planning.problem_of(target), cell_of(target)
     found = plan_with_poses(
@@ -52,8 +52,8 @@ def film_of_run(
     from engine.pipelines.moves.walking import Walk
     from engine.pipelines.planning import problem_of
     from engine.plugins import geometry_backend
-    from engine.stages.geometry.pictures.view import cell_of
     from kb.diagnostics import Diagnostic, InvalidInput, Source, nearest
+    from kb.loader.cell import cell_of
     from kb.store.journal import Journal
 
     with Journal(store) as journal:

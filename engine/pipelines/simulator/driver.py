@@ -57,6 +57,7 @@ class Simulator:
         self._queues: dict[str, deque[int]] = {}
         self._continued: set[int] = set()
         self._times: dict[str, int] = {}
+        self._broken: dict[int, str] = {}  # what is not so that a command looks at
         self._out: list[Message] = []
         self._log = Log(self.settings.log)
         for each in self._log.past():
@@ -125,6 +126,8 @@ class Simulator:
         if self.settings.spread and command.kind is CommandKind.STEP:
             time_ = self._times[command.action] = self._times.get(command.action, 0) + 1
             lasts = drawn(self.settings, command.action, time_, lasts)
+        if broken := self.cell.missing(command.looks):
+            self._broken[command.number], lasts = broken, 0
         self._under_way[command.number] = self._now + lasts
         heapq.heappush(self._ends, (self._now + lasts, command.number))
 
@@ -156,6 +159,7 @@ class Simulator:
             self._now = max(self._now, when)
             del self._under_way[number]
             self._end(self._commands[number])
+            self._watch()
             self._next(self._commands[number].stream)
         self._now = max(self._now, due_ms)
 
@@ -167,7 +171,17 @@ class Simulator:
         else:
             self._answer(Reply(command.number, text, self._now))
 
+    def _watch(self) -> None:
+        """End every command at once that watches something which is not so any more."""
+        for number in self._under_way:
+            if broken := self.cell.missing(self._commands[number].watches):
+                self._broken.setdefault(number, broken)
+                self._under_way[number] = self._now
+                heapq.heappush(self._ends, (self._now, number))
+
     def _outcome(self, command: Command) -> str | None:
+        if (broken := self._broken.pop(command.number, "")) != "":
+            return f"not({broken})"
         match command.kind:
             case CommandKind.STEP:
                 return self.cell.take(command.action, command.expects)

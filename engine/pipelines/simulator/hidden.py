@@ -16,6 +16,7 @@ from engine.stages.macros.lifted.execution import Execution
 from engine.stages.macros.lifted.situation import Situation
 from engine.stages.macros.lifted.world import CellDomain, StepChange
 from kb.asp import ground_term
+from kb.model.domain import Kind
 from kb.model.faults import FaultModel, Interruption
 from kb.model.plan import Step, StepId
 from kb.model.problem import Problem
@@ -211,6 +212,19 @@ class HiddenCell:
             return "done"
         chance = random.Random(f"{self.seed} {step} {self.times[str(step)]}")
         return VARIABLE.sub(lambda _: str(round(chance.gauss(0, 20))), expects)
+
+    def missing(self, looked_at: Sequence[str]) -> str:
+        """The first of some facts that is not so; empty if all are.
+
+        Only what changes with the state can be missed here: fluents, and what is derived from them.
+        """
+        if not looked_at:
+            return ""
+        facts = self.dynamics.facts(self.world.state)
+        known = self.problem.domain.predicates
+        seen = {name for name, each in known.items() if each.kind in (Kind.FLUENT, Kind.DERIVED)}
+        atoms = {text: _instance(text) for text in looked_at}
+        return next((text for text, atom in atoms.items() if atom.name in seen and atom not in facts), "")
 
     def answer(self, action: str) -> str:
         """The outcome of a test or a repair. A repair that helps puts right what it was for."""

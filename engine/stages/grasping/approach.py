@@ -9,7 +9,7 @@ quick, and stuck where pull and push are in balance.
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.signal import fftconvolve
+from scipy.fft import irfft2, next_fast_len, rfft2
 
 from engine.model.geometry import Floats, Longs, Truths
 from engine.model.grasping import Approach, ApproachAnswer, NoApproach, ParallelJaws
@@ -130,7 +130,17 @@ def _mark(layer: Truths, centres: Floats, half: Floats, turned: tuple[float, flo
     y, z = np.mgrid[-reach : reach + 1, -reach : reach + 1] * step
     stamp = (np.abs(c * y + s * z) < half[0] + step / 2) & (np.abs(-s * y + c * z) < half[1] + step / 2)
 
-    layer |= fftconvolve(wide.astype(np.float32), stamp.astype(np.float32), mode="same")[80:-80, 80:-80] > 0.5
+    layer |= _dilated(wide, stamp)[80:-80, 80:-80]
+
+
+def _dilated(marks: Truths, stamp: Truths) -> Truths:
+    """Where a stamp (2a + 1, 2b + 1) reaches that is centred at each of the marks (n, m)."""
+    sizes = [next_fast_len(n + k - 1, real=True) for n, k in zip(marks.shape, stamp.shape, strict=True)]
+    spectra = (rfft2(each.astype(np.float32), sizes) for each in (marks, stamp))
+    first, second = (k // 2 for k in stamp.shape)
+    counted = irfft2(next(spectra) * next(spectra), sizes)
+    found: Truths = counted[first : first + marks.shape[0], second : second + marks.shape[1]] > 0.5
+    return found
 
 
 def _wave(blocked: Truths, end: tuple[int, ...], begin: tuple[int, ...]) -> Longs:

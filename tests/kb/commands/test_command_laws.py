@@ -192,7 +192,7 @@ SOUP = st.lists(
 )
 
 
-@settings(deadline=None, max_examples=80)
+@settings(deadline=None, max_examples=40)
 @given(st.one_of(st.text(max_size=60), SOUP.map(" ".join)))
 def test_any_text_is_understood_or_explained_at_its_place(text: str) -> None:
     try:

@@ -124,14 +124,14 @@ def _agrees(problem: Problem, lifted: bool, folder: Path) -> None:
 
 
 @pytest.mark.parametrize("lifted", [True, False], ids=["lifted", "ground"])
-@settings(deadline=None, max_examples=40, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(deadline=None, max_examples=20, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(problem=problems(conditional=True))
 def test_random_problems_are_exported(problem: Problem, lifted: bool, tmp_path: Path) -> None:
     _agrees(problem, lifted, tmp_path)
 
 
 @pytest.mark.parametrize("lifted", [True, False], ids=["lifted", "ground"])
-@settings(deadline=None, max_examples=40, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(deadline=None, max_examples=20, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(problem=problems(deductive=True))
 def test_deduction_is_compiled(problem: Problem, lifted: bool, tmp_path: Path) -> None:
     _agrees(problem, lifted, tmp_path)
@@ -162,7 +162,7 @@ def chained(draw: st.DrawFn) -> Problem:
 
 
 @pytest.mark.parametrize("lifted", [True, False], ids=["lifted", "ground"])
-@settings(deadline=None, max_examples=40, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(deadline=None, max_examples=20, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(problem=chained())
 def test_workflows_are_compiled(problem: Problem, lifted: bool, tmp_path: Path) -> None:
     try:

@@ -102,7 +102,7 @@ def test_the_index_offers_every_macrop_that_matches(data: st.DataObject) -> None
 
 
 @given(data=st.data())
-@settings(max_examples=20, deadline=None, suppress_health_check=list(HealthCheck))
+@settings(max_examples=10, deadline=None, suppress_health_check=list(HealthCheck))
 def test_goals_with_few_choices_first_gives_the_bindings_of_the_plain_join(data: st.DataObject) -> None:
     found = data.draw(st.sampled_from(chainless()))
     here = data.draw(st.sampled_from(states(found)))

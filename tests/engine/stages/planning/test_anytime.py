@@ -17,7 +17,7 @@ from tests.properties.problems import problems, shortest
 
 
 @given(st.one_of(problems(), problems(deductive=True)))
-@settings(max_examples=60, deadline=None, suppress_health_check=list(HealthCheck))
+@settings(max_examples=30, deadline=None, suppress_health_check=list(HealthCheck))
 def test_shortest_finds_as_few_steps_as_brute_force(problem: Problem) -> None:
     try:
         outcome = planning.plan(problem, Limits(strategy="shortest"))

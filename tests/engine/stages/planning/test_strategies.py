@@ -21,7 +21,7 @@ from tests.properties.problems import problems, shortest
 
 @pytest.mark.parametrize("strategy", sorted(STRATEGIES))
 @given(problem=st.one_of(problems(), problems(conditional=True), problems(deductive=True)))
-@settings(max_examples=40, deadline=None, suppress_health_check=list(HealthCheck))
+@settings(max_examples=25, deadline=None, suppress_health_check=list(HealthCheck))
 def test_every_strategy_agrees_with_brute_force(strategy: str, problem: Problem) -> None:
     try:
         outcome = planning.plan(problem, Limits(strategy=strategy))
@@ -59,7 +59,7 @@ def test_every_strategy_stops_at_its_limit(strategy: str) -> None:
 
 
 @given(st.one_of(problems(), problems(deductive=True)), st.data())
-@settings(max_examples=60, deadline=None, suppress_health_check=list(HealthCheck))
+@settings(max_examples=40, deadline=None, suppress_health_check=list(HealthCheck))
 def test_the_compiled_evaluation_finds_what_is_applicable_and_reachable(
     problem: Problem, data: st.DataObject
 ) -> None:

@@ -36,7 +36,7 @@ def test_the_answer_in_data_is_a_plan_too(tmp_path: Path) -> None:
 
 
 def test_the_same_call_gives_the_same_bytes() -> None:
-    one, other = (run("themse/two", "--format", "json").stdout for _ in range(2))
+    one, other = (run("themse/one", "--format", "json").stdout for _ in range(2))
     assert one == other
 
 
