@@ -14,10 +14,10 @@ from engine.pipelines.witness.playing import played
 from engine.plugins import geometry_backend
 from engine.ports import DriverSetup
 from engine.stages.diagnosis.knowledge import CURED
-from engine.stages.geometry.pictures.view import cell_of
 from engine.stages.planning import Limits
 from kb.diagnostics import InvalidInput
 from kb.loader import load_problem
+from kb.loader.cell import cell_of
 
 PICK = ("open_drawer", "press_switch(closed, open)", "pick(probe_1, slot(drawer, 1))")
 

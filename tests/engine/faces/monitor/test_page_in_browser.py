@@ -13,7 +13,7 @@ from engine.pipelines.execution.retracing import Resting, Retracing, world_durin
 from engine.pipelines.planning import problem_of
 from engine.plugins import geometry_backend
 from engine.stages.geometry.pictures.stl import poses
-from engine.stages.geometry.pictures.view import cell_of
+from kb.loader.cell import cell_of
 from kb.store.journal import Journal, Line
 from tests.engine.faces.monitor.conftest import Serve, at, run_there
 

@@ -13,8 +13,8 @@ from engine.pipelines.execution.retracing import Resting, Retracing, Taken, stre
 from engine.pipelines.planning import problem_of
 from engine.plugins import geometry_backend
 from engine.stages.geometry.pictures.stl import corners, poses, written
-from engine.stages.geometry.pictures.view import cell_of
 from engine.stages.geometry.world.model import World
+from kb.loader.cell import cell_of
 from kb.store.journal import Journal
 
 pytestmark = pytest.mark.slow

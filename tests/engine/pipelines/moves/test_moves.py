@@ -20,13 +20,12 @@ from engine.pipelines.moves.walking import Walk, operation_of
 from engine.pipelines.planning import check_plan
 from engine.pipelines.simulation.dynamics import Dynamics, WorldState
 from engine.plugins import geometry_backend
-from engine.stages.geometry.pictures.view import cell_of
 from engine.stages.geometry.world.following import following
 from engine.stages.geometry.world.model import World
 from engine.stages.planning import Limits
 from kb.asp import ground_term
 from kb.loader import load_problem
-from kb.loader.cell import load_cell
+from kb.loader.cell import cell_of, load_cell
 from kb.model.plan import Step, StepId
 from kb.model.problem import Problem
 from kb.terms import Function
