@@ -119,9 +119,9 @@ def default_store() -> str:
     """The journal of those who name none: in the folder for the state of programs."""
     import os
 
-    folder = Path(os.environ.get("XDG_STATE_HOME") or Path.home() / ".local" / "state") / "cellwright"
-    folder.mkdir(parents=True, exist_ok=True)
-    return str(folder / "runs.db")
+    state = Path(os.environ.get("XDG_STATE_HOME") or Path.home() / ".local" / "state")
+    (state / "cellwright").mkdir(parents=True, exist_ok=True)
+    return str(state / "cellwright" / "runs.db")
 
 
 def _run(asked: Asked, faults: Sequence[str], options: Sequence[str], events: str, shown: bool) -> Answer:
@@ -145,9 +145,9 @@ def _run(asked: Asked, faults: Sequence[str], options: Sequence[str], events: st
     limits, table = Limits(asked.expansions, seed=asked.seed), None
     if asked.motion:
         moving = _moving(asked, problem, limits, wanted.store)
-        if moving.run.timetable is None:
-            return answer_of(moving.run.outcome, wanted.store, events == "-")
         problem, table = moving.problem, moving.run.timetable
+        if table is None:
+            return answer_of(moving.run.outcome, wanted.store, events == "-")
     with Watching(wanted.run, wanted.store, events, asked.approve, shown, asked.factor) as watch:
         ending = begin(wanted, problem, watch.channel, watch.watchers, limits, table=table)
     return answer_of(ending, wanted.store, events == "-")
@@ -155,15 +155,15 @@ def _run(asked: Asked, faults: Sequence[str], options: Sequence[str], events: st
 
 def _moving(asked: Asked, problem: "Problem", limits: "Limits", store: str) -> "Moving":
     """The plan in which every step moves. The poses of measurements are kept in the store."""
-    from engine.pipelines import objective
+    from functools import partial
+
+    from engine.pipelines.objective import plan
     from engine.pipelines.poses.planning import plan_with_poses
     from engine.plugins import geometry_backend
     from kb.loader.cell import cell_of
 
-    cell, backend = cell_of(asked.target), geometry_backend()
-    return plan_with_poses(
-        problem, cell, backend, lambda each: objective.plan(each, limits), asked.seed, store
-    ).moving
+    cell, plans = cell_of(asked.target), partial(plan, limits=limits)
+    return plan_with_poses(problem, cell, geometry_backend(), plans, asked.seed, store).moving
 
 
 def options_of(given: Sequence[str]) -> dict[str, str]:
